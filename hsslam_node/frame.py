@@ -1,0 +1,45 @@
+"""One RGB-D frame: what a source yields and what travels to the tracker. It carries no ground truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A colour image with the planar depth registered to it, both undistorted.
+
+    Raises:
+        UserError: an array has another shape or type than the camera and this docstring say.
+    """
+
+    index: int
+    stamp_ns: int
+    camera: Camera
+    color: np.ndarray  # [H, W, 3] uint8, RGB
+    depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement
+    depth_units_per_m: float  # depth in metres = depth_raw / depth_units_per_m
+
+    def __post_init__(self) -> None:
+        size = (self.camera.height_px, self.camera.width_px)
+        _expect("color", self.color, (*size, 3), np.uint8, self.index)
+        _expect("depth_raw", self.depth_raw, size, np.uint16, self.index)
+        if not (np.isfinite(self.depth_units_per_m) and self.depth_units_per_m > 0):
+            raise UserError(
+                f"frame {self.index}: depth_units_per_m = {self.depth_units_per_m}: expected > 0"
+            )
+
+    def depth_m(self) -> np.ndarray:
+        """Planar depth, [H, W] float32 m, 0 = no measurement."""
+        return self.depth_raw * np.float32(1.0 / self.depth_units_per_m)
+
+
+def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type, index: int) -> None:
+    if array.shape != shape or array.dtype != dtype:
+        raise UserError(
+            f"frame {index}: {name} is {array.dtype}{list(array.shape)}: "
+            f"expected {np.dtype(dtype)}{list(shape)}"
+        )

@@ -1,0 +1,1 @@
+"""Cameras and rigid transforms. `T_a_b` maps points of frame b to frame a."""

@@ -1,0 +1,37 @@
+"""The axis-aligned box of space that the map covers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Axis-aligned box in world coordinates, metres."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.low).all() and np.isfinite(self.high).all()):
+            raise UserError(f"bound {self.low} to {self.high}: expected finite metres")
+        if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
+            raise UserError(f"bound {self.low} to {self.high}: expected low < high on every axis")
+
+    @property
+    def extent_m(self) -> np.ndarray:
+        """Side lengths, [3] m."""
+        return np.subtract(self.high, self.low)
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] (m, world) inside the box."""
+        return ((points >= self.low) & (points <= self.high)).all(axis=-1)
+
+    def snapped(self, cell_m: float) -> "Bound":
+        """The smallest box around this one, about the same centre, whose sides are whole cells."""
+        cells = np.ceil(self.extent_m / cell_m - 1e-6)
+        centre = np.add(self.high, self.low) / 2
+        low, high = centre - cells * cell_m / 2, centre + cells * cell_m / 2
+        return Bound(tuple(map(float, low)), tuple(map(float, high)))  # type: ignore[arg-type]

@@ -1,0 +1,96 @@
+"""Rigid transforms as 4x4 float64 matrices; twists are (translation, rotation); quaternions xyzw."""
+
+import numpy as np
+
+_SMALL_ANGLE_RAD = 1e-6
+
+
+def se3_exp(xi: np.ndarray) -> np.ndarray:
+    """Exponential map of SE(3): twist [6] (m, rad) to transform [4, 4]; smooth at zero."""
+    rho, omega = np.asarray(xi[:3], np.float64), np.asarray(xi[3:], np.float64)
+    theta = float(np.linalg.norm(omega))
+    W = skew(omega)
+    if theta < _SMALL_ANGLE_RAD:
+        a, b, c = 1.0 - theta**2 / 6, 0.5 - theta**2 / 24, 1 / 6 - theta**2 / 120
+    else:
+        a = np.sin(theta) / theta
+        b = (1 - np.cos(theta)) / theta**2
+        c = (1 - a) / theta**2
+    T = np.eye(4)
+    T[:3, :3] += a * W + b * W @ W
+    T[:3, 3] = (np.eye(3) + b * W + c * W @ W) @ rho
+    return T
+
+
+def se3_log(T: np.ndarray) -> np.ndarray:
+    """Logarithm of SE(3): transform [4, 4] to twist [6] (m, rad), rotation angle in [0, pi]."""
+    omega = so3_log(T[:3, :3])
+    theta = float(np.linalg.norm(omega))
+    W = skew(omega)
+    if theta < _SMALL_ANGLE_RAD:
+        d = 1 / 12 + theta**2 / 720
+    else:
+        d = 1 / theta**2 - (1 + np.cos(theta)) / (2 * theta * np.sin(theta)) if np.sin(theta) > 1e-9 else 1 / theta**2
+    V_inv = np.eye(3) - 0.5 * W + d * W @ W
+    return np.concatenate([V_inv @ T[:3, 3], omega])
+
+
+def so3_log(R: np.ndarray) -> np.ndarray:
+    """Rotation vector [3] (rad) of a rotation matrix [3, 3]."""
+    q = quaternion_from_rotation(R)
+    if q[3] < 0:
+        q = -q
+    sine = float(np.linalg.norm(q[:3]))
+    if sine < _SMALL_ANGLE_RAD:
+        return 2.0 * q[:3]
+    return q[:3] * (2.0 * np.arctan2(sine, q[3]) / sine)
+
+
+def inverse(T: np.ndarray) -> np.ndarray:
+    """Inverse of a rigid transform [4, 4]."""
+    out = np.eye(4)
+    out[:3, :3] = T[:3, :3].T
+    out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return out
+
+
+def skew(v: np.ndarray) -> np.ndarray:
+    """Cross-product matrix [3, 3] of a vector [3]."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def quaternion_from_rotation(R: np.ndarray) -> np.ndarray:
+    """Unit quaternion [4] xyzw of a rotation matrix [3, 3] (Shepperd's method)."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    candidates = np.array([R[0, 0], R[1, 1], R[2, 2], trace])
+    k = int(np.argmax(candidates))
+    q = np.empty(4)
+    if k == 3:
+        q[:] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1.0 + trace
+    else:
+        i, j, m = k, (k + 1) % 3, (k + 2) % 3
+        q[i] = 1.0 + 2.0 * R[i, i] - trace
+        q[j] = R[j, i] + R[i, j]
+        q[m] = R[m, i] + R[i, m]
+        q[3] = R[m, j] - R[j, m]
+    return q / np.linalg.norm(q)
+
+
+def rotation_from_quaternion(q: np.ndarray) -> np.ndarray:
+    """Rotation matrix [3, 3] of a quaternion [4] xyzw (normalised here)."""
+    x, y, z, w = np.asarray(q, np.float64) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def transform(translation: np.ndarray, quaternion_xyzw: np.ndarray) -> np.ndarray:
+    """Transform [4, 4] of a translation [3] m and a quaternion [4] xyzw."""
+    T = np.eye(4)
+    T[:3, :3] = rotation_from_quaternion(quaternion_xyzw)
+    T[:3, 3] = translation
+    return T
