@@ -1,0 +1,1 @@
+"""The loss terms of mapping and bundle adjustment, as differentiable PyTorch."""

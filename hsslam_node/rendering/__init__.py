@@ -1,0 +1,1 @@
+"""Rays through the scene model: where to sample them and what they show."""
