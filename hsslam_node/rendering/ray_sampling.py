@@ -1,0 +1,76 @@
+"""Where along a ray the field is asked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class SamplingPattern:
+    """How many samples a ray gets and where; the paper's numbers for Replica."""
+
+    free_samples: int = 32
+    """Stratified samples from the camera to beyond the surface."""
+    surface_samples: int = 8
+    """Stratified samples around the measured surface."""
+    free_reach: float = 1.2
+    """End of the stratified samples, times the measured depth."""
+    surface_reach: float = 1.5
+    """Half width of the surface samples, times the truncation."""
+
+    def __post_init__(self) -> None:
+        if self.free_samples < 0 or self.surface_samples < 0 or self.count == 0:
+            raise UserError(
+                f"sampling: {self.free_samples} free and {self.surface_samples} surface samples: "
+                "expected at least one in all, none negative"
+            )
+        for name in ("free_reach", "surface_reach"):
+            if not getattr(self, name) > 0:
+                raise UserError(f"sampling.{name} = {getattr(self, name)}: expected above 0")
+
+    @property
+    def count(self) -> int:
+        """Samples of one ray, S."""
+        return self.free_samples + self.surface_samples
+
+
+def sample_rays(
+    depth: np.ndarray,
+    pattern: SamplingPattern,
+    truncation_m: float,
+    far_m: float,
+    generator: np.random.Generator | None,
+) -> np.ndarray:
+    """Planar depth of the samples of each ray, sorted near to far.
+
+    A ray without depth gets all its samples stratified over [0, far_m].
+
+    Args:
+        depth: [R] m, 0 = no measurement.
+        pattern: numbers and reach.
+        truncation_m: T, m.
+        far_m: reach of rays without a measurement, m.
+        generator: jitters each sample within its stratum; None puts it in the middle.
+
+    Returns:
+        z [R, S] float32 m
+    """
+    valid = depth > 0  # [R]
+    reach = np.where(valid, pattern.free_reach * depth, far_m)
+    free = _stratified(len(depth), pattern.free_samples, generator) * reach[:, None]
+    half = pattern.surface_reach * truncation_m
+    unit = _stratified(len(depth), pattern.surface_samples, generator)
+    surface = np.maximum(depth[:, None] + (2.0 * unit - 1.0) * half, 0.0)
+    z = np.concatenate([free, surface], axis=1)
+    blind = np.flatnonzero(~valid)
+    z[blind] = _stratified(len(blind), pattern.count, generator) * far_m
+    z.sort(axis=1)
+    return z.astype(np.float32)
+
+
+def _stratified(rays: int, samples: int, generator: np.random.Generator | None) -> np.ndarray:
+    """One place per stratum of [0, 1], [rays, samples]."""
+    place = 0.5 if generator is None else generator.random((rays, samples))
+    return np.broadcast_to((np.arange(samples) + place) / max(samples, 1), (rays, samples))
