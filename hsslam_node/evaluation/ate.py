@@ -1,0 +1,67 @@
+"""Absolute trajectory error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.tum_folder import associate
+
+
+@dataclass(frozen=True)
+class AteResult:
+    """Distances between true and estimated camera centres after alignment; NaN with under 3 poses.
+
+    A frame without an estimate is not in the error but in `expected - scored`: report both.
+    """
+
+    rmse_m: float
+    mean_m: float
+    max_m: float
+    scored: int
+    expected: int
+    T_truth_estimate: np.ndarray  # [4, 4], maps the estimate's world to the truth's
+
+
+def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteResult:
+    """Error over all frames after one rigid alignment without scale (Horn 1987; TUM protocol).
+
+    Poses are paired by stamp, the closest first, at most `max_dt_s` apart.
+    """
+    pairs = _pairs(estimate, truth, max_dt_s)
+    expected = len(truth)
+    if len(pairs) < 3:
+        nan = float("nan")
+        return AteResult(nan, nan, nan, len(pairs), expected, np.eye(4))
+    rows_estimate, rows_truth = np.array(pairs).T
+    source = estimate.positions[rows_estimate]
+    target = truth.positions[rows_truth]
+    T = align(source, target)
+    errors = np.linalg.norm(source @ T[:3, :3].T + T[:3, 3] - target, axis=1)
+    return AteResult(
+        rmse_m=float(np.sqrt(np.mean(errors**2))),
+        mean_m=float(errors.mean()),
+        max_m=float(errors.max()),
+        scored=len(pairs),
+        expected=expected,
+        T_truth_estimate=T,
+    )
+
+
+def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Rigid transform [4, 4] that maps points `source` [N, 3] to `target` [N, 3], least squares."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    U, _, Vt = np.linalg.svd((target - target_mean).T @ (source - source_mean))
+    sign = np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    T = np.eye(4)
+    T[:3, :3] = U @ np.diag([1.0, 1.0, sign]) @ Vt
+    T[:3, 3] = target_mean - T[:3, :3] @ source_mean
+    return T
+
+
+def _pairs(estimate: Trajectory, truth: Trajectory, max_dt_s: float) -> list[tuple[int, int]]:
+    order_e, order_t = np.argsort(estimate.stamps_ns), np.argsort(truth.stamps_ns)
+    pairs = associate(
+        estimate.stamps_ns[order_e], truth.stamps_ns[order_t], round(max_dt_s * 1e9)
+    )
+    return [(int(order_e[i]), int(order_t[j])) for i, j in pairs]

@@ -1,0 +1,93 @@
+"""Camera trajectories and their text files."""
+
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Stamped camera poses, camera to world, OpenCV axes, metres.
+
+    Raises:
+        ValueError: the arrays do not fit together.
+    """
+
+    stamps_ns: np.ndarray  # [N] int64
+    T_world_cam: np.ndarray  # [N, 4, 4] float64
+
+    def __post_init__(self) -> None:
+        n = len(self.stamps_ns)
+        if self.stamps_ns.shape != (n,) or self.T_world_cam.shape != (n, 4, 4):
+            raise ValueError(
+                f"stamps {list(self.stamps_ns.shape)} and poses {list(self.T_world_cam.shape)}: "
+                "expected [N] and [N, 4, 4]"
+            )
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Camera centres, [N, 3] m, world."""
+        return self.T_world_cam[:, :3, 3]
+
+
+def write_tum(path: Path | str, trajectory: Trajectory) -> None:
+    """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps exact to the ns."""
+    lines = ["# timestamp tx ty tz qx qy qz qw\n"]
+    for stamp_ns, T in zip(trajectory.stamps_ns, trajectory.T_world_cam, strict=True):
+        numbers = [*T[:3, 3], *quaternion_from_rotation(T[:3, :3])]
+        lines.append(" ".join([format_stamp(stamp_ns), *(f"{v:.9f}" for v in numbers)]) + "\n")
+    Path(path).write_text("".join(lines))
+
+
+def read_tum(path: Path | str) -> Trajectory:
+    """Reads a trajectory in TUM format; `#` starts a comment.
+
+    Raises:
+        UserError: the file cannot be read or a line is not eight finite numbers.
+    """
+    try:
+        text = Path(path).read_text()
+    except (OSError, UnicodeDecodeError):
+        raise UserError(f"{path}: cannot be read: expected a trajectory in TUM format") from None
+    stamps, poses = [], []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            values = np.array([float(w) for w in words[1:]])
+            stamps.append(parse_stamp_ns(words[0]))
+        except ValueError:
+            values = np.array([])
+        if values.shape != (7,) or not np.isfinite(values).all() or not values[3:].any():
+            raise UserError(
+                f"{path}:{number}: {line.strip()!r}: expected 'timestamp tx ty tz qx qy qz qw'"
+            )
+        poses.append(transform(values[:3], values[3:]))
+    return Trajectory(np.array(stamps, np.int64), np.array(poses).reshape(-1, 4, 4))
+
+
+def parse_stamp_ns(text: str) -> int:
+    """Decimal seconds to nanoseconds, exactly (a float64 of today's epoch is good to 240 ns only).
+
+    Raises:
+        ValueError: not a finite number.
+    """
+    try:
+        return int((Decimal(text) * 1_000_000_000).to_integral_value())
+    except (InvalidOperation, OverflowError):
+        raise ValueError(f"{text!r} is not a time in seconds") from None
+
+
+def format_stamp(stamp_ns: int) -> str:
+    """Nanoseconds as decimal seconds, exactly."""
+    sign, magnitude = ("-" if stamp_ns < 0 else ""), abs(int(stamp_ns))
+    return f"{sign}{magnitude // 1_000_000_000}.{magnitude % 1_000_000_000:09d}"

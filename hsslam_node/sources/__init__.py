@@ -1,0 +1,1 @@
+"""Where frames come from: files, the built-in room; and the noise of a sensor."""

@@ -1,0 +1,104 @@
+"""Reads `camera.json` (TUM layout) and `cam_params.json` (Replica layout)."""
+
+import difflib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+
+_TUM_KEYS = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "depth_scale")
+
+
+def read_tum_camera(path: Path) -> tuple[Camera, float]:
+    """Camera (with its distortion) and depth units per metre of a `camera.json`.
+
+    Keys: width, height, fx, fy, cx, cy in pixels; distortion (k1 k2 p1 p2 [k3], default none);
+    depth_scale (PNG units per metre, default 5000).
+
+    Raises:
+        UserError: the file cannot be read, or a field is missing, unknown or not a finite number.
+    """
+    fields = _read_object(path)
+    for key in fields:
+        if key not in _TUM_KEYS:
+            near = difflib.get_close_matches(key, _TUM_KEYS, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise UserError(f"{path}: unknown field {key!r}: expected {', '.join(_TUM_KEYS)}{hint}")
+    distortion = fields.get("distortion", [])
+    if not isinstance(distortion, list) or len(distortion) not in (0, 4, 5):
+        raise UserError(f"{path}: distortion = {distortion}: expected [] or [k1, k2, p1, p2, k3]")
+    for value in distortion:
+        _finite(path, "distortion", value)
+    camera = Camera(
+        width_px=_positive_int(path, fields, "width"),
+        height_px=_positive_int(path, fields, "height"),
+        fx=_positive(path, fields, "fx"),
+        fy=_positive(path, fields, "fy"),
+        cx=_number(path, fields, "cx"),
+        cy=_number(path, fields, "cy"),
+        distortion=tuple(float(v) for v in distortion) if any(distortion) else (),
+    )
+    scale = _positive(path, fields, "depth_scale") if "depth_scale" in fields else 5000.0
+    return camera, scale
+
+
+def read_replica_camera(path: Path) -> tuple[Camera, float]:
+    """Camera and depth units per metre of a `cam_params.json`: {"camera": {w, h, fx, fy, cx, cy, scale}}.
+
+    Raises:
+        UserError: the file cannot be read, or a field is missing or not a finite number.
+    """
+    fields = _read_object(path).get("camera")
+    if not isinstance(fields, dict):
+        raise UserError(f"{path}: field 'camera' is missing: expected w, h, fx, fy, cx, cy, scale")
+    camera = Camera(
+        width_px=_positive_int(path, fields, "w"),
+        height_px=_positive_int(path, fields, "h"),
+        fx=_positive(path, fields, "fx"),
+        fy=_positive(path, fields, "fy"),
+        cx=_number(path, fields, "cx"),
+        cy=_number(path, fields, "cy"),
+    )
+    return camera, _positive(path, fields, "scale")
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text())
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}): expected the camera") from None
+    except ValueError as error:
+        raise UserError(f"{path}: not JSON ({error}): expected the camera") from None
+    if not isinstance(content, dict):
+        raise UserError(f"{path}: holds a {type(content).__name__}: expected a JSON object")
+    return content
+
+
+def _number(path: Path, fields: dict[str, Any], key: str) -> float:
+    if key not in fields:
+        raise UserError(f"{path}: field {key!r} is missing: expected a finite number")
+    return _finite(path, key, fields[key])
+
+
+def _finite(path: Path, key: str, value: Any) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise UserError(f"{path}: {key} = {value}: expected a finite number")
+    return float(value)
+
+
+def _positive(path: Path, fields: dict[str, Any], key: str) -> float:
+    value = _number(path, fields, key)
+    if value <= 0:
+        raise UserError(f"{path}: {key} = {value:g}: expected a number above 0")
+    return value
+
+
+def _positive_int(path: Path, fields: dict[str, Any], key: str) -> int:
+    value = _positive(path, fields, key)
+    if value != int(value):
+        raise UserError(f"{path}: {key} = {value}: expected a whole number of pixels")
+    return int(value)

@@ -1,0 +1,73 @@
+"""Colour and depth images from files, on the real-time path: one read, one decode, no copy."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from hsslam_node.geometry.camera import Camera
+
+_PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_TAIL_BYTES = 256  # some writers pad after the end marker
+
+
+class BadImageError(Exception):
+    """An image file that is missing, truncated or not what was promised; the text is one line."""
+
+
+def read_color(path: Path, camera: Camera) -> np.ndarray:
+    """Colour image [H, W, 3] uint8 RGB.
+
+    Raises:
+        BadImageError: missing, truncated, or of another size than the camera.
+    """
+    image = _decode(path, cv2.IMREAD_COLOR)
+    _expect_size(path, image, camera)
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
+
+
+def read_depth(path: Path, camera: Camera) -> np.ndarray:
+    """Depth image [H, W] uint16, as stored.
+
+    Raises:
+        BadImageError: missing, truncated, not 16 bit, or of another size than the camera.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise BadImageError(
+            f"{path}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
+        )
+    _expect_size(path, image, camera)
+    return image
+
+
+def _decode(path: Path, flags: int) -> np.ndarray:
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    if data.size == 0:
+        raise BadImageError(f"{path}: empty file")
+    # libjpeg fills what is missing with grey and calls it a success, so look for the end marker.
+    start, tail = data[:4].tobytes(), data[-_TAIL_BYTES:].tobytes()
+    if (start.startswith(_PNG_START) and _PNG_END not in tail) or (
+        start.startswith(_JPEG_START) and _JPEG_END not in tail
+    ):
+        raise BadImageError(f"{path}: truncated at {data.size} bytes")
+    try:
+        image = cv2.imdecode(data, flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise BadImageError(f"{path}: not an image that can be decoded")
+    return image
+
+
+def _expect_size(path: Path, image: np.ndarray, camera: Camera) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width_px, camera.height_px):
+        raise BadImageError(
+            f"{path}: {width}x{height} pixels: expected {camera.width_px}x{camera.height_px}"
+        )
