@@ -21,7 +21,7 @@ def smoothness_loss(feature: Tensor) -> Tensor:
 def smoothness_cube(
     bound: Bound, vertices: int, cell_m: float, generator: np.random.Generator
 ) -> np.ndarray:
-    """Vertices [n, n, n, 3] float32 m of a random cube; clamped to the bound where it is smaller."""
+    """Vertices [n, n, n, 3] float32 m of a random cube, clamped to the bound."""
     side_m = (vertices - 1) * cell_m
     slack = np.maximum(bound.extent_m - side_m, 0.0)
     origin = np.asarray(bound.low) + generator.random(3) * slack
