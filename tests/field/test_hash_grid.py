@@ -59,9 +59,7 @@ def test_a_vertex_gives_its_own_entry(layout):
         resolution = layout.hash_resolutions[level]
         vertex = torch.tensor([[3, 1, 2]])
         cell_m = float(layout.bound.extent_m.max()) / resolution
-        point = torch.tensor(layout.bound.low, dtype=torch.float64) + vertex.double() * float(
-            cell_m
-        )
+        point = torch.tensor(layout.bound.low, dtype=torch.float64) + vertex.double() * (cell_m)
         feature = hash_grid_features(layout, tables, point)[0, 2 * level : 2 * level + 2]
         dense = layout.hash_is_dense[level]
         entry = tables[level][entry_index(vertex, resolution, dense, len(tables[level]))][0]
