@@ -1,0 +1,201 @@
+"""Every message on the bus, as msgspec structs; encoded as msgpack by `codec.py`."""
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+from msgspec import Meta
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+SizePx = Annotated[int, Meta(ge=1, le=8192)]
+Name = Annotated[str, Meta(max_length=64)]
+Text = Annotated[str, Meta(max_length=4096)]
+Ratio = Annotated[float, Meta(ge=0, le=1)]
+Counters = Annotated[dict[Name, int], Meta(max_length=256)]
+StageTimes = Annotated[dict[Name, float], Meta(max_length=256)]
+Level = Literal["info", "warning", "error"]
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True):
+    """Base of all messages. `MAJOR` grows when an old reader would misread a new message.
+
+    New optional fields keep the major; unknown fields are ignored by readers.
+    """
+
+    MAJOR: ClassVar[int] = 1
+
+
+class Frame(Message, frozen=True, kw_only=True):
+    """One undistorted RGB-D frame; depth is registered to colour; pixel centres at integers.
+
+    `stamp_ns` is the wall clock of the sensor, `source_stamp_ns` the stamp in the source's files.
+    `color` is [H, W, 3] uint8 RGB raw ("rgb8") or a JPEG; `depth` is [H, W] uint16 raw, little
+    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement.
+    """
+
+    index: Index
+    stamp_ns: StampNs
+    source_stamp_ns: StampNs
+    width_px: SizePx
+    height_px: SizePx
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    color: memoryview
+    color_encoding: Literal["rgb8", "jpeg"] = "rgb8"
+    depth: memoryview
+    depth_encoding: Literal["u16", "png"] = "u16"
+    depth_units_per_m: float
+
+    def __post_init__(self) -> None:
+        _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
+        for name in ("fx", "fy", "depth_units_per_m"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name} = {getattr(self, name)}: expected > 0")
+        pixels = self.width_px * self.height_px
+        for name, raw, nbytes in (("color", "rgb8", 3 * pixels), ("depth", "u16", 2 * pixels)):
+            size = memoryview(getattr(self, name)).nbytes
+            if getattr(self, f"{name}_encoding") == raw and size != nbytes:
+                raise ValueError(f"{name} has {size} bytes: expected {nbytes} for {raw}")
+
+
+class SourceEnd(Message, frozen=True, kw_only=True):
+    """The source has no more frames."""
+
+    frame_count: Index
+    bad_frame_count: Index = 0
+    reason: Text = ""
+
+
+class Pose(Message, frozen=True, kw_only=True):
+    """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw)."""
+
+    index: Index
+    stamp_ns: StampNs
+    source_stamp_ns: StampNs
+    publish_ns: StampNs
+    status: Literal["initial", "tracked", "lost"]
+    t: Vector
+    q: Quaternion
+    quality: Ratio
+    inlier_ratio: Ratio
+    residual_mm: float
+    map_version: Index
+    keyframe: Annotated[int, Meta(ge=-1)]
+    stage_ms: StageTimes = {}
+
+    def __post_init__(self) -> None:
+        _expect_pose(self.t, self.q)
+
+
+class Keyframe(Message, frozen=True, kw_only=True):
+    """A frame has become keyframe `id`; its pixels are in the arena."""
+
+    id: Index
+    frame_index: Index
+    source_stamp_ns: StampNs
+    t: Vector
+    q: Quaternion
+
+    def __post_init__(self) -> None:
+        _expect_pose(self.t, self.q)
+
+
+class MapVersion(Message, frozen=True, kw_only=True):
+    """The mapper has published version `version` of the parameters in the arena."""
+
+    version: Index
+    iterations: Index
+    loss: float
+    keyframes: Index
+    mapping_ms: float
+
+
+class Correction(Message, frozen=True, kw_only=True):
+    """New poses of keyframes from global BA, valid on top of `base_version` of the poses."""
+
+    pose_version: Index
+    base_version: Index
+    keyframes: list[int]
+    t: list[Vector]
+    q: list[Quaternion]
+    loss_before: float
+    loss_after: float
+
+    def __post_init__(self) -> None:
+        if not len(self.keyframes) == len(self.t) == len(self.q):
+            raise ValueError("keyframes, t and q: expected one of each per keyframe")
+        for t, q in zip(self.t, self.q, strict=True):
+            _expect_pose(t, q)
+
+
+class Mesh(Message, frozen=True, kw_only=True):
+    """Triangles: vertices [V, 3] float32 m world, faces [F, 3] uint32, colors [V, 3] uint8 RGB."""
+
+    map_version: Index
+    vertex_count: Index
+    face_count: Index
+    vertices: memoryview
+    faces: memoryview
+    colors: memoryview
+    final: bool = False
+
+    def __post_init__(self) -> None:
+        counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
+        counts["colors"] = 3 * self.vertex_count
+        for name, nbytes in counts.items():
+            size = memoryview(getattr(self, name)).nbytes
+            if size != nbytes:
+                raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+
+
+class Step(Message, frozen=True, kw_only=True):
+    """Lockstep: frame `index` has been mapped, or all work on it is done."""
+
+    stage: Literal["mapped", "done"]
+    index: Index
+
+
+class Health(Message, frozen=True, kw_only=True):
+    """Heartbeat of one process: counters since its start and mean stage times."""
+
+    process: Name
+    pid: Index
+    state: Name
+    rss_bytes: Index
+    counters: Counters = {}
+    stage_ms: StageTimes = {}
+
+
+class Event(Message, frozen=True, kw_only=True):
+    """Something that the operator should know, in one line."""
+
+    process: Name
+    level: Level
+    text: Text
+    stamp_ns: StampNs
+
+
+class Stop(Message, frozen=True, kw_only=True):
+    """All processes end in order."""
+
+    reason: Text = ""
+
+
+def _expect_finite(message: Message, *names: str) -> None:
+    for name in names:
+        value = getattr(message, name)
+        if not math.isfinite(value):
+            raise ValueError(f"{name} = {value}: expected a finite number")
+
+
+def _expect_pose(t: Vector, q: Quaternion) -> None:
+    if not (all(map(math.isfinite, t)) and all(map(math.isfinite, q))):
+        raise ValueError(f"pose t = {t}, q = {q}: expected finite numbers")
+    norm = math.hypot(*q)
+    if abs(norm - 1) > 1e-3:
+        raise ValueError(f"pose q has norm {norm:.4f}: expected a unit quaternion xyzw")

@@ -1,0 +1,92 @@
+"""Zenoh sessions as this system uses them: one router on loopback, everybody else its client."""
+
+import json
+import socket
+import time
+from collections.abc import Mapping
+
+import zenoh
+
+from hsslam_node.errors import UserError
+
+_CONNECT_TIMEOUT_S = 10.0
+_COMMON: Mapping[str, object] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,  # nobody is scouted, so open at once
+    "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
+    "queries_default_timeout": 1000,  # ms; a frozen publisher delays a new subscriber by this much
+    "transport/link/rx/max_message_size": 512 * 2**20,
+    # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
+    # frames and meshes go through shared memory, the rest is cheaper on the socket
+    "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
+    "transport/shared_memory/transport_optimization/pool_size": 32 * 2**20,
+}
+
+
+def open_router(endpoint: str) -> zenoh.Session:
+    """The router of a run, listening on `endpoint` only (such as `tcp/127.0.0.1:7447`).
+
+    Raises:
+        UserError: the port is taken, or it is no zenoh endpoint.
+    """
+    settings = {
+        "mode": "router",
+        "listen/endpoints": [endpoint],
+        "listen/exit_on_failure": True,
+        "listen/timeout_ms": 0,
+    }
+    try:
+        return zenoh.open(_config(settings))
+    except zenoh.ZError as error:
+        raise UserError(
+            f"zenoh endpoint {endpoint}: cannot listen there: expected a free port "
+            f"({_first_line(error)})"
+        ) from None
+
+
+def open_client(endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.Session:
+    """A client session that is connected to the router at `endpoint`.
+
+    Raises:
+        UserError: no router answers there within `timeout_s`.
+    """
+    settings = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": int(timeout_s * 1000),
+        "connect/exit_on_failure": True,
+    }
+    deadline = time.monotonic() + timeout_s
+    try:
+        session = zenoh.open(_config(settings))
+    except zenoh.ZError as error:
+        raise UserError(
+            f"zenoh endpoint {endpoint}: expected a router ({_first_line(error)})"
+        ) from None
+    while not session.info.routers_zid():
+        if time.monotonic() > deadline:
+            session.close()
+            raise UserError(f"zenoh endpoint {endpoint}: no router within {timeout_s:g} s")
+        time.sleep(0.005)
+    return session
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint whose port is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def _config(settings: Mapping[str, object]) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in {**_COMMON, **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0][:160]

@@ -1,0 +1,157 @@
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.codec import Rejected, decode, encode, encoding_of
+
+finite = st.floats(-1e6, 1e6)
+
+
+def test_every_topic_has_its_own_key_and_schema():
+    assert len({topic.name for topic in topics.TOPICS}) == len(topics.TOPICS)
+    assert len({topic.schema for topic in topics.TOPICS}) == len(topics.TOPICS)
+    assert topics.POSE.key("r1") == "hsslam/r1/out/pose"
+
+
+def test_unknown_topic_names_the_nearest():
+    with pytest.raises(Exception, match="did you mean out/pose"):
+        topics.topic_named("out/poes")
+
+
+@given(st.integers(0, 2**40), finite, finite, finite, st.sampled_from(["tracked", "lost"]))
+def test_pose_round_trip(index, x, y, z, status):
+    pose = _pose(index=index, t=(x, y, z), status=status)
+    assert decode(topics.POSE, encode(topics.POSE, pose), encoding_of(topics.POSE)) == pose
+
+
+def test_frame_round_trip_shares_the_payload():
+    frame = _frame()
+    back = decode(topics.FRAME, encode(topics.FRAME, frame), encoding_of(topics.FRAME))
+    assert isinstance(back, messages.Frame)
+    assert bytes(back.color) == bytes(frame.color)
+    assert isinstance(back.color, memoryview)
+
+
+def test_unknown_fields_are_ignored_and_new_ones_may_be_missing():
+    raw = msgspec.msgpack.decode(encode(topics.POSE, _pose()))
+    del raw["stage_ms"]
+    payload = msgspec.msgpack.encode({**raw, "covariance": [0.0] * 36})
+    assert decode(topics.POSE, payload, encoding_of(topics.POSE)) == _pose()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "reason"),
+    [
+        ("application/msgpack;hsslam.Pose.v2", "version"),
+        ("application/msgpack;hsslam.Pose.v" + "9" * 5000, "version"),
+        ("application/msgpack;hsslam.Frame.v1", "schema"),
+        ("application/msgpack", "encoding"),
+        ("zenoh/bytes", "encoding"),
+        ("", "encoding"),
+    ],
+)
+def test_foreign_encodings_are_rejected(encoding, reason):
+    rejected = decode(topics.POSE, encode(topics.POSE, _pose()), encoding)
+    assert isinstance(rejected, Rejected)
+    assert rejected.reason == reason
+    assert rejected.text.startswith("out/pose: ")
+    assert len(rejected.text) < 300
+
+
+def test_oversized_is_rejected_unread():
+    payload = b"\xff" * (topics.POSE.size_limit_bytes + 1)
+    rejected = decode(topics.POSE, payload, encoding_of(topics.POSE))
+    assert isinstance(rejected, Rejected)
+    assert rejected.reason == "size"
+
+
+@given(st.binary(max_size=200))
+def test_garbage_is_rejected_as_malformed(payload):
+    rejected = decode(topics.POSE, payload, encoding_of(topics.POSE))
+    assert isinstance(rejected, Rejected)
+    assert rejected.reason == "malformed"
+
+
+def test_deep_nesting_is_rejected():
+    rejected = decode(topics.POSE, b"\x91" * 60_000, encoding_of(topics.POSE))
+    assert isinstance(rejected, Rejected)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fx": math.nan},
+        {"fx": -1.0},
+        {"cy": math.inf},
+        {"depth_units_per_m": 0.0},
+        {"width_px": 0},
+        {"width_px": 9000},
+        {"color": b"short"},
+        {"depth_encoding": "zstd"},
+        {"index": -1},
+        {"index": "0"},
+        {"color": None},
+    ],
+)
+def test_bad_frames_are_rejected(change):
+    raw = msgspec.msgpack.decode(encode(topics.FRAME, _frame()))
+    payload = msgspec.msgpack.encode({**raw, **change})
+    rejected = decode(topics.FRAME, payload, encoding_of(topics.FRAME))
+    assert isinstance(rejected, Rejected)
+    assert rejected.reason == "malformed"
+
+
+@pytest.mark.parametrize("change", [{"q": (0.0, 0.0, 0.0, 2.0)}, {"t": (0.0, math.nan, 0.0)}])
+def test_bad_poses_cannot_be_made(change):
+    with pytest.raises(ValueError, match="pose"):
+        _pose(**change)
+
+
+def test_encode_refuses_the_wrong_type_and_size():
+    with pytest.raises(ValueError, match="expected Frame"):
+        encode(topics.FRAME, _pose())  # type: ignore[arg-type]
+    step = messages.SourceEnd(frame_count=1, reason="x" * 10_000)
+    with pytest.raises(ValueError, match="at most 8192"):
+        encode(topics.SOURCE_END, step)
+
+
+def _pose(**change) -> messages.Pose:
+    fields = {
+        "index": 3,
+        "stamp_ns": 5,
+        "source_stamp_ns": 4,
+        "publish_ns": 6,
+        "status": "tracked",
+        "t": (0.0, 1.0, 2.0),
+        "q": (0.0, 0.0, 0.0, 1.0),
+        "quality": 0.9,
+        "inlier_ratio": 0.8,
+        "residual_mm": 1.5,
+        "map_version": 2,
+        "keyframe": 0,
+    }
+    return messages.Pose(**{**fields, **change})  # type: ignore[arg-type]
+
+
+def _frame() -> messages.Frame:
+    color = np.arange(4 * 6 * 3, dtype=np.uint8)
+    depth = np.arange(4 * 6, dtype="<u2")
+    return messages.Frame(
+        index=0,
+        stamp_ns=1,
+        source_stamp_ns=1,
+        width_px=6,
+        height_px=4,
+        fx=5.0,
+        fy=5.0,
+        cx=2.5,
+        cy=1.5,
+        color=memoryview(color).cast("B"),
+        depth=memoryview(depth).cast("B"),
+        depth_units_per_m=5000.0,
+    )

@@ -1,0 +1,53 @@
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.proto.frame_codec import frame_from_message, frame_message
+
+
+def test_raw_frames_come_back_equal():
+    frame = _frame()
+    back = frame_from_message(frame_message(frame, stamp_ns=99))
+    assert back.stamp_ns == frame.stamp_ns
+    assert back.camera == frame.camera
+    np.testing.assert_array_equal(back.color, frame.color)
+    np.testing.assert_array_equal(back.depth_raw, frame.depth_raw)
+
+
+def test_compressed_frames_are_read():
+    frame = _frame()
+    message = frame_message(frame, stamp_ns=99)
+    jpeg = cv2.imencode(".jpg", frame.color[..., ::-1])[1].tobytes()
+    png = cv2.imencode(".png", frame.depth_raw)[1].tobytes()
+    message = msgspec.structs.replace(
+        message,
+        color=memoryview(jpeg),
+        color_encoding="jpeg",
+        depth=memoryview(png),
+        depth_encoding="png",
+    )
+    back = frame_from_message(message)
+    np.testing.assert_array_equal(back.depth_raw, frame.depth_raw)
+    assert np.abs(back.color.astype(int) - frame.color).mean() < 12
+
+
+@pytest.mark.parametrize("field", ["color", "depth"])
+@pytest.mark.parametrize("data", [b"", b"no image"])
+def test_unreadable_images_are_told(field, data):
+    encoding = {"color": "jpeg", "depth": "png"}[field]
+    message = msgspec.structs.replace(
+        frame_message(_frame(), 1), **{field: memoryview(data), f"{field}_encoding": encoding}
+    )
+    with pytest.raises(UserError, match=f"in/frame 7: {field} is unreadable"):
+        frame_from_message(message)
+
+
+def _frame() -> Frame:
+    ramp = np.linspace(0, 255, 40)[:, None] * np.ones((1, 60))
+    color = np.stack([ramp, ramp[::-1], ramp * 0.5], axis=-1).astype(np.uint8)
+    depth = np.random.default_rng(0).integers(0, 20_000, (40, 60), dtype=np.uint16)
+    return Frame(7, 123, Camera(60, 40, 50.0, 50.0, 29.5, 19.5), color, depth, 5000.0)
