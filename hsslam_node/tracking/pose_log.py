@@ -1,0 +1,103 @@
+"""Every pose as it was published, in named arrays: what trajectories and latencies come from."""
+
+import numpy as np
+
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.keyframes.allocator import ArrayAllocator
+
+SLAB_ROWS = 4096
+INITIAL, TRACKED, LOST = 0, 1, 2  # status
+
+POSE_ROW = np.dtype(
+    [
+        ("index", "<i8"),  # of the frame
+        ("source_stamp_ns", "<i8"),
+        ("stamp_ns", "<i8"),  # wall clock of the sensor
+        ("publish_ns", "<i8"),  # wall clock
+        ("status", "<i8"),  # INITIAL, TRACKED or LOST
+        ("keyframe", "<i8"),  # id of the reference keyframe, -1: none
+        ("T_world_cam", "<f8", (4, 4)),
+        ("T_keyframe_cam", "<f8", (4, 4)),
+        ("quality", "<f8"),  # 0 to 1
+        ("map_version", "<i8"),
+    ]
+)
+
+
+class PoseLog:
+    """Append-only rows of `POSE_ROW`. One writer; a reader sees only complete rows.
+
+    A restarted writer goes on behind the last complete row. Creating and attaching are the same.
+    """
+
+    def __init__(self, arrays: ArrayAllocator) -> None:
+        self._arrays = arrays
+        self._header = arrays.create("pose_header", (16,), np.int64)  # [0] = rows
+        self._slabs: list[np.ndarray] = []
+
+    @property
+    def count(self) -> int:
+        """Complete rows."""
+        return int(self._header[0])
+
+    def append(self, row: np.ndarray | np.void) -> None:
+        """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one."""
+        n = self.count
+        self._slab(n // SLAB_ROWS)[n % SLAB_ROWS] = row
+        self._header[0] = n + 1
+
+    def last(self) -> np.ndarray | None:
+        """A copy of the newest row, None if there is none."""
+        n = self.count
+        return None if n == 0 else self._slab((n - 1) // SLAB_ROWS)[(n - 1) % SLAB_ROWS].copy()
+
+    def rows(self) -> np.ndarray:
+        """All complete rows, [N] of POSE_ROW, copied."""
+        n = self.count
+        slabs = [self._slab(k) for k in range(-(-n // SLAB_ROWS))]
+        return np.concatenate(slabs)[:n] if slabs else np.zeros(0, POSE_ROW)
+
+    def _slab(self, k: int) -> np.ndarray:
+        while len(self._slabs) <= k:
+            name = f"pose_log.{len(self._slabs):03d}"
+            self._slabs.append(self._arrays.create(name, (SLAB_ROWS,), POSE_ROW))
+        return self._slabs[k]
+
+
+def pose_row(
+    *,
+    index: int,
+    source_stamp_ns: int,
+    stamp_ns: int,
+    publish_ns: int,
+    status: int,
+    keyframe: int,
+    T_world_cam: np.ndarray,  # [4, 4]
+    T_keyframe_cam: np.ndarray,  # [4, 4]
+    quality: float,
+    map_version: int,
+) -> np.ndarray:
+    """One row, [] of POSE_ROW."""
+    row = np.zeros((), POSE_ROW)
+    row["index"], row["source_stamp_ns"] = index, source_stamp_ns
+    row["stamp_ns"], row["publish_ns"] = stamp_ns, publish_ns
+    row["status"], row["keyframe"] = status, keyframe
+    row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
+    row["quality"], row["map_version"] = quality, map_version
+    return row
+
+
+def online_trajectory(rows: np.ndarray) -> Trajectory:
+    """The poses as published at the time; lost frames have none."""
+    kept = rows[rows["status"] != LOST]
+    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
+
+
+def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
+    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none."""
+    kept = rows[rows["status"] != LOST]
+    poses = kept["T_world_cam"].copy()
+    has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
+    reference = T_world_keyframe[kept["keyframe"][has_reference]]
+    poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
+    return Trajectory(kept["source_stamp_ns"].copy(), poses)

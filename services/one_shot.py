@@ -1,0 +1,41 @@
+"""Processes of a run that are not kept running: saver and evaluator at the end, the watchdog."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from hsslam_node.services.child import last_error, spawn
+from hsslam_node.services.run_info import RunInfo
+
+
+def run_one_shot(
+    module: str,
+    run_dir: Path,
+    timeout_s: float,
+    tick: Callable[[], None],
+    is_cancelled: Callable[[], bool],
+) -> str:
+    """Run a process to its end, calling `tick` meanwhile; returns "" or what went wrong."""
+    process = spawn(module, run_dir)
+    deadline = time.monotonic() + timeout_s
+    while process.poll() is None:
+        tick()
+        if is_cancelled() or time.monotonic() > deadline:
+            process.kill()
+            process.wait()
+            return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
+    return last_error(run_dir, module) if process.returncode else ""
+
+
+def start_watchdog(run: RunInfo) -> subprocess.Popen:
+    """Start the process that cleans up behind a supervisor that was killed."""
+    command = [sys.executable, "-m", "hsslam_node.services.watchdog"]
+    return subprocess.Popen(
+        [*command, "--run", run.run_dir, "--arena", run.arena_dir],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )

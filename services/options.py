@@ -1,0 +1,106 @@
+"""What a user can ask of `hsslam-serve`: one frozen dataclass; every field is an option."""
+
+import math
+import os
+import re
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.errors import UserError
+from hsslam_node.sources.source import SourceOptions, SynthOptions
+
+ZENOH_SOURCE = "zenoh:"
+_VIEWERS = ("auto", "none", "web", "spawn")
+_CUDA_DEVICE = Path("/dev/nvidiactl")
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
+
+    Sources: synth:room | tum:fr1/desk | tum:FOLDER | replica:FOLDER | zenoh: (frames that somebody
+    else publishes).
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    source: str = "synth:room"
+    """Where frames come from."""
+    pace: Literal["realtime", "lockstep"] = "realtime"
+    """realtime: the sensor's clock rules, late frames are dropped; lockstep: every frame is tracked
+    and mapped before the next is sent, which is reproducible bit for bit."""
+    preset: Literal["realtime", "paper"] = "realtime"
+    """Defaults of all --slam options: for 30 Hz on two CPU cores, or the paper's."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where the scene model is computed."""
+    viewer: str = "auto"
+    """auto | none | web | spawn | connect:URL (auto: spawn where there is a display, else none)."""
+    out: str = ""
+    """Folder of the results (empty: runs/SOURCE-TIME)."""
+    seed: int = 0
+    """Seed of everything random."""
+    noise: Literal["none", "kinect"] = "none"
+    """Depth noise added to an exact source."""
+    rate_hz: float | None = None
+    """Frames per second of the sensor clock, Hz (none: the source's own)."""
+    stride: int = 1
+    """Use every n-th frame of the source."""
+    frames: int | None = None
+    """Use at most so many frames (none: all)."""
+    synth: SynthOptions = field(default_factory=SynthOptions)
+    robot: str = "robot"
+    """Name of this robot in the zenoh keys hsslam/ROBOT/..."""
+    zenoh_port: int = 7447
+    """TCP port that the zenoh router listens on."""
+    bind: str = "127.0.0.1"
+    """Address that the zenoh router listens on; other than loopback lets other machines in."""
+    slam: SlamConfig = field(default_factory=SlamConfig)
+
+    def __post_init__(self) -> None:
+        if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
+            expected = "auto, none, web, spawn or connect:URL"
+            raise UserError(f"--viewer {self.viewer}: expected {expected}")
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
+            raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
+        if not 1 <= self.zenoh_port <= 65535:
+            raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
+        if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
+        if self.seed < 0:
+            raise UserError(f"--seed {self.seed}: expected 0 or more")
+        if self.stride < 1:
+            raise UserError(f"--stride {self.stride}: expected 1 or more")
+        if self.frames is not None and self.frames < 1:
+            raise UserError(f"--frames {self.frames}: expected 1 or more")
+        if self.device == "cuda" and not _CUDA_DEVICE.exists():
+            raise UserError("--device cuda: no CUDA device on this machine: expected auto or cpu")
+
+    @property
+    def source_options(self) -> SourceOptions:
+        """What `open_source` and `open_ground_truth` take."""
+        return SourceOptions(
+            noise=self.noise,
+            seed=self.seed,
+            stride=self.stride,
+            frames=self.frames,
+            synth=self.synth,
+        )
+
+    @property
+    def has_camera_process(self) -> bool:
+        """Whether frames are read here, not published by somebody else."""
+        return self.source != ZENOH_SOURCE
+
+    @property
+    def resolved_viewer(self) -> str:
+        """`viewer` with auto decided: spawn where there is a display, else none."""
+        if self.viewer != "auto":
+            return self.viewer
+        has_display = sys.platform == "darwin" or any(
+            os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+        )
+        return "spawn" if has_display else "none"

@@ -1,0 +1,35 @@
+"""Which processes of the run take work, heard from their heartbeats."""
+
+from collections.abc import Iterable
+
+from hsslam_node.proto import topics
+from hsslam_node.services.bus import Bus
+from hsslam_node.services.worker import Worker
+
+_POLL_S = 0.1
+
+
+class Peers:
+    """Listens to the heartbeats of the others."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._health = bus.subscribe(topics.HEALTH, 64)
+        self._pids: dict[str, int] = {}
+
+    def wait(self, names: Iterable[str], worker: Worker) -> None:
+        """Return when all of these are running, or this worker must stop."""
+        missing = set(names)
+        while missing and not worker.should_stop():
+            health = self._health.wait(_POLL_S)
+            if health is not None and health.state == "running":
+                self._pids[health.process] = health.pid
+                missing.discard(health.process)
+
+    def restarted(self) -> bool:
+        """Whether one that ran has been replaced, and its successor runs, since the last call."""
+        found = False
+        for health in self._health.drain():
+            if health.state == "running":
+                found |= self._pids.get(health.process, health.pid) != health.pid
+                self._pids[health.process] = health.pid
+        return found

@@ -1,0 +1,43 @@
+"""The table of processes: supervisor, status line, summary and docs iterate over it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ProcessSpec:
+    """One row: a process that the supervisor keeps running, `python -m <module> --run DIR`.
+
+    `ends_run`: giving up on it in a crash loop stops the run with exit code 1.
+    `stop_stage`: all of a stage have ended before those of the next are told to.
+    """
+
+    name: str
+    module: str
+    purpose: str
+    nice: int
+    stop_stage: int
+    ends_run: bool = False
+    may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
+    threads: int = 1
+    startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
+    health_timeout_s: float = 15.0  # without a heartbeat; armed by the first
+    stall_timeout_s: float = 150.0  # heartbeats, but the main loop has not come round
+    stop_timeout_s: float = 20.0
+    first_delay_s: float = 0.5  # before a restart; doubles
+    longest_delay_s: float = 10.0
+
+
+PROCESSES: tuple[ProcessSpec, ...] = (
+    ProcessSpec("recorder", "recorder", "writes run.mcap and feeds rerun", nice=3, stop_stage=4),
+    ProcessSpec("tracker", "tracker", "poses and keyframes", nice=0, stop_stage=2, ends_run=True),
+    ProcessSpec("mapper", "mapper", "steps the scene model", nice=5, stop_stage=3, ends_run=True),
+    ProcessSpec("global_ba", "global_ba", "refines keyframe poses", nice=8, stop_stage=3),
+    ProcessSpec("mesher", "mesher", "extracts the mesh", nice=10, stop_stage=3),
+    ProcessSpec("camera", "camera", "publishes the source", nice=0, stop_stage=1, may_finish=True),
+)
+
+
+def environment_of_threads(threads: int) -> dict[str, str]:
+    """Variables that keep numeric libraries to so many threads; set before any import."""
+    names = ("OMP", "OPENBLAS", "MKL", "NUMBA")
+    return {f"{name}_NUM_THREADS": str(threads) for name in names}

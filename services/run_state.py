@@ -1,0 +1,73 @@
+"""What is known of a run from its bus: the numbers of the status line and of the summary."""
+
+import statistics
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Event, Health, MapVersion, Pose, SourceEnd
+from hsslam_node.services.bus import Bus
+
+_RECENT = 64  # poses for rate and latency
+
+
+@dataclass
+class RunState:
+    """Counts and newest messages; `Listener` fills it."""
+
+    pose: Pose | None = None
+    map: MapVersion | None = None
+    source_end: SourceEnd | None = None
+    last_keyframe: int = -1
+    tracked: int = 0
+    lost: int = 0
+    ba_rounds: int = 0
+    last_pose_s: float = field(default_factory=time.monotonic)
+    pose_times_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+
+    @property
+    def fps(self) -> float:
+        """Poses per second, of the last few seconds."""
+        times = self.pose_times_s
+        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+
+    @property
+    def latency_ms(self) -> float:
+        """Median of the last latencies from sensor stamp to published pose."""
+        return statistics.median(self.latencies_ms) if self.latencies_ms else 0.0
+
+    def posed(self, pose: Pose) -> None:
+        self.pose, self.last_pose_s = pose, time.monotonic()
+        self.tracked += pose.status != "lost"
+        self.lost += pose.status == "lost"
+        self.pose_times_s.append(pose.publish_ns / 1e9)
+        self.latencies_ms.append((pose.publish_ns - pose.stamp_ns) / 1e6)
+
+
+class Listener:
+    """The supervisor's ears: subscriptions to everything small."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.state = RunState()
+        self._poses = bus.subscribe(topics.POSE, 256)
+        self._maps = bus.subscribe(topics.MAP, 64)
+        self._keyframes = bus.subscribe(topics.KEYFRAME, 4096)
+        self._corrections = bus.subscribe(topics.CORRECTION, 16)
+        self._end = bus.subscribe(topics.SOURCE_END, 1)
+        self._health = bus.subscribe(topics.HEALTH, 256)
+        self._events = bus.subscribe(topics.EVENT, 256)
+
+    def listen(self) -> tuple[list[Health], list[Event]]:
+        """Take in what has come; returns the heartbeats and events of this time."""
+        state = self.state
+        for pose in self._poses.drain():
+            state.posed(pose)
+        for version in self._maps.drain():
+            state.map = version
+        for keyframe in self._keyframes.drain():
+            state.last_keyframe = max(state.last_keyframe, keyframe.id)
+        state.ba_rounds += len(self._corrections.drain())
+        state.source_end = self._end.poll() or state.source_end
+        return self._health.drain(), self._events.drain()

@@ -1,0 +1,199 @@
+"""The supervisor: router, arena and processes of one run, from the first to the orderly end."""
+
+import signal
+import subprocess
+import time
+from types import FrameType
+
+from hsslam_node.errors import UserError
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Event, Stop
+from hsslam_node.services.bus import Bus
+from hsslam_node.services.child import Child
+from hsslam_node.services.one_shot import run_one_shot, start_watchdog
+from hsslam_node.services.options import ServeOptions
+from hsslam_node.services.preparation import Prepared, prepare
+from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.run_state import Listener
+from hsslam_node.services.status_line import StatusLine
+from hsslam_node.services.summary import process_section, update_summary
+
+_TICK_S = 0.05
+_SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
+_LONGEST_SETTLE_S = 5.0
+_SAVER_TIMEOUT_S = 300.0
+_EVALUATOR_TIMEOUT_S = 300.0
+_WATCHDOG_TIMEOUT_S = 5.0
+
+
+class Supervisor:
+    """Runs until the source ends, a signal, or a failure that ends it; `run` gives the exit code.
+
+    0: everything saved; 1: the tracker or the mapper could not be kept running; 2: bad input. The
+    first SIGINT or SIGTERM stops in order, the second at once.
+    """
+
+    def __init__(self, options: ServeOptions) -> None:
+        self._options = options
+        self._signals = 0
+
+    def run(self) -> int:
+        """Start everything, keep it running, stop in order.
+
+        Raises:
+            UserError: the run cannot start.
+        """
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._signalled)
+        prepared = prepare(self._options)
+        watchdog = start_watchdog(prepared.info)
+        try:
+            with Bus(prepared.info.endpoint, prepared.info.robot, "supervisor") as bus:
+                run = _Run(self, prepared, bus)
+                try:
+                    return run.to_the_end()
+                finally:
+                    run.kill_all()
+        finally:
+            prepared.close()
+            _expect_end(watchdog)
+
+    @property
+    def signals(self) -> int:
+        """How many stop signals have come."""
+        return self._signals
+
+    def _signalled(self, _number: int, _frame: FrameType | None) -> None:
+        self._signals += 1
+
+
+class _Run:
+    """The processes of a prepared run and what is heard from them."""
+
+    def __init__(self, supervisor: Supervisor, prepared: Prepared, bus: Bus) -> None:
+        self._supervisor = supervisor
+        self._info = prepared.info
+        self._bus = bus
+        self._events = bus.publisher(topics.EVENT)
+        self._listener = Listener(bus)
+        self._status = StatusLine()
+        self._children = {
+            spec.name: Child(spec, self._info.path)
+            for spec in PROCESSES
+            if spec.name != "camera" or self._info.options.has_camera_process
+        }
+
+    def to_the_end(self) -> int:
+        """Run, stop in order, save; returns the exit code."""
+        with self._status:
+            for child in self._children.values():
+                child.wanted = True
+            reason = self._until_stop()
+            self._status.say(f"stopping: {reason}")
+            self._bus.publisher(topics.STOP).put(Stop(reason=reason))
+            self._stop_in_order()
+        return self._exit_code()
+
+    def kill_all(self) -> None:
+        """End every process that still runs."""
+        for child in self._children.values():
+            child.kill()
+
+    def _until_stop(self) -> str:
+        """Tick until there is a reason to stop."""
+        while True:
+            self._tick()
+            if self._supervisor.signals:
+                return "interrupted"
+            for child in self._children.values():
+                if child.state == "failed" and child.spec.ends_run:
+                    return f"{child.spec.name} cannot be kept running"
+            camera = self._children.get("camera")
+            if camera is not None and camera.state == "failed":
+                return "the source cannot be read"
+            if self._listener.state.source_end is not None or (camera and camera.state == "ended"):
+                return "end of source"
+
+    def _tick(self) -> None:
+        """One turn of the restart loop: hear, act, show."""
+        heartbeats, events = self._listener.listen()
+        for health in heartbeats:
+            if health.process in self._children:
+                self._children[health.process].heard(health)
+        for child in self._children.values():
+            child.tick()
+            while child.news:
+                self._tell(child.news.pop(0))
+        for event in events:
+            if event.process != "supervisor":
+                self._status.say(f"{event.process}: {event.text}", event.level)
+        self._status.show(self._listener.state, self._children)
+        time.sleep(_TICK_S)
+
+    def _tell(self, text: str) -> None:
+        self._status.say(text, "warning")
+        now = time.time_ns()
+        self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
+
+    def _stop_in_order(self) -> None:
+        """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
+        stages = sorted({child.spec.stop_stage for child in self._children.values()})
+        for stage in stages:
+            if stage == stages[-1]:
+                self._one_shot("saver", _SAVER_TIMEOUT_S)
+            self._stop_stage(stage)
+            if stage == stages[0]:
+                self._settle()
+        if self._supervisor.signals < 2:
+            self._one_shot("evaluator", _EVALUATOR_TIMEOUT_S)
+        update_summary(self._info.path, process_section(self._children, self._listener.state))
+
+    def _stop_stage(self, stage: int) -> None:
+        of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]
+        for child in of_stage:
+            child.wanted = False
+        while any(child.is_alive for child in of_stage) and self._supervisor.signals < 2:
+            self._tick()
+        for child in of_stage:
+            child.kill()
+
+    def _settle(self) -> None:
+        """Let the tracker take the frames that are on their way."""
+        start = time.monotonic()
+        while time.monotonic() - start < _LONGEST_SETTLE_S and self._supervisor.signals < 2:
+            self._tick()
+            since_pose_s = time.monotonic() - max(self._listener.state.last_pose_s, start)
+            if since_pose_s > _SETTLED_S:
+                return
+
+    def _one_shot(self, name: str, timeout_s: float) -> None:
+        """Run saver or evaluator to its end while the others are served."""
+        if self._supervisor.signals > 1:
+            return
+        error = run_one_shot(
+            name, self._info.path, timeout_s, self._tick, lambda: self._supervisor.signals > 1
+        )
+        if error:
+            self._tell(f"{name}: {error}")
+
+    def _exit_code(self) -> int:
+        """What to tell the shell; says which processes were restarted."""
+        if self._supervisor.signals > 1:
+            return 1
+        for child in self._children.values():
+            if child.user_error and (child.spec.ends_run or child.spec.name == "camera"):
+                raise UserError(child.user_error)
+        for child in self._children.values():
+            if child.restarts:
+                self._status.say(f"{child.spec.name} was restarted {child.restarts} x", "warning")
+        self._status.say(f"results: {self._info.run_dir}")
+        failed = [c for c in self._children.values() if c.state == "failed" and c.spec.ends_run]
+        return 1 if failed else 0
+
+
+def _expect_end(watchdog: subprocess.Popen) -> None:
+    try:
+        watchdog.wait(_WATCHDOG_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        watchdog.kill()
+        watchdog.wait()

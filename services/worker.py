@@ -1,0 +1,166 @@
+"""What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor."""
+
+import argparse
+import contextlib
+import ctypes
+import faulthandler
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from hsslam_node.errors import UserError
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Event, Health
+from hsslam_node.services.bus import Bus
+from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.run_info import RunInfo
+
+if TYPE_CHECKING:
+    from hsslam_node.services.arena import Arena
+
+_HEARTBEAT_S = 0.5
+_PR_SET_PDEATHSIG = 1
+_EMA = 0.1  # weight of a new stage time
+
+
+class Worker:
+    """One process of a run, as a context: heartbeats from entry to exit.
+
+    The loop calls `ready` when it can take work, and `should_stop` each time it comes round (at
+    least every few seconds: that is what the supervisor's stall timeout watches). `counters` and
+    `stage_ms` travel with every heartbeat.
+    """
+
+    def __init__(self, name: str, run: RunInfo) -> None:
+        self.name = name
+        self.run = run
+        self.options = run.options
+        self.bus = Bus(run.endpoint, run.robot, name)
+        self.counters: dict[str, int] = {}
+        self.stage_ms: dict[str, float] = {}
+        self._state = "starting"
+        self._stop = threading.Event()
+        self._ended = threading.Event()
+        self._turned_s = time.monotonic()
+        self._events = self.bus.publisher(topics.EVENT)
+        self._health = self.bus.publisher(topics.HEALTH)
+        self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+
+    def __enter__(self) -> "Worker":
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: self._stop.set())
+        self._heartbeat.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._state = "stopping"
+        self._ended.set()
+        self._heartbeat.join()
+        self.bus.close()
+
+    @cached_property
+    def arena(self) -> "Arena":
+        """The shared arrays of the run (imports torch)."""
+        from hsslam_node.services.arena import Arena
+
+        return Arena(Path(self.run.arena_dir))
+
+    def ready(self) -> None:
+        """Tell everybody that work is taken from now on."""
+        self._state = "running"
+
+    def should_stop(self) -> bool:
+        """Whether the loop must end: SIGTERM, SIGINT, or the supervisor is gone."""
+        self._turned_s = time.monotonic()
+        return self._stop.is_set()
+
+    def stop_event(self) -> threading.Event:
+        """Set when `should_stop`; to wait on instead of sleeping."""
+        return self._stop
+
+    def count(self, name: str, by: int = 1) -> None:
+        """Add to a counter of the heartbeat."""
+        self.counters[name] = self.counters.get(name, 0) + by
+
+    @contextlib.contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Time a block; its running mean (ms) travels with the heartbeat."""
+        start = time.perf_counter()
+        yield
+        took_ms = 1e3 * (time.perf_counter() - start)
+        mean_ms = self.stage_ms.get(stage, took_ms)
+        self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
+
+    def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        """Tell the operator: status line, log, viewer."""
+        print(f"{level}: {text}", file=sys.stderr, flush=True)
+        self._events.put(
+            Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
+        )
+
+    def _beat(self) -> None:
+        while True:
+            self._publish_health()
+            if self._ended.wait(_HEARTBEAT_S):
+                break
+            if os.getppid() != self.run.supervisor_pid:
+                self._stop.set()
+        self._publish_health()
+
+    def _publish_health(self) -> None:
+        counters = dict(self.counters)
+        for subscription in self.bus.subscriptions:
+            topic = subscription.topic.name
+            counters[f"dropped {topic}"] = subscription.dropped
+            counters[f"rejected {topic}"] = subscription.rejected
+            for rejected in subscription.take_rejections()[-1:]:
+                self.event("warning", f"dropped: {rejected.text}")
+        counters["idle_ms"] = int(1e3 * (time.monotonic() - self._turned_s))
+        self._health.put(
+            Health(
+                process=self.name,
+                pid=os.getpid(),
+                state=self._state,
+                rss_bytes=_rss_bytes(),
+                counters=counters,
+                stage_ms=dict(self.stage_ms),
+            )
+        )
+
+
+def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
+    """Body of a process's `main`: `--run DIR` from the command line, then `loop(worker)`.
+
+    Exits with 0 when the loop returns, 2 with one line on a `UserError`, 1 with a traceback (in the
+    process's log) on anything else.
+    """
+    faulthandler.enable()
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    parser = argparse.ArgumentParser(prog=f"hsslam {name}")
+    parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
+    run_dir = parser.parse_args().run
+    os.nice(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
+    try:
+        run = RunInfo.read(run_dir)
+        if os.getppid() != run.supervisor_pid:
+            raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
+        with Worker(name, run) as worker:
+            try:
+                loop(worker)
+            except UserError as error:
+                worker.event("error", str(error))
+                raise
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        sys.exit(2)
+
+
+def _rss_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -1,0 +1,62 @@
+"""The pose log: complete rows across slabs and attachments; final poses follow their keyframes."""
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.keyframes.allocator import MemoryAllocator
+from hsslam_node.tracking.pose_log import (
+    LOST,
+    SLAB_ROWS,
+    TRACKED,
+    PoseLog,
+    final_trajectory,
+    online_trajectory,
+    pose_row,
+)
+
+
+def _row(index: int, T: np.ndarray, keyframe: int = -1, reference: np.ndarray | None = None):
+    return pose_row(
+        index=index,
+        source_stamp_ns=10 * index,
+        stamp_ns=index,
+        publish_ns=index + 1,
+        status=LOST if index % 5 == 3 else TRACKED,
+        keyframe=keyframe,
+        T_world_cam=T,
+        T_keyframe_cam=np.eye(4) if reference is None else inverse(reference) @ T,
+        quality=0.5,
+        map_version=1,
+    )
+
+
+def test_rows_survive_a_second_attachment_and_cross_slabs():
+    arrays = MemoryAllocator()
+    log = PoseLog(arrays)
+    assert log.last() is None
+    assert len(log.rows()) == 0
+    for index in range(SLAB_ROWS + 3):
+        log.append(_row(index, np.eye(4)))
+    again = PoseLog(arrays)
+    assert again.count == SLAB_ROWS + 3
+    assert again.rows()["index"].tolist() == list(range(SLAB_ROWS + 3))
+    last = again.last()
+    assert last is not None
+    assert last["index"] == SLAB_ROWS + 2
+
+
+def test_final_poses_move_with_their_keyframe_and_lost_frames_have_none():
+    rng = np.random.default_rng(0)
+    poses = [se3_exp(rng.normal(size=6)) for _ in range(10)]
+    log = PoseLog(MemoryAllocator())
+    for index, T in enumerate(poses):
+        log.append(_row(index, T, keyframe=0, reference=poses[0]))
+    rows = log.rows()
+    online = online_trajectory(rows)
+    assert online.stamps_ns.tolist() == [0, 10, 20, 40, 50, 60, 70, 90]
+    np.testing.assert_array_equal(online.T_world_cam[1], poses[1])
+    same = final_trajectory(rows, poses[0][None])
+    np.testing.assert_allclose(same.T_world_cam, online.T_world_cam, atol=1e-12)
+    moved = se3_exp(np.array([0.1, 0, 0, 0, 0.2, 0]))
+    final = final_trajectory(rows, (moved @ poses[0])[None])
+    np.testing.assert_allclose(final.T_world_cam, moved @ online.T_world_cam, atol=1e-12)
