@@ -1,0 +1,40 @@
+"""The mesh of everything that a set of keyframes saw, in one call."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import trimesh
+
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.meshing.block_mesher import BlockMesher, QueryColor, QuerySdf
+from hsslam_node.meshing.observed_space import ObservedSpace
+
+
+def extract_mesh(
+    query_sdf: QuerySdf,
+    query_color: QueryColor,
+    bound: Bound,
+    camera: Camera,
+    keyframes: Iterable[tuple[np.ndarray, np.ndarray]],
+    voxel_m: float = 0.03,
+    stride_px: int = 4,
+    min_component_faces: int = 50,
+) -> trimesh.Trimesh:
+    """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
+
+    Args:
+        query_sdf: signed distances of points.
+        query_color: colours of points.
+        bound: space to mesh.
+        camera: of all keyframes, undistorted.
+        keyframes: depth [H, W] float32 m and T_world_cam [4, 4] of each.
+        voxel_m: cell of marching cubes, m.
+        stride_px: step between the depth pixels that mark observed space.
+        min_component_faces: smaller connected pieces are left out.
+    """
+    mesher = BlockMesher(ObservedSpace(bound, voxel_m))
+    for depth_m, T_world_cam in keyframes:
+        mesher.observe(depth_m, camera, T_world_cam, stride_px)
+    mesher.update(query_sdf, query_color)
+    return mesher.mesh(min_component_faces)

@@ -1,0 +1,171 @@
+"""Which part of the space around the surfaces was seen."""
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+
+CLOSE_CELLS = 2  # marks grow by this many cells, then shrink by one: gaps close, no second skin
+_HALO = CLOSE_CELLS + 1
+
+
+class ObservedSpace:
+    """A vertex grid over the bound, cut into blocks, that remembers where depth was measured.
+
+    Vertex (0, 0, 0) lies at the low corner. Block b covers the vertices from `block_cells * b` to
+    `block_cells * (b + 1)`, both included: neighbours share a layer of vertices.
+
+    Args:
+        bound: space to mesh.
+        voxel_m: distance of two vertices, m.
+        block_cells: cells along a side of a block.
+    """
+
+    def __init__(self, bound: Bound, voxel_m: float = 0.03, block_cells: int = 32) -> None:
+        if not voxel_m > 0:
+            raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
+        self.bound = bound
+        self.voxel_m = voxel_m
+        self.block_cells = block_cells
+        cells = np.maximum(np.floor(bound.extent_m / voxel_m + 1e-6), 1).astype(int)
+        blocks = -(-cells // block_cells)
+        self.block_count: tuple[int, int, int] = (int(blocks[0]), int(blocks[1]), int(blocks[2]))
+        # A halo on every side spares all border cases.
+        self._surface = np.zeros(blocks * block_cells + 1 + 2 * _HALO, np.uint8)
+        self._limit = cells.astype(np.int64)  # last vertex inside the bound
+        self._dirty = np.zeros(self.block_count, np.bool_)
+
+    def observe(
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 4
+    ) -> None:
+        """Mark the vertices nearest to every stride-th depth pixel; their blocks become dirty.
+
+        Args:
+            depth_m: [H, W] float32 m, planar, 0 = no measurement.
+            camera: undistorted.
+            T_world_cam: [4, 4].
+            stride_px: step between pixels, both ways.
+        """
+        T = np.array(T_world_cam, np.float64)
+        T[:3, 3] -= self.bound.low
+        T[:3] /= self.voxel_m
+        intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        _mark(
+            np.ascontiguousarray(depth_m, np.float32),
+            intrinsics,
+            T,
+            stride_px,
+            self._surface,
+            self._limit,
+            self._dirty,
+            self.block_cells,
+        )
+
+    def take_dirty(self) -> list[tuple[int, int, int]]:
+        """Blocks touched by observations since the last call."""
+        dirty = [(int(i), int(j), int(k)) for i, j, k in np.argwhere(self._dirty)]
+        self._dirty[:] = False
+        return dirty
+
+    def occupied_blocks(self) -> list[tuple[int, int, int]]:
+        """All blocks that hold observed cells."""
+        return [b for b in np.ndindex(*self.block_count) if self._surface[self._slices(b)].any()]
+
+    def cells(self, block: tuple[int, int, int]) -> np.ndarray:
+        """Cells of a block whose eight vertices are near observed surface, [n, n, n] bool."""
+        cells = _observed_cells(np.ascontiguousarray(self._surface[self._slices(block)]))
+        for axis in range(3):  # no cell beyond the bound
+            room = max(int(self._limit[axis]) - block[axis] * self.block_cells, 0)
+            cells[(slice(None),) * axis + (slice(room, None),)] = False
+        return cells
+
+    def vertex_positions(self, block: tuple[int, int, int], vertices: np.ndarray) -> np.ndarray:
+        """World positions [N, 3] float32 m of vertices [N, 3] of a block; fractions allowed."""
+        grid = np.multiply(block, self.block_cells) + vertices
+        return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
+
+    def clear(self) -> None:
+        """Forget all observations (after poses were corrected)."""
+        self._surface[:] = 0
+        self._dirty[:] = False
+
+    def _slices(self, block: tuple[int, int, int]) -> tuple[slice, slice, slice]:
+        """The vertices of a block with the halo around them."""
+        n = self.block_cells
+        i, j, k = (slice(n * b, n * (b + 1) + 1 + 2 * _HALO) for b in block)
+        return i, j, k
+
+
+@njit(cache=True, nogil=True)
+def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_cells):
+    """Mark nearest vertices of back-projected pixels and the blocks whose cells they change."""
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics
+    lowest = np.empty(3, np.int64)
+    highest = np.empty(3, np.int64)
+    vertex = np.empty(3, np.int64)
+    for row in range(stride // 2, height, stride):
+        for column in range(stride // 2, width, stride):
+            z = depth[row, column]
+            if not (z > 0.0 and z < 1e4):
+                continue
+            x = (column - cx) / fx * z
+            y = (row - cy) / fy * z
+            outside = False
+            for a in range(3):
+                p = T_grid_cam[a, 0] * x + T_grid_cam[a, 1] * y + T_grid_cam[a, 2] * z
+                vertex[a] = int(np.floor(p + T_grid_cam[a, 3] + 0.5))
+                outside |= vertex[a] < 0 or vertex[a] > limit[a]
+            if outside:
+                continue
+            surface[vertex[0] + _HALO, vertex[1] + _HALO, vertex[2] + _HALO] = 1
+            for a in range(3):
+                lowest[a] = max((vertex[a] - _HALO) // block_cells, 0)
+                highest[a] = min((vertex[a] + CLOSE_CELLS) // block_cells, dirty.shape[a] - 1)
+            for i in range(lowest[0], highest[0] + 1):
+                for j in range(lowest[1], highest[1] + 1):
+                    for k in range(lowest[2], highest[2] + 1):
+                        dirty[i, j, k] = True
+
+
+@njit(cache=True, nogil=True)
+def _window(grid, width, want_all):
+    """Any (or all) of the marks in a cube of `width`; every axis shrinks by width - 1."""
+    for axis in range(3):
+        n0, n1, n2 = grid.shape
+        shrink = width - 1
+        out = np.empty(
+            (
+                n0 - (shrink if axis == 0 else 0),
+                n1 - (shrink if axis == 1 else 0),
+                n2 - (shrink if axis == 2 else 0),
+            ),
+            np.uint8,
+        )
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                for k in range(out.shape[2]):
+                    value = grid[i, j, k]
+                    for step in range(1, width):
+                        if axis == 0:
+                            other = grid[i + step, j, k]
+                        elif axis == 1:
+                            other = grid[i, j + step, k]
+                        else:
+                            other = grid[i, j, k + step]
+                        if want_all:
+                            value &= other
+                        else:
+                            value |= other
+                    out[i, j, k] = value
+        grid = out
+    return grid
+
+
+def _observed_cells(surface: np.ndarray) -> np.ndarray:
+    """Cells of a block from the marks of its vertices and the halo around them."""
+    grown = _window(surface, 2 * CLOSE_CELLS + 1, False)  # one vertex of halo is left
+    vertices = _window(grown, 3, True)  # [n + 1] vertices
+    return _window(vertices, 2, True).view(np.bool_)

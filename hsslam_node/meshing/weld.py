@@ -1,0 +1,74 @@
+"""Joining the meshes of blocks into one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from hsslam_node.meshing.observed_space import ObservedSpace
+
+_SNAP_CELLS = 1e-3  # vertices this close to a grid vertex are that vertex
+
+
+@dataclass(frozen=True)
+class BlockMesh:
+    """The mesh of one block."""
+
+    block: tuple[int, int, int]
+    vertices: np.ndarray  # [V, 3] float32, cells from the block's first vertex
+    faces: np.ndarray  # [F, 3] int64
+    colors: np.ndarray  # [V, 3] uint8
+
+
+def weld_blocks(
+    blocks: Sequence[BlockMesh], space: ObservedSpace, min_component_faces: int
+) -> trimesh.Trimesh:
+    """One mesh in world metres; vertices on the same grid edge become one, small pieces go.
+
+    Identity is by grid edge, not by distance, so blocks of two map versions still join.
+    """
+    if not blocks:
+        return trimesh.Trimesh(process=False)
+    keys = np.concatenate([_edge_keys(b, space) for b in blocks])
+    offsets = np.cumsum([0, *(len(b.vertices) for b in blocks)])
+    faces = np.concatenate([b.faces + o for b, o in zip(blocks, offsets, strict=False)])
+    points = np.concatenate([space.vertex_positions(b.block, b.vertices) for b in blocks])
+    colors = np.concatenate([b.colors for b in blocks])
+
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    points, colors, faces = points[first], colors[first], inverse.reshape(-1)[faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    faces = _without_small_components(faces, len(points), min_component_faces)
+    return _compact(points, faces, colors)
+
+
+def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:
+    """Place of each vertex on the doubled grid, odd along its edge, as one number, [V] int64."""
+    nearest = np.rint(mesh.vertices)
+    on_grid = np.abs(mesh.vertices - nearest) < _SNAP_CELLS
+    doubled = np.where(on_grid, 2 * nearest, 2 * np.floor(mesh.vertices) + 1).astype(np.int64)
+    doubled += 2 * np.multiply(mesh.block, space.block_cells)
+    size = 2 * np.multiply(space.block_count, space.block_cells) + 1
+    return (doubled[:, 0] * size[1] + doubled[:, 1]) * size[2] + doubled[:, 2]
+
+
+def _without_small_components(faces: np.ndarray, vertex_count: int, minimum: int) -> np.ndarray:
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = coo_array(
+        (np.ones(len(ends), np.bool_), (ends[:, 0], ends[:, 1])), shape=(vertex_count, vertex_count)
+    )
+    _, label = connected_components(graph, directed=False)
+    label_of_face = label[faces[:, 0]]
+    return faces[np.bincount(label_of_face, minlength=1)[label_of_face] >= minimum]
+
+
+def _compact(points: np.ndarray, faces: np.ndarray, colors: np.ndarray) -> trimesh.Trimesh:
+    """A mesh of the vertices that faces use."""
+    used, faces = np.unique(faces, return_inverse=True)
+    return trimesh.Trimesh(
+        points[used], faces.reshape(-1, 3), vertex_colors=colors[used], process=False
+    )
