@@ -1,0 +1,20 @@
+"""Where compiled kernels are cached between runs."""
+
+import hashlib
+import os
+from pathlib import Path
+
+
+def kernel_cache_folder() -> Path:
+    """Folder for NUMBA_CACHE_DIR, named by the content of all kernel sources.
+
+    numba checks only the file of the outermost kernel: after a change in a kernel that it calls, the
+    stale machine code would be used. With one folder per content that cannot happen.
+    """
+    digest = hashlib.sha256()
+    package = Path(__file__).parent.parent
+    for source in sorted(package.rglob("*.py")):
+        if "njit" in (text := source.read_text(encoding="utf-8")):
+            digest.update(text.encode())
+    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return root / "hsslam" / "kernels" / digest.hexdigest()[:16]

@@ -1,0 +1,66 @@
+"""SDF, its spatial gradient, and colour at free points: what tracker and mesher ask of the map."""
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.kernels.field_backward import one_blob_position_gradient
+from hsslam_node.kernels.field_forward import BLOCK, HIDDEN, add_one_blob, relative_position, relu
+from hsslam_node.kernels.hash_grid import gather_hash, hash_position_gradient
+from hsslam_node.kernels.one_blob import BINS
+from hsslam_node.kernels.planes import gather_planes, plane_position_gradient
+
+
+@njit(cache=True, fastmath=True, nogil=True)
+def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
+    """SDF [N] in units of T at points [N, 3] (m, world) and, where asked, gradient [N, 3] (T/m).
+
+    Reads the geometry prefix of `params` only. Outside the bound: sdf 1, inside 0, gradient 0.
+    """
+    L2 = 2 * layout.hash_offset.shape[0]
+    C = layout.channels
+    width = L2 + 2 * C
+    rows = width + 3 * BINS
+    W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
+    W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
+    W1_T = W1[:width].T.copy()
+    w2 = W2[:, 0].copy()
+    n = points.shape[0]
+    position = np.empty((BLOCK, 3), np.float32)
+    x = np.empty((BLOCK, width), np.float32)
+    hidden = np.empty((BLOCK, HIDDEN), np.float32)
+    d_hidden = np.empty((BLOCK, HIDDEN), np.float32)
+    d_x = np.empty((BLOCK, width), np.float32)
+    for start in range(0, n, BLOCK):
+        m = min(start + BLOCK, n) - start
+        for k in range(m):
+            p = position[k]
+            inside[start + k] = relative_position(layout, points[start + k], p)
+            gather_hash(params, layout, p, x[k])
+            for s in range(2):
+                gather_planes(params, layout, s, p, x[k, L2 + s * C : L2 + (s + 1) * C])
+        np.dot(x[:m], W1[:width], hidden[:m])
+        add_one_blob(layout, position[:m], W1[width:], hidden[:m])
+        relu(hidden[:m])
+        for k in range(m):
+            total = np.float32(0.0)
+            for c in range(HIDDEN):
+                total += hidden[k, c] * w2[c]
+            s_k = np.tanh(total)
+            sdf[start + k] = s_k if inside[start + k] else np.float32(1.0)
+            if want_gradient:
+                slope = np.float32(1.0) - s_k * s_k
+                for c in range(HIDDEN):
+                    d_hidden[k, c] = slope * w2[c] if hidden[k, c] > 0 else np.float32(0.0)
+        if want_gradient:
+            np.dot(d_hidden[:m], W1_T, d_x[:m])
+            for k in range(m):
+                d_p = gradient[start + k]
+                d_p[:] = np.float32(0.0)
+                if inside[start + k]:
+                    p = position[k]
+                    hash_position_gradient(params, layout, p, d_x[k, :L2], d_p)
+                    for s in range(2):
+                        plane_position_gradient(
+                            params, layout, s, p, d_x[k, L2 + s * C : L2 + (s + 1) * C], d_p
+                        )
+                    one_blob_position_gradient(layout, p, W1[width:], d_hidden[k], d_p)

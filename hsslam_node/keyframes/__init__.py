@@ -1,0 +1,1 @@
+"""Keyframes and where their arrays live."""

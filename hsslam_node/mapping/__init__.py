@@ -1,0 +1,1 @@
+"""Optimising the scene model from keyframes."""

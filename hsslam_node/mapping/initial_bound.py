@@ -1,0 +1,33 @@
+"""The bound of the map from the first frame: no hand-made box."""
+
+import numpy as np
+
+from hsslam_node.config import BoundConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.errors import UserError
+
+
+def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
+    """A box about the first camera (the world's origin) that reaches past what it sees.
+
+    The room goes on behind the camera, so the reach is the same in all directions but up and down,
+    where rooms are lower: `margin` times the 99th percentile of the distance of the measured
+    points, within `least_m` and `most_m`; along y 0.6 of that.
+
+    Raises:
+        UserError: the frame has no depth.
+    """
+    depth = frame.depth_m()[::8, ::8]
+    v, u = np.nonzero((depth > 0) & (depth < max_depth_m))
+    if len(u) == 0:
+        raise UserError(f"frame {frame.index}: no depth within {max_depth_m} m: expected some")
+    z = depth[v, u]
+    camera = frame.camera
+    rays = np.stack(
+        [(8 * u - camera.cx) / camera.fx, (8 * v - camera.cy) / camera.fy, np.ones(len(u))], axis=-1
+    )
+    distance = np.linalg.norm(rays * z[:, None], axis=-1)
+    reach = float(np.clip(config.margin * np.quantile(distance, 0.99), config.least_m, config.most_m))
+    low = max(0.6 * reach, config.least_m)
+    return Bound((-reach, -low, -reach), (reach, low, reach))

@@ -1,0 +1,181 @@
+"""One optimisation step of the scene model over a batch of rays; mapping and BA share it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.kernels.adam import sparse_adam
+from hsslam_node.kernels.field_backward import field_backward, gradient
+from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.patch_ssim import patch_ssim_backward
+from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
+from hsslam_node.kernels.rendering import losses_backward, render_forward
+from hsslam_node.kernels.smoothness import smoothness_backward
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.losses.patch import random_patches, window_rays, window_weights
+from hsslam_node.losses.smoothness import smoothness_cube
+from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+
+ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What one step saw."""
+
+    rays: int
+    outside: int  # samples outside the bound, masked out of every loss
+    loss: float  # weighted sum of all terms
+    keyframe_loss: np.ndarray  # [n] mean weighted ray loss of each keyframe (no patch, no smoothness)
+    pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose; zeros unless asked for
+
+
+class MapOptimiser:
+    """Forward, losses, backward and Adam over the parameters, with private work space."""
+
+    def __init__(self, config: SlamConfig, parameters: FieldParameters, rays: int) -> None:
+        self._config = config
+        self._parameters = parameters
+        self._layout = kernel_layout(parameters.layout)
+        self._gradient = gradient(self._layout)
+        self._rays = rays
+        S = config.sampling.count
+        self._batch = ray_batch(rays)
+        self._acts = field_activations(self._layout, rays * S)
+        self._points = np.zeros((rays * S, 3), np.float32)
+        self._d_points = np.zeros((rays * S, 3), np.float32)
+        self._z = np.zeros((rays, S), np.float32)
+        self._weights = np.zeros((rays, S), np.float32)
+        self._d_sdf = np.zeros((rays, S), np.float32)
+        self._d_rgb = np.zeros((rays, S, 3), np.float32)
+        self._color = np.zeros((rays, 3), np.float32)
+        self._depth = np.zeros(rays, np.float32)
+        self._opacity = np.zeros(rays, np.float32)
+        self._ray_loss = np.zeros(rays, np.float32)
+        w = config.weights
+        self._loss_weight = np.array(
+            [w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space], np.float32
+        )
+        self._window_weight = (
+            window_weights(config.mapper.patch_kernel_px).numpy().astype(np.float32).ravel()
+        )
+
+    def step(
+        self,
+        store: KeyframeStore,
+        keyframes: np.ndarray,
+        counts: np.ndarray,
+        poses: np.ndarray,
+        generator: np.random.Generator,
+        *,
+        rate_factor: float = 1.0,
+        with_poses: bool = False,
+        update: bool = True,
+    ) -> StepReport:
+        """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses` [n, 4, 4].
+
+        `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe).
+        """
+        m, sampling = self._config.mapper, self._config.sampling
+        R = draw_rays(self._batch, store, keyframes, counts, m.max_depth_m, generator)
+        if R == 0:
+            return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
+        S = sampling.count
+        T = self._config.field.truncation_m
+        matrices = np.ascontiguousarray(poses[:, :3], np.float32)
+        jitter = generator.random((R, S), np.float32)
+        z, points = self._z[:R], self._points[: R * S]
+        place_samples(
+            self._batch, R, matrices, jitter, sampling.free_samples, sampling.surface_samples,
+            np.float32(sampling.free_reach), np.float32(sampling.surface_reach * T), z, points,
+        )  # fmt: skip
+        params, acts = self._parameters.params, self._acts
+        field_forward(params, self._layout, points, R * S, acts)
+        sdf = acts.sdf[: R * S].reshape(R, S)
+        rgb = acts.rgb[: R * S].reshape(R, S, 3)
+        inside = acts.inside[: R * S].reshape(R, S)
+        beta = float(np.exp(params[self._layout.log_beta]))
+        color, depth = self._color[:R], self._depth[:R]
+        render_forward(sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._opacity[:R])
+
+        d_color = np.zeros((R, 3), np.float32)
+        patch = 0.0
+        if update and self._config.weights.patch > 0:
+            patch = self._patch_term(R, d_color, generator)
+        terms = np.zeros(5)
+        ray_weight = self._ray_weight(R)
+        d_log_beta = losses_backward(
+            sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._batch.color[:R],
+            self._batch.depth[:R], ray_weight, self._loss_weight, T, d_color,
+            self._d_sdf[:R], self._d_rgb[:R], self._ray_loss[:R], terms,
+        )  # fmt: skip
+        d_twist = np.zeros((len(keyframes), 6), np.float32)
+        smooth = 0.0
+        if update:
+            field_backward(
+                params, self._layout, R * S, acts, self._d_sdf[:R].reshape(-1),
+                self._d_rgb[:R].reshape(-1, 3), self._gradient, self._d_points, with_poses,
+            )  # fmt: skip
+            if with_poses:
+                pose_gradients(self._batch, R, matrices, z, self._d_points, d_twist)
+            smooth = self._smoothness_term(generator)
+            self._gradient.values[self._layout.log_beta] += d_log_beta
+            self._gradient.touched[self._layout.log_beta >> 4] = 1
+            self._adam(rate_factor)
+        slot = self._batch.slot[:R]
+        n = np.maximum(np.bincount(slot, minlength=len(keyframes)), 1)
+        per_keyframe = np.bincount(slot, self._ray_loss[:R], minlength=len(keyframes)) / n
+        loss = float(terms @ self._loss_weight) + self._config.weights.patch * patch + smooth
+        outside = R * S - int(np.count_nonzero(inside))
+        return StepReport(R, outside, loss, per_keyframe, d_twist.astype(np.float64))
+
+    def _ray_weight(self, R: int) -> np.ndarray:
+        noise = self._config.mapper.depth_noise_m
+        z = self._batch.depth[:R]
+        return (1.0 / (1.0 + (noise * z * z / 0.01) ** 2)).astype(np.float32)
+
+    def _patch_term(self, R: int, d_color: np.ndarray, generator: np.random.Generator) -> float:
+        m = self._config.mapper
+        patches = random_patches(R, m.patch_repeats, generator)
+        if len(patches) == 0:
+            return 0.0
+        windows = window_rays(
+            torch.from_numpy(patches), m.patch_kernel_px, m.patch_stride_px
+        ).numpy()
+        return patch_ssim_backward(
+            self._color[:R], self._batch.color[:R], windows, self._window_weight,
+            self._config.weights.patch, d_color,
+        )  # fmt: skip
+
+    def _smoothness_term(self, generator: np.random.Generator) -> float:
+        m, weight = self._config.mapper, self._config.weights.smoothness
+        if weight == 0 or self._parameters.step % m.smoothness_every:
+            return 0.0
+        cube = smoothness_cube(
+            self._parameters.layout.bound, m.smoothness_vertices, m.smoothness_cell_m, generator
+        )
+        return weight * smoothness_backward(
+            self._parameters.params, self._layout, cube, weight, self._gradient
+        )
+
+    def _adam(self, factor: float) -> None:
+        m, p, blocks = self._config.mapper, self._parameters, self._parameters.layout.blocks
+        hashes = blocks["hash.00"].offset
+        decoders = blocks["geometry_decoder.W1"].offset
+        appearance = blocks["appearance_coarse.xy"].offset
+        rates = np.array(
+            [
+                [0, hashes, m.plane_rate * factor],
+                [hashes, decoders, m.hash_rate * factor],
+                [decoders, appearance, m.decoder_rate * factor],
+                [appearance, len(p.params), m.plane_rate * factor],
+            ]
+        )
+        sparse_adam(
+            p.params, p.first_moment, p.second_moment, self._gradient, p.count_step(), rates,
+            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stale,
+        )  # fmt: skip

@@ -1,0 +1,46 @@
+"""Mapping: which keyframes an iteration looks at."""
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
+
+
+class Mapper:
+    """Iterates over a window: the newest keyframe, the one before it, random others (paper III-B)."""
+
+    def __init__(self, config: SlamConfig, parameters: FieldParameters, seed: int) -> None:
+        self._config = config.mapper
+        self._optimiser = MapOptimiser(config, parameters, config.mapper.rays)
+        self._parameters = parameters
+        self._seed = seed
+
+    def initialise(self, store: KeyframeStore) -> StepReport:
+        """One iteration on the first keyframe, at the raised rates."""
+        return self._step(store, np.array([0]), self._config.first_rate_factor)
+
+    def iterate(self, store: KeyframeStore) -> StepReport:
+        """One iteration over a window of the keyframes there are now."""
+        newest = store.count - 1
+        size = min(self._config.window_keyframes, store.count)
+        generator = self._generator(0)
+        recent = [newest] if size == 1 else [newest, newest - 1]
+        others = generator.choice(newest - 1, size - 2, replace=False) if size > 2 else []
+        return self._step(store, np.array([*recent, *others], np.int64), 1.0)
+
+    def _step(self, store: KeyframeStore, keyframes: np.ndarray, factor: float) -> StepReport:
+        n = len(keyframes)
+        extra = int(self._config.rays * self._config.newest_share) if n > 2 else 0
+        counts = np.full(n, (self._config.rays - extra) // n)
+        counts[:2] += extra // 2
+        poses = store.poses()[keyframes]
+        generator = self._generator(1)
+        return self._optimiser.step(
+            store, keyframes, counts, poses, generator, rate_factor=factor
+        )
+
+    def _generator(self, stream: int) -> np.random.Generator:
+        """Depends on the step alone, so a restarted mapper goes on with the same numbers."""
+        return np.random.default_rng((self._seed, self._parameters.step, stream))

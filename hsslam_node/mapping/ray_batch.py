@@ -1,0 +1,57 @@
+"""A batch of rays drawn from keyframes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hsslam_node.kernels.ray_batch import gather_pixels
+from hsslam_node.keyframes.store import KeyframeStore
+
+
+class RayBatch(NamedTuple):
+    """Arrays for up to R rays; `slot` numbers the keyframes of the batch."""
+
+    direction: np.ndarray  # [R, 3] float32, camera frame, z = 1
+    depth: np.ndarray  # [R] float32 m, planar; every ray has a measurement
+    color: np.ndarray  # [R, 3] float32 0..1
+    slot: np.ndarray  # [R] int64
+
+
+def ray_batch(rays: int) -> RayBatch:
+    """An empty batch."""
+    return RayBatch(
+        np.zeros((rays, 3), np.float32),
+        np.zeros(rays, np.float32),
+        np.zeros((rays, 3), np.float32),
+        np.zeros(rays, np.int64),
+    )
+
+
+def draw_rays(
+    batch: RayBatch,
+    store: KeyframeStore,
+    keyframes: np.ndarray,
+    counts: np.ndarray,
+    max_depth_m: float,
+    generator: np.random.Generator,
+) -> int:
+    """Fill the batch with random pixels that have depth; returns the number of rays.
+
+    Args:
+        keyframes: [n] ids; the rays of keyframes[k] get slot k.
+        counts: [n] rays wanted of each; a keyframe of holes may give fewer.
+    """
+    camera = store.camera
+    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    filled = 0
+    for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
+        color, depth_raw = store.pixels(int(k))
+        candidates = 2 * int(wanted) + 16
+        uv = np.empty((candidates, 2), np.int64)
+        uv[:, 0] = generator.integers(0, camera.width_px, candidates)
+        uv[:, 1] = generator.integers(0, camera.height_px, candidates)
+        filled += gather_pixels(
+            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv, slot, batch,
+            filled, int(wanted),
+        )  # fmt: skip
+    return filled
