@@ -1,0 +1,125 @@
+"""The map on disk: everything needed to load it again, in one safetensors file."""
+
+import dataclasses
+import difflib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from hsslam_node.config import FieldConfig
+from hsslam_node.errors import UserError
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.geometry.bound import Bound
+
+FORMAT = "hsslam-map"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class MapCheckpoint:
+    """A trained map and the keyframes that it was made of."""
+
+    layout: FieldLayout  # configuration and bound
+    params: np.ndarray  # [P] float32
+    keyframe_stamps_ns: np.ndarray  # [n] int64
+    keyframe_T_world_cam: np.ndarray  # [n, 4, 4] float64
+
+    def __post_init__(self) -> None:
+        n = len(self.keyframe_stamps_ns)
+        _expect("params", self.params, (self.layout.parameter_count,), np.float32)
+        _expect("keyframe_stamps_ns", self.keyframe_stamps_ns, (n,), np.int64)
+        _expect("keyframe_T_world_cam", self.keyframe_T_world_cam, (n, 4, 4), np.float64)
+
+
+def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
+    """Write the map; the file appears whole or not at all.
+
+    One tensor per block of the field (`field/<block>`), the keyframes, and in the metadata format,
+    version, field configuration and bound.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    blocks = checkpoint.layout.blocks.values()
+    tensors = {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
+    tensors["keyframes/stamps_ns"] = np.ascontiguousarray(checkpoint.keyframe_stamps_ns)
+    tensors["keyframes/T_world_cam"] = np.ascontiguousarray(checkpoint.keyframe_T_world_cam)
+    bound = checkpoint.layout.bound
+    metadata = {
+        "format": FORMAT,
+        "version": str(FORMAT_VERSION),
+        "field": json.dumps(dataclasses.asdict(checkpoint.layout.config)),
+        "bound": json.dumps([bound.low, bound.high]),
+    }
+    partial = path.with_name(f"{path.name}.partial")
+    try:
+        save_file(tensors, partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        partial.unlink(missing_ok=True)
+        raise UserError(f"{path}: cannot write the map: {error}") from None
+
+
+def load_checkpoint(path: Path) -> MapCheckpoint:
+    """Read a map that `save_checkpoint` wrote.
+
+    Raises:
+        UserError: no such file, another format or version, or a damaged file.
+    """
+    if not path.is_file():
+        raise UserError(f"{path}: no such file: expected a map that a run has saved")
+    try:
+        with safe_open(path, "numpy") as file:
+            metadata = file.metadata() or {}
+            _check_format(path, metadata)
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        layout = _layout(path, metadata)
+        return _checkpoint(layout, tensors)
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        text = " ".join(str(error).split())
+        raise UserError(f"{path}: damaged map: {text or type(error).__name__}") from None
+
+
+def _check_format(path: Path, metadata: dict[str, str]) -> None:
+    if metadata.get("format") != FORMAT:
+        raise UserError(f"{path}: format {metadata.get('format')!r}: expected a {FORMAT} file")
+    if metadata.get("version") != str(FORMAT_VERSION):
+        raise UserError(
+            f"{path}: map version {metadata.get('version')}: expected {FORMAT_VERSION}; "
+            "load it with the release that saved it"
+        )
+
+
+def _layout(path: Path, metadata: dict[str, str]) -> FieldLayout:
+    values = json.loads(metadata["field"])
+    known = [f.name for f in dataclasses.fields(FieldConfig)]
+    for name in values:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UserError(f"{path}: field.{name}: expected an option of the field{hint}")
+    low, high = json.loads(metadata["bound"])
+    return FieldLayout(FieldConfig(**values), Bound(tuple(low), tuple(high)))
+
+
+def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheckpoint:
+    params = np.zeros(layout.parameter_count, np.float32)
+    for block in layout.blocks.values():
+        tensor = tensors[f"field/{block.name}"]
+        _expect(f"field/{block.name}", tensor, block.shape, np.float32)
+        block.view(params)[...] = tensor
+    return MapCheckpoint(
+        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_cam"]
+    )
+
+
+def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type) -> None:
+    if array.shape != shape or array.dtype != dtype:
+        raise ValueError(
+            f"{name} is {array.dtype}{list(array.shape)}, not {np.dtype(dtype)}{list(shape)}"
+        )

@@ -1,0 +1,95 @@
+import json
+import struct
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.config import FieldConfig
+from hsslam_node.errors import UserError
+from hsslam_node.field.initialisation import initial_parameters
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.geometry.bound import Bound
+
+
+@pytest.fixture
+def checkpoint():
+    config = FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=9)
+    layout = FieldLayout.over(config, Bound((-0.51, 0.1, 0.2), (0.5, 0.8, 0.9)))
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, 3] = np.random.default_rng(0).random((3, 3))
+    return MapCheckpoint(layout, initial_parameters(layout, 1), np.array([5, 6, 7]) * 10**18, poses)
+
+
+@pytest.fixture
+def saved(checkpoint, tmp_path):
+    path = tmp_path / "map.safetensors"
+    save_checkpoint(path, checkpoint)
+    return path
+
+
+def test_what_was_saved_is_loaded(checkpoint, saved):
+    loaded = load_checkpoint(saved)
+    assert loaded.layout == checkpoint.layout
+    for name in ("params", "keyframe_stamps_ns", "keyframe_T_world_cam"):
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(checkpoint, name))
+    assert [p.name for p in saved.parent.iterdir()] == [saved.name]
+
+
+def test_missing_file_is_told(tmp_path):
+    with pytest.raises(UserError, match="no such file"):
+        load_checkpoint(tmp_path / "map.safetensors")
+
+
+@pytest.mark.parametrize("kept", [0, 4, 100, -1])
+def test_truncated_file_is_told(saved, kept):
+    saved.write_bytes(saved.read_bytes()[:kept])
+    with pytest.raises(UserError, match="damaged map"):
+        load_checkpoint(saved)
+
+
+def test_garbage_is_told(saved):
+    saved.write_bytes(b"\x80\x04pickle" * 100)
+    with pytest.raises(UserError, match="damaged map"):
+        load_checkpoint(saved)
+
+
+def _rewrite_metadata(path, **changes):
+    raw = path.read_bytes()
+    (length,) = struct.unpack("<Q", raw[:8])
+    header = json.loads(raw[8 : 8 + length])
+    header["__metadata__"].update(changes)
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 8)
+    path.write_bytes(struct.pack("<Q", len(text)) + text + raw[8 + length :])
+
+
+def test_another_version_is_refused(saved):
+    _rewrite_metadata(saved, version="2")
+    with pytest.raises(UserError, match="map version 2: expected 1"):
+        load_checkpoint(saved)
+
+
+def test_another_format_is_refused(tmp_path):
+    path = tmp_path / "other.safetensors"
+    save_file({"a": np.zeros(3)}, path)
+    with pytest.raises(UserError, match="expected a hsslam-map file"):
+        load_checkpoint(path)
+
+
+def test_unknown_option_names_the_nearest(saved, checkpoint):
+    _rewrite_metadata(saved, field=json.dumps({"plane_chanels": 16}))
+    with pytest.raises(UserError, match="did you mean plane_channels"):
+        load_checkpoint(saved)
+
+
+def test_tensors_of_another_size_are_told(saved):
+    _rewrite_metadata(saved, bound=json.dumps([[-0.51, 0.1, 0.2], [5.0, 0.8, 0.9]]))
+    with pytest.raises(UserError, match="damaged map: field/"):
+        load_checkpoint(saved)
+
+
+def test_unwritable_place_is_told(checkpoint, tmp_path):
+    with pytest.raises(UserError, match="cannot write the map"):
+        save_checkpoint(tmp_path / "nowhere" / "map.safetensors", checkpoint)
