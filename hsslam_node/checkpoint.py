@@ -3,7 +3,6 @@
 import dataclasses
 import difflib
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,13 +26,13 @@ class MapCheckpoint:
     layout: FieldLayout  # configuration and bound
     params: np.ndarray  # [P] float32
     keyframe_stamps_ns: np.ndarray  # [n] int64
-    keyframe_T_world_cam: np.ndarray  # [n, 4, 4] float64
+    T_world_keyframe: np.ndarray  # [n, 4, 4] float64
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
         _expect("params", self.params, (self.layout.parameter_count,), np.float32)
         _expect("keyframe_stamps_ns", self.keyframe_stamps_ns, (n,), np.int64)
-        _expect("keyframe_T_world_cam", self.keyframe_T_world_cam, (n, 4, 4), np.float64)
+        _expect("T_world_keyframe", self.T_world_keyframe, (n, 4, 4), np.float64)
 
 
 def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
@@ -48,7 +47,7 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     blocks = checkpoint.layout.blocks.values()
     tensors = {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
     tensors["keyframes/stamps_ns"] = np.ascontiguousarray(checkpoint.keyframe_stamps_ns)
-    tensors["keyframes/T_world_cam"] = np.ascontiguousarray(checkpoint.keyframe_T_world_cam)
+    tensors["keyframes/T_world_keyframe"] = np.ascontiguousarray(checkpoint.T_world_keyframe)
     bound = checkpoint.layout.bound
     metadata = {
         "format": FORMAT,
@@ -59,7 +58,7 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     partial = path.with_name(f"{path.name}.partial")
     try:
         save_file(tensors, partial, metadata)
-        os.replace(partial, path)
+        partial.replace(path)
     except (OSError, SafetensorError) as error:
         partial.unlink(missing_ok=True)
         raise UserError(f"{path}: cannot write the map: {error}") from None
@@ -114,7 +113,7 @@ def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheck
         _expect(f"field/{block.name}", tensor, block.shape, np.float32)
         block.view(params)[...] = tensor
     return MapCheckpoint(
-        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_cam"]
+        layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
     )
 
 

@@ -32,7 +32,7 @@ def saved(checkpoint, tmp_path):
 def test_what_was_saved_is_loaded(checkpoint, saved):
     loaded = load_checkpoint(saved)
     assert loaded.layout == checkpoint.layout
-    for name in ("params", "keyframe_stamps_ns", "keyframe_T_world_cam"):
+    for name in ("params", "keyframe_stamps_ns", "T_world_keyframe"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(checkpoint, name))
     assert [p.name for p in saved.parent.iterdir()] == [saved.name]
 
