@@ -141,7 +141,7 @@ class Child:
 
 
 def spawn(module: str, run_dir: Path, threads: int = 1) -> subprocess.Popen:
-    """Start `hsslam_node.services.<module>` in a session of its own, its output in logs/."""
+    """Start `python -m <module> --run <run_dir>` in a session of its own, its output in logs/."""
     log_file = log_path(run_dir, module)
     log_file.parent.mkdir(exist_ok=True)
     environment: Mapping[str, str] = {
@@ -152,7 +152,7 @@ def spawn(module: str, run_dir: Path, threads: int = 1) -> subprocess.Popen:
     }
     with log_file.open("ab") as log:
         return subprocess.Popen(
-            [sys.executable, "-m", f"hsslam_node.services.{module}", "--run", str(run_dir)],
+            [sys.executable, "-m", module, "--run", str(run_dir)],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=subprocess.STDOUT,
@@ -163,7 +163,7 @@ def spawn(module: str, run_dir: Path, threads: int = 1) -> subprocess.Popen:
 
 def log_path(run_dir: Path, module: str) -> Path:
     """Where a process's own output goes."""
-    return run_dir / "logs" / f"{module}.log"
+    return run_dir / "logs" / f"{module.rpartition('.')[2]}.log"
 
 
 def last_error(run_dir: Path, module: str) -> str:

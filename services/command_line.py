@@ -11,11 +11,10 @@ import tyro
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
-from hsslam_node.presets import preset_config
+from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.services.options import ServeOptions
 
 _PROG = "hsslam-serve"
-_PRESETS = typing.get_args(typing.get_type_hints(ServeOptions)["preset"])
 
 
 def parse_command_line(args: Sequence[str]) -> ServeOptions:
@@ -28,7 +27,7 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
         print(f"{_PROG} {__version__}")
         raise SystemExit(0)
     preset = _preset(args)
-    default = ServeOptions(preset=preset, slam=preset_config(preset))
+    default = ServeOptions(preset=preset, slam=PRESETS[preset])
     if "-h" in args or "--help" in args:
         tyro.cli(ServeOptions, prog=_PROG, args=["--help"], default=default)
     errors = io.StringIO()
@@ -44,7 +43,7 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
     return options
 
 
-def _preset(args: Sequence[str]) -> str:
+def _preset(args: Sequence[str]) -> PresetName:
     """The preset named on the command line, read before everything else; the last one counts."""
     name = "realtime"
     for arg, following in zip(args, [*args[1:], ""], strict=True):
@@ -52,10 +51,11 @@ def _preset(args: Sequence[str]) -> str:
             name = following
         elif arg.startswith("--preset="):
             name = arg.partition("=")[2]
-    if name not in _PRESETS:
-        expected = f"expected {' or '.join(_PRESETS)}"
-        raise UserError(f"--preset {name}: {expected}{_nearest(name, _PRESETS)}")
-    return name
+    for known in PRESETS:
+        if name == known:
+            return known
+    expected = f"expected {' or '.join(PRESETS)}"
+    raise UserError(f"--preset {name}: {expected}{_nearest(name, list(PRESETS))}")
 
 
 def _unknown(arg: str) -> str:
@@ -68,9 +68,8 @@ def _unknown(arg: str) -> str:
 
 
 def _nearest(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    if not near and (same_leaf := [k for k in known if k.endswith("." + name.lstrip("-"))]):
-        near = same_leaf[:1]
+    same_leaf = [option for option in known if option.endswith("." + name.lstrip("-"))]
+    near = same_leaf or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"; did you mean {near[0]}?" if near else ""
 
 

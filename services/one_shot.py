@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_node.services.child import last_error, spawn
+from hsslam_node.services.process_table import WATCHDOG
 from hsslam_node.services.run_info import RunInfo
 
 
@@ -31,7 +32,7 @@ def run_one_shot(
 
 def start_watchdog(run: RunInfo) -> subprocess.Popen:
     """Start the process that cleans up behind a supervisor that was killed."""
-    command = [sys.executable, "-m", "hsslam_node.services.watchdog"]
+    command = [sys.executable, "-m", WATCHDOG]
     return subprocess.Popen(
         [*command, "--run", run.run_dir, "--arena", run.arena_dir],
         stdin=subprocess.DEVNULL,

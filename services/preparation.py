@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 import zenoh
 
 from hsslam_node.errors import UserError
@@ -51,7 +52,6 @@ def prepare(options: ServeOptions) -> Prepared:
     """
     if options.has_camera_process:
         open_source(options.source, options.source_options)
-    started = time.time_ns()
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:
@@ -69,7 +69,7 @@ def prepare(options: ServeOptions) -> Prepared:
             endpoint=f"tcp/{local}:{options.zenoh_port}",
             robot=options.robot,
             supervisor_pid=os.getpid(),
-            started_ns=started,
+            started_ns=int(1e9 * psutil.Process().create_time()),
             options=options,
         )
         try:

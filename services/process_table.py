@@ -1,6 +1,7 @@
 """The table of processes: supervisor, status line, summary and docs iterate over it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,24 @@ class ProcessSpec:
     longest_delay_s: float = 10.0
 
 
+CAMERA_STAGE, TRACKER_STAGE, MAP_STAGE, RECORDER_STAGE = 1, 2, 3, 4  # order of the stop
+
+_PACKAGE = "hsslam_node.services"
+
+
+def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
+    return ProcessSpec(name, f"{_PACKAGE}.{name}", purpose, **fields)
+
+
+SAVER, EVALUATOR, WATCHDOG = (f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog"))
+
 PROCESSES: tuple[ProcessSpec, ...] = (
-    ProcessSpec("recorder", "recorder", "writes run.mcap and feeds rerun", nice=3, stop_stage=4),
-    ProcessSpec("tracker", "tracker", "poses and keyframes", nice=0, stop_stage=2, ends_run=True),
-    ProcessSpec("mapper", "mapper", "steps the scene model", nice=5, stop_stage=3, ends_run=True),
-    ProcessSpec("global_ba", "global_ba", "refines keyframe poses", nice=8, stop_stage=3),
-    ProcessSpec("mesher", "mesher", "extracts the mesh", nice=10, stop_stage=3),
-    ProcessSpec("camera", "camera", "publishes the source", nice=0, stop_stage=1, may_finish=True),
+    _row("recorder", "writes run.mcap and feeds rerun", nice=3, stop_stage=RECORDER_STAGE),
+    _row("tracker", "poses and keyframes", nice=0, stop_stage=TRACKER_STAGE, ends_run=True),
+    _row("mapper", "steps the scene model", nice=5, stop_stage=MAP_STAGE, ends_run=True),
+    _row("global_ba", "refines keyframe poses", nice=8, stop_stage=MAP_STAGE),
+    _row("mesher", "extracts the mesh", nice=10, stop_stage=MAP_STAGE),
+    _row("camera", "publishes the source", nice=0, stop_stage=CAMERA_STAGE, may_finish=True),
 )
 
 

@@ -7,6 +7,8 @@ def main() -> None:
     """Parse the command line, run, exit: 0 done, 1 failed, 2 bad input (told in one line)."""
     try:
         sys.exit(_serve())
+    except BrokenPipeError:  # whoever read our output is gone
+        sys.exit(1)
     except KeyboardInterrupt:  # before there was anything to save
         sys.exit(0)
 

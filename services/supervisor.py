@@ -13,7 +13,13 @@ from hsslam_node.services.child import Child
 from hsslam_node.services.one_shot import run_one_shot, start_watchdog
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.preparation import Prepared, prepare
-from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.process_table import (
+    EVALUATOR,
+    PROCESSES,
+    RECORDER_STAGE,
+    SAVER,
+    TRACKER_STAGE,
+)
 from hsslam_node.services.run_state import Listener
 from hsslam_node.services.status_line import StatusLine
 from hsslam_node.services.summary import process_section, update_summary
@@ -91,7 +97,7 @@ class _Run:
             reason = self._until_stop()
             self._status.say(f"stopping: {reason}")
             self._bus.publisher(topics.STOP).put(Stop(reason=reason))
-            self._stop_in_order()
+            self._stop_in_order(reason)
         return self._exit_code()
 
     def kill_all(self) -> None:
@@ -135,18 +141,19 @@ class _Run:
         now = time.time_ns()
         self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
 
-    def _stop_in_order(self) -> None:
+    def _stop_in_order(self, reason: str) -> None:
         """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
-        stages = sorted({child.spec.stop_stage for child in self._children.values()})
-        for stage in stages:
-            if stage == stages[-1]:
-                self._one_shot("saver", _SAVER_TIMEOUT_S)
-            self._stop_stage(stage)
-            if stage == stages[0]:
+        stop_ns = time.time_ns()
+        for stage in sorted({child.spec.stop_stage for child in self._children.values()}):
+            if stage == TRACKER_STAGE:
                 self._settle()
+            if stage == RECORDER_STAGE:
+                self._one_shot(SAVER, _SAVER_TIMEOUT_S)
+            self._stop_stage(stage)
         if self._supervisor.signals < 2:
-            self._one_shot("evaluator", _EVALUATOR_TIMEOUT_S)
-        update_summary(self._info.path, process_section(self._children, self._listener.state))
+            self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
+        section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
+        update_summary(self._info.path, section)
 
     def _stop_stage(self, stage: int) -> None:
         of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]
@@ -166,15 +173,15 @@ class _Run:
             if since_pose_s > _SETTLED_S:
                 return
 
-    def _one_shot(self, name: str, timeout_s: float) -> None:
+    def _one_shot(self, module: str, timeout_s: float) -> None:
         """Run saver or evaluator to its end while the others are served."""
         if self._supervisor.signals > 1:
             return
         error = run_one_shot(
-            name, self._info.path, timeout_s, self._tick, lambda: self._supervisor.signals > 1
+            module, self._info.path, timeout_s, self._tick, lambda: self._supervisor.signals > 1
         )
         if error:
-            self._tell(f"{name}: {error}")
+            self._tell(f"{module.rpartition('.')[2]}: {error}")
 
     def _exit_code(self) -> int:
         """What to tell the shell; says which processes were restarted."""

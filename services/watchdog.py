@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def _processes_of(run_dir: Path) -> set[int]:
-    """Processes `python -m hsslam_node.services.<module> --run <run_dir>`, but this one."""
+    """Processes `python -m <module> --run <run_dir>`, but this one."""
     found = set()
     for entry in Path("/proc").iterdir():
         if not entry.name.isdecimal() or int(entry.name) == os.getpid():
@@ -49,8 +49,7 @@ def _processes_of(run_dir: Path) -> set[int]:
             command = (entry / "cmdline").read_bytes().split(b"\0")
         except OSError:
             continue
-        is_ours = any(part.startswith(b"hsslam_node.services.") for part in command)
-        if is_ours and os.fsencode(run_dir) in command:
+        if command[1:2] == [b"-m"] and command[3:5] == [b"--run", os.fsencode(run_dir)]:
             found.add(int(entry.name))
     return found
 

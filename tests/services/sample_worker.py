@@ -1,0 +1,30 @@
+"""A process of the service's kind that behaves as the file `behaviour` of its run folder says."""
+
+import os
+import signal
+import time
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.worker import Worker, run_worker
+
+
+def _run(worker: Worker) -> None:
+    behaviour = (worker.run.path / "behaviour").read_text()
+    worker.ready()
+    worker.count("laps")
+    if behaviour == "bad input":
+        raise UserError("field = 3: expected 4")
+    if behaviour == "deaf":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(60)
+    if behaviour == "stuck":
+        time.sleep(60)
+    if behaviour == "crash":
+        os.abort()
+    while not worker.should_stop():
+        time.sleep(0.02)
+    (worker.run.path / "ended").write_text("in order")
+
+
+if __name__ == "__main__":
+    run_worker("sample", _run)
