@@ -182,8 +182,13 @@ class TrackerConfig:
     """Standard deviation of a grey-level difference, 0..255."""
     photometric_huber: float = 10.0
     """Huber threshold of a grey-level difference, 0..255."""
-    keyframe_points: int = 0
-    """Points of the last keyframe aligned to the frame's depth (point to plane); 0 leaves it out."""
+    surface_weight: float = 1.0
+    """Weight of the depth points' distance to the keyframe's surface, against that to the SDF; 0
+    leaves it out."""
+    surface_gate_m: float = 0.05
+    """Points farther than this from the keyframe's surface do not meet it, m."""
+    reference_overlap: float = 0.7
+    """A new reference keyframe is taken when a smaller share of its pixels is in view."""
     min_inlier_ratio: float = 0.4
     """Fewer SDF inliers than this: the frame is lost."""
     max_step_m: float = 0.3
@@ -195,9 +200,11 @@ class TrackerConfig:
         _positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
         _positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         _positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
-        _not_negative(self, "tracker", "border_px", "photometric_pixels", "keyframe_points")
+        _not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
         _not_negative(self, "tracker", "sdf_sigma_slope")
+        _positive(self, "tracker", "surface_gate_m")
         _in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
+        _in_range(self, "tracker", "reference_overlap", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -254,7 +261,7 @@ class BoundConfig:
     """Reach of the box beyond the farthest depth of the first frame, times that depth."""
     least_m: float = 3.0
     """Least reach, m."""
-    most_m: float = 6.0
+    most_m: float = 10.0
     """Most reach, m."""
 
     def __post_init__(self) -> None:

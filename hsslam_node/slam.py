@@ -1,0 +1,80 @@
+"""The whole algorithm in one process, one frame at a time: for libraries, experiments and tests.
+
+The service runs the same parts in separate processes; in lockstep it does the same steps in the same
+order, so the poses are the same.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.frame import Frame
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.keyframes.allocator import ArrayAllocator, MemoryAllocator
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.tracker import Tracker, TrackResult
+
+
+class Slam:
+    """Tracks and maps frames in lockstep.
+
+    Example:
+        >>> slam = Slam(PRESETS["realtime"], seed=0)
+        >>> for result in slam.run(open_source("synth:room", SourceOptions()).frames()):
+        ...     print(result.frame_index, result.T_world_cam[:3, 3])
+    """
+
+    def __init__(
+        self, config: SlamConfig, seed: int = 0, arrays: ArrayAllocator | None = None
+    ) -> None:
+        self.config = config
+        self.seed = seed
+        self._arrays = arrays or MemoryAllocator()
+        self.store: KeyframeStore | None = None
+        self.parameters: FieldParameters | None = None
+        self._tracker: Tracker | None = None
+        self._mapper: Mapper | None = None
+
+    def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
+        """Process all frames, yielding the pose of each."""
+        for frame in frames:
+            yield self.process(frame)
+
+    def process(self, frame: Frame) -> TrackResult:
+        """Track one frame, then map: the initial iterations after the first, some per keyframe."""
+        if self._tracker is None:
+            self._open(frame)
+        assert self._tracker and self._mapper and self.store and self.parameters
+        result = self._tracker.track(frame, self._view())
+        if result.status == "initial":
+            for _ in range(self.config.mapper.first_iterations):
+                self._mapper.initialise(self.store)
+            self.parameters.publish()
+        elif result.is_keyframe:
+            for _ in range(self.config.mapper.iterations):
+                self._mapper.iterate(self.store)
+            self.parameters.publish()
+        return result
+
+    def _open(self, frame: Frame) -> None:
+        c = self.config
+        self.store = KeyframeStore.create(
+            self._arrays, frame.camera, frame.depth_units_per_m, c.keyframes.capacity
+        )
+        bound = initial_bound(frame, c.bound, c.mapper.max_depth_m)
+        layout = FieldLayout.over(c.field, bound)
+        self.parameters = FieldParameters.create(self._arrays, layout, self.seed)
+        self._mapper = Mapper(c, self.parameters, self.seed)
+        self._tracker = Tracker(c, self.store, self.seed)
+
+    def _view(self) -> MapView | None:
+        assert self.parameters
+        version, params = self.parameters.published()
+        if version == 0:
+            return None
+        layout = kernel_layout(self.parameters.layout)
+        return MapView(version, layout, params, self.config.field.truncation_m)

@@ -1,0 +1,189 @@
+"""Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.kernels.alignment import (
+    add_keyframe_surface_term,
+    add_photometric_term,
+    add_sdf_term,
+    transform_points,
+)
+from hsslam_node.kernels.kernel_layout import KernelLayout
+from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
+
+COARSE_STRIDE = 4  # every fourth depth point at the coarse level
+_DAMPING = 1e-4
+
+
+@dataclass(frozen=True)
+class MapView:
+    """The published map that a frame is aligned to."""
+
+    version: int
+    layout: KernelLayout
+    params: np.ndarray  # [P] float32, used in place
+    truncation_m: float
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A pose with the evidence for it."""
+
+    T_world_cam: np.ndarray  # [4, 4]
+    iterations: int
+    sdf_inlier_ratio: float  # inliers over points in the bound; nan without a map
+    sdf_rms_m: float  # of the inliers; nan without a map
+    surface_inlier_ratio: float  # nan without the term
+    photometric_inlier_ratio: float  # nan without the term
+    outside: int  # points outside the bound
+    information: np.ndarray  # [6, 6] normal matrix of the last step
+
+
+def align(
+    points: np.ndarray,
+    levels: tuple[PyramidLevel, ...],
+    T_world_cam: np.ndarray,
+    view: MapView | None,
+    reference: ReferenceKeyframe | None,
+    T_world_ref: np.ndarray,
+    config: TrackerConfig,
+) -> Alignment:
+    """Align a frame, coarse to fine, starting from `T_world_cam` [4, 4].
+
+    Args:
+        points: [N, 3] float32 m, depth points in the camera frame.
+        levels: image pyramid of the frame.
+        view: the map; None before there is one.
+        reference: the keyframe; None leaves its two terms out.
+        T_world_ref: [4, 4] pose of the keyframe.
+    """
+    problem = _Problem(points, levels, view, reference, T_world_ref, config)
+    T = T_world_cam.copy()
+    iterations = 0
+    system = None
+    for level in range(len(levels)):
+        for _ in range(config.iterations // len(levels)):
+            system = problem.linearise(T, level)
+            x = np.linalg.solve(
+                system.H + _DAMPING * np.diag(np.diag(system.H)) + 1e-9 * np.eye(7), -system.b
+            )
+            T = _moved(T, x[:6])
+            problem.bias += x[6]
+            iterations += 1
+            if np.abs(x[:6]).max() < config.stop_step:
+                break
+    assert system is not None
+    nan = float("nan")
+    return Alignment(
+        T_world_cam=T,
+        iterations=iterations,
+        sdf_inlier_ratio=system.sdf_inliers / max(system.sdf_seen, 1) if view else nan,
+        sdf_rms_m=float(np.sqrt(system.sdf_squares / max(system.sdf_inliers, 1))) if view else nan,
+        surface_inlier_ratio=_ratio(system.surface_inliers, system.surface_met),
+        photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
+        outside=system.outside,
+        information=system.H[:6, :6],
+    )
+
+
+@dataclass
+class _System:
+    H: np.ndarray
+    b: np.ndarray
+    cost: float = 0.0
+    sdf_inliers: int = 0
+    sdf_seen: int = 0
+    sdf_squares: float = 0.0
+    outside: int = 0
+    surface_inliers: int = 0
+    surface_met: int = 0
+    photo_inliers: int = 0
+    photo_seen: int = 0
+
+
+class _Problem:
+    """The terms of one frame and the work space to linearise them."""
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        levels: tuple[PyramidLevel, ...],
+        view: MapView | None,
+        reference: ReferenceKeyframe | None,
+        T_world_ref: np.ndarray,
+        config: TrackerConfig,
+    ) -> None:
+        self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
+        self._levels = levels
+        self._view = view
+        self._reference = reference
+        self._config = config
+        self._T_ref_world = inverse(T_world_ref)
+        self._key_world = (
+            tuple(p @ T_world_ref[:3, :3].T + T_world_ref[:3, 3] for p in reference.points)
+            if reference
+            else ()
+        )
+        n = len(points)
+        self._world = np.empty((n, 3), np.float32)
+        self._sdf = np.empty(n, np.float32)
+        self._gradient = np.empty((n, 3), np.float32)
+        self._inside = np.empty(n, np.uint8)
+        self.bias = 0.0
+
+    def linearise(self, T: np.ndarray, level: int) -> _System:
+        """The normal equations at T, at one level of the pyramid."""
+        c = self._config
+        system = _System(np.zeros((7, 7)), np.zeros(7))
+        points = self._points[min(level, 1)]
+        n = len(points)
+        world = self._world[:n]
+        transform_points(T, points, world)
+        z = points[:, 2]
+        centre = T[:3, 3].copy()
+        if self._view:
+            inside, sdf, gradient = self._inside[:n], self._sdf[:n], self._gradient[:n]
+            query_sdf(self._view.params, self._view.layout, world, sdf, inside, gradient, True)
+            cost, system.sdf_inliers, system.sdf_seen, system.sdf_squares = add_sdf_term(
+                sdf, gradient, inside, world, z, centre, self._view.truncation_m,
+                c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, system.H, system.b,
+            )  # fmt: skip
+            system.cost += cost
+            system.outside = n - system.sdf_seen
+        if self._reference and c.surface_weight > 0:
+            k = c.surface_weight**-0.5
+            cost, system.surface_inliers, system.surface_met = add_keyframe_surface_term(
+                points, world, centre, self._T_ref_world, self._reference.surface_points,
+                self._reference.surface_normals, self._reference.surface_K,
+                k * c.sdf_sigma_m, k * c.sdf_sigma_slope, c.sdf_huber_m, c.surface_gate_m,
+                system.H, system.b,
+            )  # fmt: skip
+            system.cost += cost
+        if self._reference and c.photometric_pixels:
+            image = self._levels[level]
+            cost, system.photo_inliers, system.photo_seen = add_photometric_term(
+                image.grey, image.depth, image.K, self._key_world[level],
+                self._reference.grey[level], T, self.bias, c.photometric_sigma,
+                c.photometric_huber, system.H, system.b,
+            )  # fmt: skip
+            system.cost += cost
+        lower = np.tril_indices(7, -1)
+        system.H[lower] = system.H.T[lower]
+        return system
+
+
+def _moved(T: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """T with the twist applied about the camera centre, in world axes."""
+    out = T.copy()
+    out[:3, :3] = se3_exp(np.array([0, 0, 0, *x[3:]]))[:3, :3] @ T[:3, :3]
+    out[:3, 3] += x[:3]
+    return out
+
+
+def _ratio(part: int, whole: int) -> float:
+    return part / whole if whole else float("nan")

@@ -1,0 +1,115 @@
+"""The keyframe that frames are aligned to directly: its salient pixels and its surface."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.frame import Frame
+
+PYRAMID_LEVELS = (0.25, 0.5)  # resolutions of the photometric term, coarse first
+_SMALLEST_GRADIENT = 4.0  # grey levels per pixel
+
+
+@dataclass(frozen=True)
+class PyramidLevel:
+    """An image at one resolution."""
+
+    grey: np.ndarray  # [h, w] float32 0..255
+    depth: np.ndarray  # [h, w] float32 m, 0 = unknown
+    K: np.ndarray  # [4] float64 fx, fy, cx, cy
+
+
+@dataclass(frozen=True)
+class ReferenceKeyframe:
+    """A keyframe prepared for alignment; everything in its own camera frame."""
+
+    id: int
+    points: tuple[np.ndarray, ...]  # per level [N, 3] float64 m, salient pixels
+    grey: tuple[np.ndarray, ...]  # per level [N] float32 0..255
+    surface_points: np.ndarray  # [h, w, 3] float32 m, at half resolution
+    surface_normals: np.ndarray  # [h, w, 3] float32, 0 = none
+    surface_K: np.ndarray  # [4] float64
+
+
+def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
+    """Grey image and depth at the photometric resolutions, coarse first."""
+    grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
+    depth = frame.depth_m()
+    levels = []
+    for factor in PYRAMID_LEVELS:
+        size = round(grey.shape[1] * factor), round(grey.shape[0] * factor)
+        camera = frame.camera.scaled(factor)
+        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        levels.append(
+            PyramidLevel(small, cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), K)
+        )
+    return tuple(levels)
+
+
+def reference_keyframe(
+    id: int, frame: Frame, levels: tuple[PyramidLevel, ...], pixels: int
+) -> ReferenceKeyframe:
+    """Prepare a keyframe: about `pixels` salient pixels per level, and its surface with normals."""
+    points, greys = [], []
+    for level in levels:
+        p, g = _salient_pixels(level, pixels)
+        points.append(p)
+        greys.append(g)
+    surface_points, surface_normals, K = _surface(frame)
+    return ReferenceKeyframe(id, tuple(points), tuple(greys), surface_points, surface_normals, K)
+
+
+def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    """The pixel of largest gradient in each cell of a grid, where depth is known and smooth."""
+    height, width = level.grey.shape
+    gx = cv2.Sobel(level.grey, cv2.CV_32F, 1, 0, scale=1 / 8)
+    gy = cv2.Sobel(level.grey, cv2.CV_32F, 0, 1, scale=1 / 8)
+    strength = cv2.magnitude(gx, gy)
+    low = cv2.erode(level.depth, np.ones((3, 3), np.uint8))
+    high = cv2.dilate(level.depth, np.ones((3, 3), np.uint8))
+    strength[(low <= 0) | (high - low > 0.05 * high)] = 0
+    strength[:2], strength[-2:], strength[:, :2], strength[:, -2:] = 0, 0, 0, 0
+    cell = max(1, int(np.sqrt(height * width / max(wanted, 1))))
+    rows, columns = height // cell, width // cell
+    blocks = (
+        strength[: rows * cell, : columns * cell]
+        .reshape(rows, cell, columns, cell)
+        .transpose(0, 2, 1, 3)
+        .reshape(rows * columns, cell * cell)
+    )
+    best = blocks.argmax(axis=1)
+    keep = blocks[np.arange(len(best)), best] > _SMALLEST_GRADIENT
+    index = np.flatnonzero(keep)
+    v = (index // columns) * cell + best[index] // cell
+    u = (index % columns) * cell + best[index] % cell
+    z = level.depth[v, u].astype(np.float64)
+    fx, fy, cx, cy = level.K
+    points = np.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], axis=-1)
+    return points, level.grey[v, u]
+
+
+def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and normals at half resolution; depth is smoothed over 5 px where it is continuous."""
+    camera = frame.camera.scaled(0.5)
+    depth = cv2.resize(
+        frame.depth_m(), (camera.width_px, camera.height_px), interpolation=cv2.INTER_NEAREST
+    )
+    # the nearest full-resolution pixel of (u, v) is (2u, 2v): its ray, not the centre of the 2x2 block
+    K = np.array([camera.fx, camera.fy, frame.camera.cx / 2, frame.camera.cy / 2])
+    low = cv2.erode(depth, np.ones((5, 5), np.uint8))
+    high = cv2.dilate(depth, np.ones((5, 5), np.uint8))
+    smooth = cv2.GaussianBlur(depth, (5, 5), 1.2)
+    continuous = (low > 0) & (high - low < 0.04 * high)
+    u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+    z = smooth.astype(np.float32)
+    points = np.stack([(u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z, z], axis=-1).astype(np.float32)
+    du = np.zeros_like(points)
+    dv = np.zeros_like(points)
+    du[:, 1:-1] = points[:, 2:] - points[:, :-2]
+    dv[1:-1] = points[2:] - points[:-2]
+    normals = np.cross(dv, du)
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = np.where(continuous[..., None] & (length > 0), normals / np.maximum(length, 1e-12), 0)
+    return points, normals.astype(np.float32), K

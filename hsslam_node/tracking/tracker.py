@@ -1,0 +1,222 @@
+"""The tracker: one frame in, one pose with its quality out."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse, se3_log
+from hsslam_node.kernels.alignment import sample_points
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.tracking.alignment import Alignment, MapView, align
+from hsslam_node.tracking.odometry import rgbd_odometry
+from hsslam_node.tracking.reference_keyframe import (
+    PyramidLevel,
+    ReferenceKeyframe,
+    grey_pyramid,
+    reference_keyframe,
+)
+
+Status = Literal["initial", "tracked", "lost"]
+_FEWEST_POINTS = 100
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """Where a frame was, and how sure that is."""
+
+    frame_index: int
+    status: Status
+    T_world_cam: np.ndarray  # [4, 4]; of a lost frame the prediction, not to be trusted
+    keyframe: int  # id of the reference keyframe
+    T_keyframe_cam: np.ndarray  # [4, 4]
+    quality: float  # 0..1
+    residual_m: float  # RMS of the SDF inliers; nan where there was no map
+    map_version: int  # 0: no map
+    is_keyframe: bool
+    outside: int  # depth points outside the bound
+
+
+class Tracker:
+    """Tracks frames one by one and appends keyframes to the store, whose poses it follows.
+
+    The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
+    ones are aligned to the last pose that was good.
+    """
+
+    def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
+        self._slam = config
+        self._config = config.tracker
+        self._store = store
+        self._seed = seed
+        self._last: _Tracked | None = None
+        self._before_last: _Tracked | None = None
+        self._reference: ReferenceKeyframe | None = None
+        self._since_keyframe = 0
+
+    def resume(self, frame_index: int) -> None:
+        """After a restart: go on from the newest keyframe of the store (at rest)."""
+        newest = self._store.count - 1
+        frame = self._store.frame(newest)
+        levels = grey_pyramid(frame)
+        self._last = _Tracked(frame, levels, newest, np.eye(4), frame_index)
+        self._before_last = None
+        self._reference = reference_keyframe(newest, frame, levels, self._config.photometric_pixels)
+
+    def track(self, frame: Frame, view: MapView | None) -> TrackResult:
+        """Pose of the frame; a keyframe is appended to the store where one is due."""
+        levels = grey_pyramid(frame)
+        if self._last is None:
+            return self._start(frame, levels)
+        points = self._points(frame)
+        prediction = self._predict()
+        best = self._try(points, levels, prediction, view)
+        if not self._is_good(best, prediction):
+            for guess in self._other_guesses(frame):
+                candidate = self._try(points, levels, guess, view)
+                if self._score(candidate) > self._score(best):
+                    best, prediction = candidate, guess
+        good = self._is_good(best, prediction)
+        return self._accept(frame, levels, best, view) if good else self._lose(frame, prediction, view)
+
+    def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...]) -> TrackResult:
+        k = self._store.append(frame, np.eye(4))
+        self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
+        self._last = _Tracked(frame, levels, k, np.eye(4), frame.index)
+        nan = float("nan")
+        return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
+
+    def _points(self, frame: Frame) -> np.ndarray:
+        c, camera = self._config, frame.camera
+        aspect = camera.width_px / camera.height_px
+        # a fifth more cells than points: some fall on edges and holes
+        rows = max(1, round(np.sqrt(1.2 * c.points / aspect)))
+        columns = max(1, round(rows * aspect))
+        jitter = np.random.default_rng((self._seed, frame.index)).random((rows * columns, 2))
+        points = np.empty((rows * columns, 3), np.float32)
+        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        n = sample_points(
+            frame.depth_m(), K, jitter, columns, rows, c.border_px, np.float32(c.max_depth_m), points
+        )
+        return points[:n]
+
+    def _predict(self) -> np.ndarray:
+        """Constant SE(3) velocity, from poses relative to keyframes so that corrections carry over."""
+        last, before = self._last, self._before_last
+        assert last is not None
+        T_last = last.pose(self._store)
+        if before is None or last.frame.index - before.frame.index > 2:
+            return T_last
+        return T_last @ inverse(before.pose(self._store)) @ T_last
+
+    def _other_guesses(self, frame: Frame) -> list[np.ndarray]:
+        """At rest, and OpenCV's RGB-D odometry from the last good frame."""
+        assert self._last is not None
+        T_last = self._last.pose(self._store)
+        T_last_cam = rgbd_odometry(self._last.frame, frame)
+        return [T_last] + ([T_last @ T_last_cam] if T_last_cam is not None else [])
+
+    def _try(
+        self,
+        points: np.ndarray,
+        levels: tuple[PyramidLevel, ...],
+        T: np.ndarray,
+        view: MapView | None,
+    ) -> Alignment | None:
+        if len(points) < _FEWEST_POINTS or self._reference is None:
+            return None
+        T_world_ref = self._store.pose(self._reference.id)
+        return align(points, levels, T, view, self._reference, T_world_ref, self._config)
+
+    def _score(self, alignment: Alignment | None) -> float:
+        """Quality 0..1: the smallest share of inliers among the terms that were used."""
+        if alignment is None or not np.isfinite(alignment.T_world_cam).all():
+            return 0.0
+        ratios = [alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio]
+        known = [r for r in ratios if np.isfinite(r)]
+        return float(min(known)) if known else 0.0
+
+    def _is_good(self, alignment: Alignment | None, prediction: np.ndarray) -> bool:
+        if alignment is None or self._score(alignment) < self._config.min_inlier_ratio:
+            return False
+        step = se3_log(inverse(prediction) @ alignment.T_world_cam)
+        return bool(
+            np.linalg.norm(step[:3]) < self._config.max_step_m
+            and np.linalg.norm(step[3:]) < self._config.max_step_rad
+        )
+
+    def _accept(
+        self,
+        frame: Frame,
+        levels: tuple[PyramidLevel, ...],
+        alignment: Alignment | None,
+        view: MapView | None,
+    ) -> TrackResult:
+        assert alignment is not None and self._reference is not None
+        T = _orthonormal(alignment.T_world_cam)
+        self._since_keyframe += 1
+        is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames
+        if is_keyframe:
+            self._since_keyframe = 0
+            k = self._store.append(frame, T)
+            T_keyframe_cam = np.eye(4)
+        else:
+            k = self._store.count - 1
+            T_keyframe_cam = inverse(self._store.pose(k)) @ T
+        if is_keyframe and self._overlap(T, frame) < self._config.reference_overlap:
+            self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
+        self._before_last = self._last
+        self._last = _Tracked(frame, levels, k, T_keyframe_cam, frame.index)
+        return TrackResult(
+            frame.index, "tracked", T, k, T_keyframe_cam, self._score(alignment),
+            alignment.sdf_rms_m, view.version if view else 0, is_keyframe, alignment.outside,
+        )  # fmt: skip
+
+    def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
+        assert self._last is not None
+        k = self._last.keyframe
+        T_keyframe_cam = inverse(self._store.pose(k)) @ T
+        self._before_last = None
+        version = view.version if view else 0
+        return TrackResult(
+            frame.index, "lost", T, k, T_keyframe_cam, 0.0, float("nan"), version, False, 0
+        )
+
+    def _overlap(self, T_world_cam: np.ndarray, frame: Frame) -> float:
+        """Share of the reference's salient pixels that the frame sees."""
+        assert self._reference is not None
+        points = self._reference.points[0]
+        if len(points) == 0:
+            return 0.0
+        T = inverse(T_world_cam) @ self._store.pose(self._reference.id)
+        x, y, z = (points @ T[:3, :3].T + T[:3, 3]).T
+        camera = frame.camera
+        z = np.maximum(z, 1e-3)
+        u = camera.fx * x / z + camera.cx
+        v = camera.fy * y / z + camera.cy
+        seen = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px) & (z > 0.1)
+        return float(seen.mean())
+
+
+@dataclass(frozen=True)
+class _Tracked:
+    """A frame that was tracked, placed relative to a keyframe."""
+
+    frame: Frame
+    levels: tuple[PyramidLevel, ...]
+    keyframe: int
+    T_keyframe_cam: np.ndarray
+    frame_index: int
+
+    def pose(self, store: KeyframeStore) -> np.ndarray:
+        return store.pose(self.keyframe) @ self.T_keyframe_cam
+
+
+def _orthonormal(T: np.ndarray) -> np.ndarray:
+    """T with rounding errors of many products removed from its rotation."""
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    out = T.copy()
+    out[:3, :3] = U @ Vt
+    return out
