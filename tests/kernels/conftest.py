@@ -1,0 +1,68 @@
+"""A small field with random parameters: flat float32, kernel layout, float64 reference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from hsslam_node.config import FieldConfig
+from hsslam_node.field.hybrid_field import HybridField
+from hsslam_node.field.initialisation import initial_parameters
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.kernels.kernel_layout import KernelLayout, kernel_layout
+
+
+@dataclass(frozen=True)
+class Field:
+    layout: FieldLayout
+    kernel: KernelLayout
+    params: np.ndarray  # [P] float32
+    reference: HybridField  # float64
+
+    def points(self, count: int, seed: int = 0, reach: float = 1.0) -> np.ndarray:
+        """Random points [count, 3] float32, none within 1e-3 cells of a grid line of any level."""
+        rng = np.random.default_rng(seed)
+        low, extent = np.array(self.layout.bound.low), self.layout.bound.extent_m
+        config = self.layout.config
+        cells = [r / extent.max() for r in self.layout.hash_resolutions]
+        for cell_m in (config.coarse_cell_m, config.appearance_fine_cell_m):
+            cells.append(1.0 / cell_m)
+        cells.append(1.0 / config.geometry_fine_cell_m)
+        kept = np.zeros((0, 3), np.float32)
+        while len(kept) < count:
+            unit = (rng.random((4 * count, 3)) - 0.5) * reach + 0.5
+            points = (low + unit * extent).astype(np.float32)
+            grid = (points.astype(np.float64) - low)[..., None] * np.array(cells)
+            clear = (np.abs(grid - np.rint(grid)) > 1e-3).all(axis=(1, 2))
+            kept = np.concatenate([kept, points[clear]])
+        return kept[:count]
+
+
+@pytest.fixture(scope="session", params=[16, 32], ids=["16 channels", "32 channels"])
+def field(request) -> Field:
+    config = FieldConfig(plane_channels=request.param, hash_table_log2=13)
+    layout = FieldLayout.over(config, Bound((-1.0, -0.5, 0.2), (0.9, 0.7, 1.3)))
+    assert layout.hash_is_dense[0] and not layout.hash_is_dense[-1]
+    params = initial_parameters(layout, 0)
+    noise = np.random.default_rng(0).normal(0, 0.1, layout.parameter_count).astype(np.float32)
+    for block in layout.blocks.values():
+        if block.name != "log_beta":
+            block.view(params)[...] += block.view(noise)
+    reference = HybridField(layout, torch.from_numpy(params.astype(np.float64)))
+    return Field(layout, kernel_layout(layout), params, reference)
+
+
+@pytest.fixture(scope="session")
+def close():
+    """Assert that two arrays agree in relative L2 norm."""
+
+    def check(actual, expected, tolerance=1e-4):
+        actual, expected = np.asarray(actual, np.float64), np.asarray(expected, np.float64)
+        assert actual.shape == expected.shape
+        scale = np.linalg.norm(expected)
+        assert scale > 0
+        assert np.linalg.norm(actual - expected) / scale < tolerance
+
+    return check

@@ -1,0 +1,48 @@
+import numpy as np
+import torch
+
+from hsslam_node.field.tri_plane import tri_plane_features
+from hsslam_node.kernels.kernel_layout import PLANE_SETS
+from hsslam_node.kernels.planes import gather_planes, plane_position_gradient, scatter_planes
+
+
+def _cell_m(field, name):
+    config = field.layout.config
+    fine = {"geometry_fine": config.geometry_fine_cell_m}
+    fine["appearance_fine"] = config.appearance_fine_cell_m
+    return fine.get(name, config.coarse_cell_m)
+
+
+def test_gather_scatter_and_slope_are_the_reference(field, close):
+    C, low = field.kernel.channels, field.kernel.low
+    low64 = torch.tensor(field.layout.bound.low, dtype=torch.float64)
+    d_out = np.random.default_rng(1).normal(size=C).astype(np.float32)
+    for s, name in enumerate(PLANE_SETS):
+        planes = [field.reference.block(f"{name}.{axes}") for axes in ("xy", "xz", "yz")]
+        for point in field.points(5, seed=s):
+            x = torch.from_numpy(point[None].astype(np.float64)).requires_grad_()
+            expected = tri_plane_features(planes, x, low64, _cell_m(field, name))
+            total = (expected[0] * torch.from_numpy(d_out).double()).sum()
+            d_params, d_x = torch.autograd.grad(total, (field.reference.params, x))
+
+            p, out, d_p = point - low, np.empty(C, np.float32), np.zeros(3, np.float32)
+            gather_planes(field.params, field.kernel, s, p, out)
+            plane_position_gradient(field.params, field.kernel, s, p, d_out, d_p)
+            grad = np.zeros_like(field.params)
+            touched = np.zeros(len(grad) // 16 + 8, np.uint8)
+            scatter_planes(grad, touched, field.kernel, s, p, d_out)
+            close(out, expected.detach()[0])
+            close(d_p, d_x[0], 1e-3)
+            close(grad, d_params.numpy())
+            assert touched[np.flatnonzero(grad) // 16].all()
+
+
+def test_the_border_is_clamped(field):
+    """Beyond the plane the border value is read, and never memory of another block."""
+    C = field.kernel.channels
+    extent = field.layout.bound.extent_m.astype(np.float32)
+    for s in range(4):
+        at, beyond = np.empty(C, np.float32), np.empty(C, np.float32)
+        gather_planes(field.params, field.kernel, s, extent, at)
+        gather_planes(field.params, field.kernel, s, extent + np.float32(10.0), beyond)
+        np.testing.assert_allclose(at, beyond, atol=1e-5)
