@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import difflib
 import io
+import itertools
 import typing
 from collections.abc import Iterator, Sequence
 
@@ -46,7 +47,7 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
 def _preset(args: Sequence[str]) -> PresetName:
     """The preset named on the command line, read before everything else; the last one counts."""
     name = "realtime"
-    for arg, following in zip(args, [*args[1:], ""], strict=True):
+    for arg, following in itertools.zip_longest(args, args[1:], fillvalue=""):
         if arg == "--preset":
             name = following
         elif arg.startswith("--preset="):

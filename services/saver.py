@@ -1,0 +1,102 @@
+"""The saver: once at the end of a run, writes from the arena what the run is kept for."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import trimesh
+
+from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.meshing.extract_mesh import extract_mesh
+from hsslam_node.meshing.map_queries import MapQueries
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Mesh
+from hsslam_node.services.arena import Arena
+from hsslam_node.services.summary import pose_section, update_summary
+from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, online_trajectory
+
+T = TypeVar("T")
+
+
+def main() -> None:
+    run_worker("saver", _run)
+
+
+def _run(worker: Worker) -> None:
+    arena, run_dir = worker.arena, worker.run.path
+    store = _attached(lambda: KeyframeStore(arena))
+    parameters = _attached(lambda: FieldParameters(arena, worker.options.slam.field))
+    save_trajectories(run_dir, arena, store)
+    if store is None or parameters is None or store.count == 0:
+        return  # stopped before there was a map
+    update_summary(
+        run_dir,
+        {
+            "keyframes": store.count,
+            "model_bytes": parameters.layout.size_bytes_by_part(),
+            "map": {"adam_steps": parameters.step},
+        },
+    )
+    checkpoint = MapCheckpoint(
+        parameters.layout, parameters.params.copy(), store.stamps_ns(), store.poses()
+    )
+    save_checkpoint(run_dir / "map.safetensors", checkpoint)
+    mesh = final_mesh(checkpoint, store, worker.options.slam.mesher.final_voxel_m)
+    _publish(worker, mesh, parameters.version)
+    mesh.export(run_dir / "mesh.ply")
+    update_summary(run_dir, {"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
+
+
+def save_trajectories(run_dir: Path, arena: Arena, store: KeyframeStore | None) -> None:
+    """Write trajectory.txt, trajectory_online.txt and keyframes.txt, and their part of the summary."""
+    rows = PoseLog(arena).rows()
+    poses = store.poses() if store is not None else np.zeros((0, 4, 4))
+    stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
+    write_tum(run_dir / "trajectory_online.txt", online_trajectory(rows))
+    write_tum(run_dir / "trajectory.txt", final_trajectory(rows, poses))
+    write_tum(run_dir / "keyframes.txt", Trajectory(stamps[: len(poses)], poses))
+    update_summary(run_dir, pose_section(rows))
+
+
+def final_mesh(checkpoint: MapCheckpoint, store: KeyframeStore, voxel_m: float) -> trimesh.Trimesh:
+    """The coloured mesh of what the keyframes observed."""
+    queries = MapQueries(checkpoint.layout, checkpoint.params)
+    observed = ((store.frame(k).depth_m(), T) for k, T in enumerate(checkpoint.T_world_keyframe))
+    return extract_mesh(
+        queries.sdf, queries.color, checkpoint.layout.bound, store.camera, observed, voxel_m
+    )
+
+
+def _attached(attach: Callable[[], T]) -> T | None:
+    """What `attach` finds in the arena; None if the run ended before it was made."""
+    try:
+        return attach()
+    except KeyError:
+        return None
+
+
+def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:
+    """For the log and the viewer; a mesh above the topic's size limit is told and not sent."""
+    colors = np.ascontiguousarray(mesh.visual.vertex_colors[:, :3], np.uint8)
+    message = Mesh(
+        map_version=version,
+        vertex_count=len(mesh.vertices),
+        face_count=len(mesh.faces),
+        vertices=memoryview(np.ascontiguousarray(mesh.vertices, np.float32)).cast("B"),
+        faces=memoryview(np.ascontiguousarray(mesh.faces, np.uint32)).cast("B"),
+        colors=memoryview(colors).cast("B"),
+        final=True,
+    )
+    try:
+        worker.bus.publisher(topics.MESH).put(message)
+    except ValueError as error:
+        worker.event("warning", f"final mesh not logged: {error}")
+
+
+if __name__ == "__main__":
+    main()
