@@ -30,7 +30,7 @@ def frame_message(frame: Frame, stamp_ns: int) -> messages.Frame:
 
 
 def frame_from_message(message: messages.Frame) -> Frame:
-    """The frame in a message, `stamp_ns` being the source's own; raw images are read-only views.
+    """The frame in a message, `stamp_ns` being the source's own; the arrays are its own.
 
     Raises:
         UserError: a compressed image cannot be read or has another size.
@@ -51,7 +51,7 @@ def frame_from_message(message: messages.Frame) -> Frame:
 def color_image(message: messages.Frame) -> np.ndarray:
     """Colour of a frame message, [H, W, 3] uint8 RGB; UserError if it is no such JPEG."""
     if message.color_encoding == "rgb8":
-        return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
+        return _owned(np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3)))
     import cv2
 
     image = _imdecode(message.color, cv2.IMREAD_COLOR)
@@ -63,13 +63,18 @@ def color_image(message: messages.Frame) -> np.ndarray:
 def depth_image(message: messages.Frame) -> np.ndarray:
     """Depth of a frame message, [H, W] uint16; UserError if it is no such 16-bit PNG."""
     if message.depth_encoding == "u16":
-        return np.frombuffer(message.depth, "<u2").reshape(_size(message))
+        return _owned(np.frombuffer(message.depth, "<u2").reshape(_size(message)))
     import cv2
 
     image = _imdecode(message.depth, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.shape != _size(message):
         raise _not_an_image(message, "depth", "16-bit PNG", image)
     return image
+
+
+def _owned(view: np.ndarray) -> np.ndarray:
+    # bytes of a payload are read-only and lie anywhere: compiled kernels would see other types
+    return np.require(view, requirements=["ALIGNED", "WRITEABLE", "C_CONTIGUOUS"])
 
 
 def _size(message: messages.Frame) -> tuple[int, int]:

@@ -6,6 +6,8 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.codec import decode, encode, encoding_of
 from hsslam_node.proto.frame_codec import frame_from_message, frame_message
 
 
@@ -33,6 +35,17 @@ def test_compressed_frames_are_read():
     back = frame_from_message(message)
     np.testing.assert_array_equal(back.depth_raw, frame.depth_raw)
     assert np.abs(back.color.astype(int) - frame.color).mean() < 12
+
+
+def test_images_out_of_a_payload_suit_compiled_kernels():
+    for fill in range(8):  # shifts the images within the payload
+        message = msgspec.structs.replace(frame_message(_frame(), 1), index=10**fill)
+        payload = encode(topics.FRAME, message)
+        decoded = decode(topics.FRAME, payload, encoding_of(topics.FRAME))
+        assert isinstance(decoded, messages.Frame)
+        frame = frame_from_message(decoded)
+        for image in (frame.color, frame.depth_raw):
+            assert image.flags.aligned and image.flags.writeable and image.flags.c_contiguous
 
 
 @pytest.mark.parametrize("field", ["color", "depth"])

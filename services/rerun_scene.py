@@ -1,0 +1,191 @@
+"""What the viewer shows of each message: entity tree and default layout (rerun 0.41)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from hsslam_node.geometry.se3 import rotation_from_quaternion
+from hsslam_node.proto import messages
+from hsslam_node.proto.mesh_codec import mesh_arrays
+from hsslam_node.services.frame_compression import jpeg
+
+_SEGMENT_POSES = 64  # of the trajectory per entity; a pose re-logs its segment only
+_BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
+_FRUSTUM_DEPTH_M = 0.08
+_IMAGE_PLANE_M = 0.3
+_FPS_WEIGHT = 0.1  # of the newest interval in the running mean
+_TRAJECTORY, _LOST, _KEYFRAMES = (80, 200, 255), (255, 60, 60), (255, 180, 40)
+_LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
+
+
+class RerunScene:
+    """Draws messages into one recording stream.
+
+    world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
+    world/keyframes/<block>, world/mesh, plots/*, events. Lost poses are drawn as such.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._segment: list[messages.Vector] = []
+        self._segment_index = 0
+        self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
+        self._frustum: np.ndarray | None = None
+        self._tracked_ns = 0
+        self._interval_s = 0.0
+        self._time: tuple[int, int] | None = None
+        stream.log("world", rr.ViewCoordinates.RDF, static=True)
+        for name in ("latency_ms", "fps", "quality", "loss"):
+            stream.log(f"plots/{name}", rr.SeriesLines(names=name), static=True)
+
+    def draw(self, message: messages.Message) -> None:
+        """Log one message at its own time; what has no sensor stamp goes to the newest one."""
+        match message:
+            case messages.Frame():
+                self._set_time(message.index, message.stamp_ns)
+                self._draw_frame(message)
+            case messages.Pose():
+                self._set_time(message.index, message.stamp_ns)
+                self._draw_pose(message)
+            case messages.Keyframe():
+                self._keyframes[message.id] = (message.t, message.q)
+                self._draw_keyframes([message.id])
+            case messages.Correction():
+                moved = zip(message.keyframes, message.t, message.q, strict=True)
+                self._keyframes.update((k, (t, q)) for k, t, q in moved)
+                self._draw_keyframes(message.keyframes)
+            case messages.MapVersion():
+                self._plot("loss", message.loss)
+            case messages.Mesh():
+                self._draw_mesh(message)
+            case messages.Health():
+                self._plot(f"memory_mb/{message.process}", message.rss_bytes / 1e6)
+            case messages.Event():
+                text = f"{message.process}: {message.text}"
+                self._stream.log("events", rr.TextLog(text, level=_LEVELS[message.level]))
+
+    def _set_time(self, index: int, stamp_ns: int) -> None:
+        """Time comes before logging: what is logged earlier is absent from the timeline."""
+        if self._time is None or stamp_ns >= self._time[1]:
+            self._time = (index, stamp_ns)
+        self._stream.set_time("frame", sequence=index)
+        self._stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
+
+    def _draw_frame(self, frame: messages.Frame) -> None:
+        pinhole = rr.Pinhole(
+            focal_length=(frame.fx, frame.fy),
+            principal_point=(frame.cx, frame.cy),
+            resolution=(frame.width_px, frame.height_px),
+            camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=_IMAGE_PLANE_M,
+        )
+        image = rr.EncodedImage(contents=jpeg(frame), media_type="image/jpeg")
+        self._stream.log("world/camera/image", pinhole)
+        self._stream.log("world/camera/image", image)
+        if self._frustum is None:
+            self._frustum = _frustum(frame)
+            self._draw_keyframes(list(self._keyframes))
+
+    def _draw_pose(self, pose: messages.Pose) -> None:
+        self._plot("quality", pose.quality)
+        self._plot("latency_ms", (pose.publish_ns - pose.stamp_ns) / 1e6)
+        if pose.status == "lost":
+            self._stream.log(
+                "world/lost", rr.Points3D([pose.t], colors=[_LOST], radii=rr.Radius.ui_points(6))
+            )
+            return
+        self._stream.log("world/lost", rr.Clear(recursive=False))
+        self._plot_fps(pose)
+        self._stream.log(
+            "world/camera",
+            rr.Transform3D(translation=pose.t, quaternion=rr.Quaternion(xyzw=pose.q)),
+        )
+        self._segment.append(pose.t)
+        self._stream.log(
+            f"world/trajectory/{self._segment_index}",
+            rr.LineStrips3D([self._segment], colors=[_TRAJECTORY], radii=rr.Radius.ui_points(1.5)),
+        )
+        if len(self._segment) == _SEGMENT_POSES:
+            self._segment = self._segment[-1:]
+            self._segment_index += 1
+
+    def _draw_keyframes(self, changed: Sequence[int]) -> None:
+        if self._frustum is None:
+            return
+        self._restore_time()
+        for block in sorted({k // _BLOCK_KEYFRAMES for k in changed}):
+            strips = [
+                self._frustum @ rotation_from_quaternion(np.array(q)).T + np.array(t)
+                for k, (t, q) in self._keyframes.items()
+                if k // _BLOCK_KEYFRAMES == block
+            ]
+            self._stream.log(
+                f"world/keyframes/{block}",
+                rr.LineStrips3D(strips, colors=[_KEYFRAMES], radii=rr.Radius.ui_points(0.7)),
+            )
+
+    def _draw_mesh(self, mesh: messages.Mesh) -> None:
+        self._restore_time()
+        vertices, faces, colors = mesh_arrays(mesh)
+        self._stream.log(
+            "world/mesh",
+            rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, vertex_colors=colors),
+        )
+
+    def _plot_fps(self, pose: messages.Pose) -> None:
+        if self._tracked_ns:
+            interval_s = (pose.publish_ns - self._tracked_ns) / 1e9
+            mean_s = self._interval_s or interval_s
+            self._interval_s = mean_s + _FPS_WEIGHT * (interval_s - mean_s)
+            if self._interval_s > 0:
+                self._plot("fps", 1 / self._interval_s)
+        self._tracked_ns = pose.publish_ns
+
+    def _plot(self, name: str, value: float) -> None:
+        self._restore_time()
+        self._stream.log(f"plots/{name}", rr.Scalars([value]))
+
+    def _restore_time(self) -> None:
+        if self._time is not None:
+            self._set_time(*self._time)
+
+
+def blueprint() -> rrb.Blueprint:
+    """Default layout: the map in 3D, beside it the camera and the plots."""
+    world = rrb.Spatial3DView(
+        origin="/world",
+        name="Map",
+        background=[25, 25, 30],
+        line_grid=rrb.LineGrid3D(visible=False),
+    )
+    plots = [
+        rrb.TimeSeriesView(origin="/plots", contents=[f"/plots/{name}"], name=title)
+        for name, title in (
+            ("latency_ms", "Latency, ms"),
+            ("fps", "Tracked frames per second"),
+            ("quality", "Tracking quality"),
+            ("loss", "Mapping loss"),
+        )
+    ]
+    side = rrb.Vertical(
+        rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
+        rrb.Tabs(*plots, rrb.TextLogView(origin="/events", name="Events"), active_tab=0),
+        row_shares=[1, 1],
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(world, side, column_shares=[2, 1]),
+        rrb.TimePanel(state="collapsed", timeline="time"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def _frustum(frame: messages.Frame) -> np.ndarray:
+    """One line strip through apex and corners of the image, [10, 3] m, camera axes."""
+    u = np.array([-0.5, frame.width_px - 0.5, frame.width_px - 0.5, -0.5])
+    v = np.array([-0.5, -0.5, frame.height_px - 0.5, frame.height_px - 0.5])
+    corners = np.column_stack([(u - frame.cx) / frame.fx, (v - frame.cy) / frame.fy, np.ones(4)])
+    points = np.vstack([np.zeros(3), corners * _FRUSTUM_DEPTH_M])
+    return points[[0, 1, 2, 0, 3, 4, 0, 1, 4]].astype(np.float32)

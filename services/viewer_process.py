@@ -1,0 +1,93 @@
+"""The viewer that comes with the rerun wheel, as a child process on loopback."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Literal
+
+import rerun_cli
+
+from hsslam_node.errors import UserError
+
+_PORT = 9876
+_WEB_PORT = 9090
+
+
+class ViewerProcess:
+    """The native viewer ("spawn") or the server of the web viewer ("web"); `url` takes the data.
+
+    The native viewer is the user's window and stays when the run ends; the web server does not.
+    `page` is the address to open in a browser, None for the native viewer.
+
+    Raises:
+        UserError: the viewer cannot be started.
+    """
+
+    def __init__(self, kind: Literal["spawn", "web"]) -> None:
+        port = _free_port(_PORT)
+        self.kind = kind
+        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
+        self.page: str | None = None
+        command = [_executable(), "--bind", "127.0.0.1", "--port", str(port)]
+        if kind == "web":
+            web_port = _free_port(_WEB_PORT)
+            query = self.url.replace(":", "%3A").replace("/", "%2F").replace("+", "%2B")
+            self.page = f"http://127.0.0.1:{web_port}/?url={query}"
+            command += ["--serve-web", "--web-viewer-port", str(web_port)]
+        else:
+            command += ["--expect-data-soon"]
+        environment = os.environ | {"RUST_LOG": "error"}
+        try:
+            self._process = subprocess.Popen(
+                command,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                preexec_fn=_die_with_parent if kind == "web" else None,
+            )
+        except OSError as error:
+            raise UserError(f"--viewer {kind}: cannot start {command[0]}: {error}") from None
+
+    def has_ended(self) -> bool:
+        """Whether the viewer was closed."""
+        return self._process.poll() is not None
+
+    def close(self) -> None:
+        """End the web server; leave the native viewer to the user."""
+        if self.kind == "web" and not self.has_ended():
+            self._process.terminate()
+            try:
+                self._process.wait(timeout=2.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+
+def _free_port(wanted: int) -> int:
+    """`wanted` if it is free on loopback, else any."""
+    for port in (wanted, 0):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return probe.getsockname()[1]
+    raise UserError("viewer: no free port on 127.0.0.1")
+
+
+def _executable() -> str:
+    # the console script is a wrapper that would outlive, or be outlived by, the real viewer
+    name = "rerun.exe" if sys.platform == "win32" else "rerun"
+    return str(Path(rerun_cli.__file__).parent / name)
+
+
+def _die_with_parent() -> None:
+    import ctypes
+
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

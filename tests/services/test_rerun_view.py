@@ -1,0 +1,114 @@
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import rerun_cli
+from wire_samples import frame, keyframe, mesh, pose
+
+from hsslam_node.errors import UserError
+from hsslam_node.proto import messages
+from hsslam_node.services.rerun_view import RerunView
+from hsslam_node.services.viewer_process import ViewerProcess
+
+RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
+
+
+def test_the_file_has_the_whole_scene(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
+    _show_a_run(view)
+    view.close()
+    assert events == []
+    assert view.dropped == 0
+    subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
+    printed = subprocess.run(
+        [RERUN, "rrd", "print", "-vv", tmp_path / "run.rrd"],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    for entity in (
+        "/world",
+        "/world/camera",
+        "/world/camera/image",
+        "/world/trajectory/0",
+        "/world/trajectory/1",
+        "/world/keyframes/0",
+        "/world/lost",
+        "/world/mesh",
+        "/plots/latency_ms",
+        "/plots/fps",
+        "/plots/quality",
+        "/plots/loss",
+        "/plots/memory_mb/mapper",
+        "/events",
+    ):
+        assert f"{entity} " in printed or f"{entity}\n" in printed or f"{entity}`" in printed
+    assert "Mesh3D:vertex_colors" in printed
+
+
+def test_show_does_not_wait_for_the_drawing(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    begin = time.monotonic()
+    for index in range(300):
+        view.show(frame(index, compressed=False, width_px=64, height_px=48))
+    took_s = time.monotonic() - begin
+    view.close()
+    assert took_s < 2.0
+
+
+def test_a_viewer_that_is_closed_is_one_event(tmp_path):
+    events = []
+    server = ViewerProcess("web")
+    assert server.page is not None and server.page.startswith("http://127.0.0.1:")
+    view = RerunView(
+        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
+    )
+    _show_a_run(view)
+    time.sleep(2.5)
+    view.show(pose(200))
+    time.sleep(0.5)
+    assert events == []
+    server.close()
+    assert server.has_ended()
+    deadline = time.monotonic() + 20
+    while not events and time.monotonic() < deadline:
+        view.show(pose(201))
+        time.sleep(0.05)
+    view.show(pose(202))
+    view.close()
+    assert [level for level, _ in events] == ["warning"]
+    assert "is closed" in events[0][1]
+    subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
+
+
+def test_an_address_that_is_none_is_one_line(tmp_path):
+    with pytest.raises(UserError, match="expected connect:HOST:PORT"):
+        RerunView(tmp_path / "run.rrd", "connect:gopher://x", "run-1", lambda *_: None)
+
+
+def _show_a_run(view: RerunView) -> None:
+    view.show(keyframe(0))
+    for index in range(100):
+        if index % 10 == 0:
+            view.show(frame(index, compressed=True))
+            time.sleep(0.02)
+        view.show(pose(index, status="lost" if index == 50 else "tracked"))
+    view.show(keyframe(40))
+    view.show(messages.MapVersion(version=1, iterations=10, loss=0.5, keyframes=2, mapping_ms=9.0))
+    view.show(
+        messages.Correction(
+            pose_version=1,
+            base_version=0,
+            keyframes=[0],
+            t=[(0.0, 0.1, 0.0)],
+            q=[(0.0, 0.0, 0.0, 1.0)],
+            loss_before=1.0,
+            loss_after=0.5,
+        )
+    )
+    view.show(mesh(final=True))
+    view.show(messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
+    view.show(messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
+    time.sleep(0.3)

@@ -1,0 +1,70 @@
+"""Messages for the tests of bus, log and viewer."""
+
+import time
+
+import numpy as np
+
+from hsslam_node.proto import messages
+from hsslam_node.proto.mesh_codec import mesh_message
+from hsslam_node.services.frame_compression import compress_frame
+
+
+def frame(index: int, compressed: bool = False, width_px: int = 64, height_px: int = 48):
+    """A gradient with a plane 2 m away."""
+    color = np.zeros((height_px, width_px, 3), np.uint8)
+    color[..., 0] = np.linspace(0, 255, width_px)
+    color[..., 1] = index * 5 % 256
+    message = messages.Frame(
+        index=index,
+        stamp_ns=time.time_ns(),
+        source_stamp_ns=index * 33_333_333,
+        width_px=width_px,
+        height_px=height_px,
+        fx=width_px * 0.8,
+        fy=width_px * 0.8,
+        cx=width_px / 2 - 0.5,
+        cy=height_px / 2 - 0.5,
+        color=memoryview(color).cast("B"),
+        depth=memoryview(np.full((height_px, width_px), 10_000, "<u2")).cast("B"),
+        depth_units_per_m=5000.0,
+    )
+    return compress_frame(message) if compressed else message
+
+
+def pose(index: int, status="tracked") -> messages.Pose:
+    """A camera that moves along x."""
+    now = time.time_ns()
+    return messages.Pose(
+        index=index,
+        stamp_ns=now - 20_000_000,
+        source_stamp_ns=index * 33_333_333,
+        publish_ns=now,
+        status=status,
+        t=(float(index), 0.0, 0.0),
+        q=(0.0, 0.0, 0.0, 1.0),
+        quality=0.9,
+        inlier_ratio=0.8,
+        residual_mm=2.0,
+        map_version=1,
+        keyframe=0,
+        stage_ms={"align": 5.0},
+    )
+
+
+def keyframe(index: int) -> messages.Keyframe:
+    """A keyframe at x = index."""
+    return messages.Keyframe(
+        id=index,
+        frame_index=index,
+        source_stamp_ns=index,
+        t=(float(index), 0.0, 0.0),
+        q=(0.0, 0.0, 0.0, 1.0),
+    )
+
+
+def mesh(final: bool = False) -> messages.Mesh:
+    """Two triangles 2 m in front of the first camera."""
+    vertices = np.array([[0, 0, 2], [1, 0, 2], [1, 1, 2], [0, 1, 2]], "<f4")
+    faces = np.array([[0, 1, 2], [0, 2, 3]], "<u4")
+    colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]], np.uint8)
+    return mesh_message(vertices, faces, colors, map_version=1, final=final)
