@@ -42,7 +42,7 @@ class BlockMesher:
         self._waiting: dict[tuple[int, int, int], None] = {}  # in order of arrival
 
     def observe(
-        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 4
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 2
     ) -> None:
         """Take in one keyframe; see `ObservedSpace.observe`."""
         self.space.observe(depth_m, camera, T_world_cam, stride_px)

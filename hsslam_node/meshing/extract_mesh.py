@@ -18,7 +18,7 @@ def extract_mesh(
     camera: Camera,
     keyframes: Iterable[tuple[np.ndarray, np.ndarray]],
     voxel_m: float = 0.03,
-    stride_px: int = 4,
+    stride_px: int = 1,
     min_component_faces: int = 50,
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.

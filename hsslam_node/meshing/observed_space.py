@@ -38,7 +38,7 @@ class ObservedSpace:
         self._dirty = np.zeros(self.block_count, np.bool_)
 
     def observe(
-        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 4
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 2
     ) -> None:
         """Mark the vertices nearest to every stride-th depth pixel; their blocks become dirty.
 
@@ -46,7 +46,7 @@ class ObservedSpace:
             depth_m: [H, W] float32 m, planar, 0 = no measurement.
             camera: undistorted.
             T_world_cam: [4, 4].
-            stride_px: step between pixels, both ways.
+            stride_px: step between pixels, both ways; marks more than 3 voxels apart leave holes.
         """
         T = np.array(T_world_cam, np.float64)
         T[:3, 3] -= self.bound.low
