@@ -61,7 +61,7 @@ class Arena:
             raise KeyError(name) from None
         dtype, shape = _dtype(header["dtype"]), tuple(header["shape"])
         nbytes = math.prod(shape) * dtype.itemsize
-        storage = torch.UntypedStorage.from_file(
+        storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
         )
         flat = torch.empty(0, dtype=torch.uint8).set_(storage)  # [nbytes]
@@ -107,7 +107,7 @@ def _dtype(descr: Any) -> np.dtype:
     """The dtype of a descriptor that JSON has turned from tuples into lists."""
     if isinstance(descr, str):
         return np.dtype(descr)
-    fields = [
+    fields: Any = [
         (field[0], _dtype(field[1]).descr if isinstance(field[1], list) else field[1])
         + ((tuple(field[2]),) if len(field) > 2 else ())
         for field in descr

@@ -26,6 +26,7 @@ _OLD_RESULTS = (
     "mesh.ply",
     "map.safetensors",
     "summary.json",
+    "recorder.json",
     "*.png",
     "logs/*.log",
 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
@@ -47,13 +47,16 @@ def _run(worker: Worker) -> None:
     )
     save_checkpoint(run_dir / "map.safetensors", checkpoint)
     mesh = final_mesh(checkpoint, store, worker.options.slam.mesher.final_voxel_m)
+    if len(mesh.faces) == 0:
+        worker.event("warning", "no mesh: the map has no observed surface")
+        return
     _publish(worker, mesh, parameters.version)
     mesh.export(run_dir / "mesh.ply")
     update_summary(run_dir, {"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
 
 
 def save_trajectories(run_dir: Path, arena: Arena, store: KeyframeStore | None) -> None:
-    """Write trajectory.txt, trajectory_online.txt and keyframes.txt, and their part of the summary."""
+    """Write the three trajectory files and what the summary says of poses."""
     rows = PoseLog(arena).rows()
     poses = store.poses() if store is not None else np.zeros((0, 4, 4))
     stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
@@ -82,20 +85,24 @@ def _attached(attach: Callable[[], T]) -> T | None:
 
 def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:
     """For the log and the viewer; a mesh above the topic's size limit is told and not sent."""
-    colors = np.ascontiguousarray(mesh.visual.vertex_colors[:, :3], np.uint8)
+    visual: Any = mesh.visual
     message = Mesh(
         map_version=version,
         vertex_count=len(mesh.vertices),
         face_count=len(mesh.faces),
-        vertices=memoryview(np.ascontiguousarray(mesh.vertices, np.float32)).cast("B"),
-        faces=memoryview(np.ascontiguousarray(mesh.faces, np.uint32)).cast("B"),
-        colors=memoryview(colors).cast("B"),
+        vertices=_bytes(mesh.vertices, np.float32),
+        faces=_bytes(mesh.faces, np.uint32),
+        colors=_bytes(visual.vertex_colors[:, :3], np.uint8),
         final=True,
     )
     try:
         worker.bus.publisher(topics.MESH).put(message)
     except ValueError as error:
         worker.event("warning", f"final mesh not logged: {error}")
+
+
+def _bytes(array: Any, dtype: type) -> memoryview:
+    return np.ascontiguousarray(array, dtype).data.cast("B")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hsslam_node.services.run_state import RunState
 
 _FILE = "summary.json"
+_RECORDER_FILE = "recorder.json"  # what the recorder says of its log
 _LOST = 2  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
@@ -28,8 +29,7 @@ def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
 
 def read_summary(run_dir: Path) -> dict[str, Any]:
     """The summary so far; empty if there is none."""
-    path = run_dir / _FILE
-    return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
+    return _read_json(run_dir / _FILE)
 
 
 def pose_section(rows: np.ndarray) -> dict[str, Any]:
@@ -75,6 +75,7 @@ def process_section(
             "iterations": state.map.iterations if state.map else 0,
         },
         "ba_rounds": state.ba_rounds,
+        "log": _read_json(run.path / _RECORDER_FILE),
         "processes": {name: _process(child) for name, child in children.items()},
         "options": msgspec.to_builtins(run.options),
         "versions": {
@@ -93,6 +94,10 @@ def _process(child: "Child") -> dict[str, Any]:
         "stage_ms": dict(health.stage_ms) if health else {},
         "counters": dict(health.counters) if health else {},
     }
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
 
 
 def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

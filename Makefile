@@ -1,0 +1,47 @@
+# make run   install into .venv, run the main job on the built-in room, leave a picture of the result
+# make test  install what the tests need, run them
+# make lint  formatter, linter, type checker, generated docs
+# make bench measure the table of the README and store it as JSON
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= runs/room
+TYPES := build/types
+
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+
+.PHONY: run test lint bench clean
+
+run: $(VENV)/.installed
+	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
+	$(BIN)/python -m hsslam_node.services.picture $(OUT)
+
+test: $(VENV)/.installed-dev
+	$(BIN)/pytest
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	rm -rf $(TYPES) && mkdir -p $(TYPES)
+	cp -r hsslam_node examples $(TYPES)/ && cp -r services proto $(TYPES)/hsslam_node/
+	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/python -m hsslam_node.proto.topic_table --check docs/architecture.md
+
+bench: $(VENV)/.installed
+	$(BIN)/python -m hsslam_node.services.bench
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+
+$(VENV)/bin/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
