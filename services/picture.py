@@ -80,8 +80,7 @@ def _panel(
     away = np.cos(elevation) * np.cross(side, up) + np.sin(elevation) * up
     eye = centre + 0.95 * size * away
     R = np.stack([side, np.cross(-away, side), -away])  # world to view, x right, y down, z forward
-    focal = _PANEL_PX / _LIGHT = np.array([0.80, 0.48, 0.36])  # a direction, unit length
-_FIELD_OF_VIEW
+    focal = _PANEL_PX / _FIELD_OF_VIEW
     uv, z = _project(points[keep], R, eye, focal)
     image = _splat(uv, z, colors[keep])
     line, _ = _project(path.positions, R, eye, focal)
