@@ -65,7 +65,7 @@ def _normal_quantiles() -> np.ndarray:
     return (quantiles / quantiles.std()).astype(np.float32)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _apply(depth_raw, units_per_m, key, normal, out):
     height, width = depth_raw.shape
     mask = np.uint64(len(normal) - 1)

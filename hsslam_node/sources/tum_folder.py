@@ -58,7 +58,9 @@ class TumFolder:
             place = f"{data or '$HSSLAM_DATA'}/{folder}"
             unset = "" if data else " (HSSLAM_DATA is not set)"
             raise UserError(f"source tum:{name}: fetch {url} and unpack it to {place}{unset}")
-        raise UserError(f"source tum:{name}: no such folder: expected one with rgb.txt and depth.txt")
+        raise UserError(
+            f"source tum:{name}: no such folder: expected one with rgb.txt and depth.txt"
+        )
 
     def camera(self) -> tuple[Camera, float]:
         """Camera with its distortion, and depth units per metre.

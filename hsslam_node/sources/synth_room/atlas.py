@@ -1,0 +1,129 @@
+"""All faces of the scene, textured and lit, as one array of mip levels."""
+
+import zlib
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.sources.synth_room.lighting import bake_light, light_samples
+from hsslam_node.sources.synth_room.primitive import Kind, Primitive
+from hsslam_node.sources.synth_room.textures import blurred, make_texture
+
+_TEXEL_M = 0.004
+_FINE_TEXEL_M = 0.0025  # books, pictures and other small things
+_FINE_AREA_M2 = 0.4
+_SEEN_FROM_M = 1.1  # the camera stays above: undersides below this height need no texture
+_LIGHT_TEXEL_M = 0.05
+_AMBIENT_RAYS = 20
+_EMISSIVE = ("window", "screen")
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """What the ray caster reads: texels of all levels of all faces, and the tables that find them."""
+
+    first_faces: np.ndarray  # [P] int32, number of a primitive's first face
+    first_levels: np.ndarray  # [F] int32, row of `levels` of a face's finest level
+    inverse_texels: np.ndarray  # [F] float32, texels of the finest level per metre
+    levels: np.ndarray  # [N, 3] int32: offset into `texels`, width, height
+    texels: np.ndarray  # [M] uint64, red, green, blue in lanes of 16 bits
+
+
+def build_atlas(parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int) -> Atlas:
+    """Textures and bakes every face of the primitives; the same seed gives the same bytes."""
+    size_m = tuple(float(2 * h) for h in parts[0].half_m)
+    lamps = light_samples(size_m, seed)  # type: ignore[arg-type]
+    directions = _cosine_directions(_AMBIENT_RAYS)
+    first_faces, first_levels, inverse_texels, levels, blocks, offset = [], [], [], [], [], 0
+    for number, part in enumerate(parts):
+        first_faces.append(len(first_levels))
+        for face in range(part.face_count):
+            rng = np.random.default_rng((seed, 3, number, face))
+            image, texel_m = _albedo(part, face, rng, seed)
+            if not part.material(face).startswith(_EMISSIVE):
+                image *= _light(part, face, image.shape[:2], arrays, lamps, directions)[..., None]
+            first_levels.append(len(levels))
+            inverse_texels.append(1 / texel_m)
+            for level in _pyramid(_encode(image)):
+                levels.append((offset, level.shape[1], level.shape[0]))
+                blocks.append(_packed(level))
+                offset += level.shape[0] * level.shape[1]
+    return Atlas(
+        np.array(first_faces, np.int32),
+        np.array(first_levels, np.int32),
+        np.array(inverse_texels, np.float32),
+        np.array(levels, np.int32),
+        np.concatenate(blocks),
+    )
+
+
+def _albedo(
+    part: Primitive, face: int, rng: np.random.Generator, seed: int
+) -> tuple[np.ndarray, float]:
+    width_m, height_m = part.face_size_m(face)
+    if _is_hidden(part, face):
+        return np.full((2, 2, 3), 0.3, np.float32), max(width_m, height_m) / 2
+    texel_m = _FINE_TEXEL_M if width_m * height_m < _FINE_AREA_M2 else _TEXEL_M
+    w, h = max(2, round(width_m / texel_m)), max(2, round(height_m / texel_m))
+    material = part.material(face)
+    if part.kind in (Kind.CYLINDER, Kind.ELLIPSOID) and face == 0:
+        half = make_texture(material, (h, (w + 1) // 2), texel_m, rng)
+        image = np.concatenate([half, half[:, ::-1]], axis=1)[:, :w]  # meets itself at the back
+    else:
+        if material == "book":  # all faces of one book share their colour
+            shade = np.random.default_rng((seed, zlib.crc32(part.center_m.tobytes())))
+            rng = shade
+        image = make_texture(material, (h, w), texel_m, rng)
+    return blurred(image, 0.6), texel_m
+
+
+def _is_hidden(part: Primitive, face: int) -> bool:
+    underside = {Kind.BOX: 5, Kind.CYLINDER: 2}.get(part.kind)
+    bottom_m = part.center_m[2] - part.half_m[2]
+    return face == underside and part.rotation[2, 2] > 0.999 and bottom_m < _SEEN_FROM_M
+
+
+def _light(part, face, shape, arrays, lamps, directions) -> np.ndarray:
+    """Irradiance [h, w] float32 of a face, baked coarsely and interpolated."""
+    width_m, height_m = part.face_size_m(face)
+    w, h = max(3, round(width_m / _LIGHT_TEXEL_M)), max(3, round(height_m / _LIGHT_TEXEL_M))
+    u, v = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
+    points, normals = part.surface(face, u, v)
+    light = bake_light(
+        arrays["kinds"], arrays["rotations"], arrays["centers"], arrays["halves"],
+        np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3)),
+        lamps, directions,
+    ).reshape(h, w)  # fmt: skip
+    light = cv2.GaussianBlur(light, (3, 3), 0.8)
+    return cv2.resize(light, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+
+
+def _cosine_directions(count: int) -> np.ndarray:
+    """Cosine-weighted directions about +z, [count, 3], on a golden spiral."""
+    k = np.arange(count) + 0.5
+    r, a = np.sqrt(k / count), 2.399963 * k
+    return np.column_stack([r * np.cos(a), r * np.sin(a), np.sqrt(1 - k / count)])
+
+
+def _encode(image: np.ndarray) -> np.ndarray:
+    """Linear light to 8 bit with a camera's soft shoulder and gamma."""
+    exposed = 1.15 * image
+    return np.clip(255 * (exposed / (1 + 0.18 * exposed)) ** (1 / 1.5), 0, 255).astype(np.uint8)
+
+
+def _pyramid(image: np.ndarray) -> list[np.ndarray]:
+    """The image and its halves down to one texel, which comes twice (the look-up reads one ahead)."""
+    levels = [image]
+    while max(levels[-1].shape[:2]) > 1:
+        h, w = levels[-1].shape[:2]
+        levels.append(
+            cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA)
+        )
+    return levels + [levels[-1]] * 6
+
+
+def _packed(level: np.ndarray) -> np.ndarray:
+    lanes = np.zeros((*level.shape[:2], 4), np.uint16)
+    lanes[..., :3] = level
+    return lanes.view(np.uint64).ravel()

@@ -1,0 +1,240 @@
+"""Numba kernels: primitives into screen tiles, nearest hit per pixel, texture coordinates."""
+
+import numba
+import numpy as np
+
+from hsslam_node.sources.synth_room.texture_lookup import JIT, mix_borders, sample
+
+TILE = 16
+_PIXELS = TILE * TILE
+_SHIFT = 4  # log2 of TILE
+NEAR_M = 0.02
+_EPSILON = np.float32(1e-9)  # keeps 1 / direction finite
+_LEAST_COSINE = np.float32(0.08)
+
+
+@numba.njit(**JIT)
+def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse_texels, levels,
+           texels, T, intrinsics, color, depth, units_per_m, packed, face_ids):  # fmt: skip
+    """Renders colour [H, W, 3] uint8 and planar depth [H, W] uint16 seen from T [4, 4] (camera to world).
+
+    kinds, first_faces [P] int32; rotations [P, 3, 3], centers, halves [P, 3] float64.
+    first_levels [F] int32, inverse_texels [F] float32 1/m; levels and texels as in `sample`.
+    intrinsics [4] fx fy cx cy; packed [H, W] uint32, face_ids [H, W] int32: scratch.
+    """
+    height, width = depth.shape
+    to_unit, origins = _into_unit_frames(rotations, centers, halves, T)
+    counts, members = bin_primitives(rotations, centers, halves, T, intrinsics, height, width)
+    ray_x, ray_y = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
+    nearest, owner = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
+    s, q = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
+    slant, face = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
+    pixel = np.float32(1 / intrinsics[0])
+    scale = np.float32(units_per_m)
+    tiles_x = (width + TILE - 1) // TILE
+    for tile in range(len(counts)):
+        row, column = TILE * (tile // tiles_x), TILE * (tile % tiles_x)
+        for i in range(_PIXELS):
+            ray_x[i] = (column + (i & (TILE - 1)) - intrinsics[2]) / intrinsics[0]
+            ray_y[i] = (row + (i >> _SHIFT) - intrinsics[3]) / intrinsics[1]
+            nearest[i] = np.float32(1e6)
+            owner[i] = 0
+        for k in range(counts[tile]):
+            p = members[tile, k]
+            M, o = to_unit[p], origins[p]
+            if kinds[p] <= 1:
+                _hit_cube(p, kinds[p] == 0, M, o, ray_x, ray_y, nearest, owner)
+            elif kinds[p] == 2:
+                _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner)
+            else:
+                _hit_ball(p, M, o, ray_x, ray_y, nearest, owner)
+        for k in range(counts[tile]):
+            p = members[tile, k]
+            M, o, h, first = to_unit[p], origins[p], halves[p], first_faces[p]
+            if kinds[p] <= 1:
+                _place_on_cube(p, first, M, o, h, ray_x, ray_y, nearest, owner, face, s, q, slant)
+            else:
+                round_ = kinds[p] == 3
+                _place_on_round(
+                    p, first, round_, M, o, ray_x, ray_y, nearest, owner, face, s, q, slant
+                )
+        for i in range(min(TILE, height - row) * TILE):
+            v, u = row + (i >> _SHIFT), column + (i & (TILE - 1))
+            if u < width:
+                t, f = nearest[i], face[i]
+                footprint = t * pixel * inverse_texels[f] * slant[i]
+                packed[v, u] = sample(texels, levels, first_levels[f], s[i], q[i], footprint)
+                face_ids[v, u] = f
+                depth[v, u] = np.uint16(min(t * scale + np.float32(0.5), np.float32(65535)))
+    mix_borders(packed, face_ids, color)
+
+
+@numba.njit(**JIT)
+def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
+    """Counts [tiles] and members [tiles, P] of the primitives that may be seen in each tile.
+
+    Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room, is
+    in all of them.
+    """
+    n = len(centers)
+    tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
+    counts = np.zeros(tiles_x * tiles_y, np.int32)
+    members = np.empty((tiles_x * tiles_y, n), np.int32)
+    corners = np.empty((8, 3))
+    for p in range(n):
+        for c in range(8):
+            corners[c] = 0.0
+            for i in range(3):
+                w = centers[p, i] - T[i, 3]
+                for a in range(3):
+                    w += rotations[p, i, a] * halves[p, a] * (1.0 if (c >> a) & 1 else -1.0)
+                for b in range(3):
+                    corners[c, b] += T[i, b] * w
+        low_u, high_u, low_v, high_v = 1e9, -1e9, 1e9, -1e9
+        for c in range(8):
+            for a in range(-1, 3):  # the corner itself, then the three edges that leave it
+                d = c if a < 0 else c ^ (1 << a)
+                x, y, z = corners[c]
+                if z < NEAR_M:
+                    if corners[d, 2] < NEAR_M:
+                        continue
+                    clip = (NEAR_M - z) / (corners[d, 2] - z)
+                    x += clip * (corners[d, 0] - x)
+                    y += clip * (corners[d, 1] - y)
+                    z = NEAR_M
+                u = x / z * intrinsics[0] + intrinsics[2]
+                v = y / z * intrinsics[1] + intrinsics[3]
+                low_u, high_u = min(low_u, u), max(high_u, u)
+                low_v, high_v = min(low_v, v), max(high_v, v)
+        if p == 0:
+            low_u, low_v, high_u, high_v = 0.0, 0.0, float(width), float(height)
+        if high_u < 0 or high_v < 0 or low_u > width - 1 or low_v > height - 1:
+            continue
+        first_x, last_x = int(max(low_u, 0)) // TILE, int(min(high_u + 1, width - 1)) // TILE
+        first_y, last_y = int(max(low_v, 0)) // TILE, int(min(high_v + 1, height - 1)) // TILE
+        for y in range(first_y, last_y + 1):
+            for x in range(first_x, last_x + 1):
+                tile = y * tiles_x + x
+                members[tile, counts[tile]] = p
+                counts[tile] += 1
+    return counts, members
+
+
+@numba.njit(**JIT)
+def _into_unit_frames(rotations, centers, halves, T):
+    """Camera rays into the unit frame of every primitive: matrices [P, 3, 3] and origins [P, 3]."""
+    n = len(centers)
+    to_unit, origins = np.empty((n, 3, 3), np.float32), np.empty((n, 3), np.float32)
+    for p in range(n):
+        for a in range(3):
+            o = 0.0
+            for i in range(3):
+                o += rotations[p, i, a] * (T[i, 3] - centers[p, i])
+            origins[p, a] = o / halves[p, a]
+            for b in range(3):
+                m = 0.0
+                for i in range(3):
+                    m += rotations[p, i, a] * T[i, b]
+                to_unit[p, a, b] = m / halves[p, a]
+    return to_unit, origins
+
+
+@numba.njit(**JIT)
+def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
+    for i in range(_PIXELS):
+        ix = np.float32(1) / (M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2] + _EPSILON)
+        iy = np.float32(1) / (M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2] + _EPSILON)
+        iz = np.float32(1) / (M[2, 0] * ray_x[i] + M[2, 1] * ray_y[i] + M[2, 2] + _EPSILON)
+        mx, my, mz = -o[0] * ix, -o[1] * iy, -o[2] * iz
+        kx, ky, kz = abs(ix), abs(iy), abs(iz)
+        enter = max(max(mx - kx, my - ky), mz - kz)
+        leave = min(min(mx + kx, my + ky), mz + kz)
+        t = leave if inside else enter
+        hit = (enter <= leave) & (t > np.float32(NEAR_M)) & (t < nearest[i])
+        nearest[i] = t if hit else nearest[i]
+        owner[i] = p if hit else owner[i]
+
+
+@numba.njit(**JIT)
+def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
+    c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - np.float32(1)
+    for i in range(_PIXELS):
+        dx = M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2]
+        dy = M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2]
+        dz = M[2, 0] * ray_x[i] + M[2, 1] * ray_y[i] + M[2, 2]
+        a = dx * dx + dy * dy + dz * dz
+        b = dx * o[0] + dy * o[1] + dz * o[2]
+        root = b * b - a * c
+        t = (-b - np.sqrt(max(root, np.float32(0)))) / a
+        hit = (root > np.float32(0)) & (t > np.float32(NEAR_M)) & (t < nearest[i])
+        nearest[i] = t if hit else nearest[i]
+        owner[i] = p if hit else owner[i]
+
+
+@numba.njit(**JIT)
+def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
+    c = o[0] * o[0] + o[1] * o[1] - np.float32(1)
+    for i in range(_PIXELS):
+        dx = M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2]
+        dy = M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2]
+        iz = np.float32(1) / (M[2, 0] * ray_x[i] + M[2, 1] * ray_y[i] + M[2, 2] + _EPSILON)
+        a = dx * dx + dy * dy + _EPSILON
+        b = dx * o[0] + dy * o[1]
+        root = b * b - a * c
+        width = np.sqrt(max(root, np.float32(0)))
+        enter = max((-b - width) / a, -o[2] * iz - abs(iz))
+        leave = min((-b + width) / a, -o[2] * iz + abs(iz))
+        hit = (root > np.float32(0)) & (enter <= leave)
+        hit = hit & (enter > np.float32(NEAR_M)) & (enter < nearest[i])
+        nearest[i] = enter if hit else nearest[i]
+        owner[i] = p if hit else owner[i]
+
+
+@numba.njit(**JIT)
+def _place_on_cube(p, first, M, o, half, ray_x, ray_y, nearest, owner, face, s, q, slant):
+    """Face, texture coordinates in [0, 1] and slant (growth of the pixel's footprint), no branches."""
+    hx, hy, hz = np.float32(half[0]), np.float32(half[1]), np.float32(half[2])
+    one, scale = np.float32(1), np.float32(0.5)
+    for i in range(_PIXELS):
+        mine, t = owner[i] == p, nearest[i]
+        dx = M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2]
+        dy = M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2]
+        dz = M[2, 0] * ray_x[i] + M[2, 1] * ray_y[i] + M[2, 2]
+        x, y, z = o[0] + t * dx, o[1] + t * dy, o[2] + t * dz
+        ax, ay, az = abs(x), abs(y), abs(z)
+        on_x = (ax >= ay) & (ax >= az)
+        on_y = ay >= az
+        along = x if on_x else (y if on_y else z)
+        toward = dx * hx if on_x else (dy * hy if on_y else dz * hz)
+        number = 0 if on_x else (2 if on_y else 4)
+        across = y if on_x else x
+        up = z if on_x | on_y else y
+        length = np.sqrt(ray_x[i] * ray_x[i] + ray_y[i] * ray_y[i] + one)
+        cosine = max(abs(toward) / length, _LEAST_COSINE)
+        f = first + number + (0 if along > 0 else 1)
+        face[i] = np.int32(f) if mine else face[i]
+        s[i] = (across + one) * scale if mine else s[i]
+        q[i] = (one - up) * scale if mine else q[i]
+        slant[i] = one / np.sqrt(cosine) if mine else slant[i]
+
+
+@numba.njit(**JIT)
+def _place_on_round(p, first, is_ball, M, o, ray_x, ray_y, nearest, owner, face, s, q, slant):
+    """The same for cylinders and ellipsoids; few pixels, so with branches."""
+    one, scale, turn = np.float32(1), np.float32(0.5), np.float32(0.5 / np.pi)
+    for i in range(_PIXELS):
+        if owner[i] != p:
+            continue
+        t = nearest[i]
+        x = o[0] + t * (M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2])
+        y = o[1] + t * (M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2])
+        z = o[2] + t * (M[2, 0] * ray_x[i] + M[2, 1] * ray_y[i] + M[2, 2])
+        slant[i] = one
+        if not is_ball and x * x + y * y < z * z:  # a cap
+            face[i] = np.int32(first + (1 if z > 0 else 2))
+            s[i], q[i] = (x + one) * scale, (one - y) * scale
+            continue
+        face[i] = np.int32(first)
+        s[i] = np.arctan2(y, x) * turn + scale
+        z = min(max(z, -one), one)
+        q[i] = np.arccos(z) * np.float32(2) * turn if is_ball else (one - z) * scale
