@@ -2,8 +2,9 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,7 @@ from hsslam_node.services.arena_folder import ArenaFolder
 from hsslam_node.services.bus import free_endpoint, open_router
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
+from tests.services.serve_process import ServeProcess
 
 
 @pytest.fixture
@@ -32,3 +34,17 @@ def run_info(tmp_path: Path) -> Iterator[RunInfo]:
     yield info
     arena.remove()
     router.close()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., ServeProcess]]:
+    """Start `hsslam-serve` with these options, into a folder of the test."""
+    started: list[ServeProcess] = []
+
+    def start(*options: str, **fields: Any) -> ServeProcess:
+        started.append(ServeProcess(tmp_path / f"run{len(started)}", *options, **fields))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.close()

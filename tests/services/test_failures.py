@@ -1,0 +1,65 @@
+"""Processes of a run die: it goes on, ends with code 0, and says so."""
+
+import contextlib
+import time
+
+import psutil
+import pytest
+
+from hsslam_node.geometry.trajectory import read_tum
+from tests.services.serve_process import SMALL_ROOM
+
+pytestmark = pytest.mark.e2e
+
+
+def test_death_of_ba_recorder_and_mesher_costs_no_pose(serve):
+    run = serve(*SMALL_ROOM, "--frames", "240")
+    run.wait_for_poses(30)
+    for name in ("global_ba", "recorder", "mesher"):
+        run.kill_worker(name)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    summary = run.summary()
+    for name in ("global_ba", "recorder", "mesher"):
+        assert summary["processes"][name]["restarts"] == 1
+        assert f"{name} was restarted 1 x" in run.stderr
+    frames = summary["frames"]
+    assert frames["in"] == 240
+    assert frames["lost"] == 0
+    assert frames["dropped"] <= 12  # 5 %, as without any death
+    assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
+
+
+@pytest.mark.parametrize("name", ["mapper", "tracker", "camera"])
+def test_a_killed_worker_is_replaced_and_the_run_ends_well(serve, name: str):
+    run = serve(*SMALL_ROOM, "--frames", "300")
+    run.wait_for_poses(40)
+    killed_ns = time.time_ns()
+    run.kill_worker(name)
+    run.wait_for_poses(10)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    summary = run.summary()
+    assert summary["processes"][name]["restarts"] == 1
+    assert f"{name} was restarted 1 x" in run.stderr
+    assert (run.out / "mesh.ply").exists()
+    assert any(p.stamp_ns > killed_ns and p.status == "tracked" for p in run.poses)
+    assert summary["frames"]["in"] == 300
+
+
+def test_a_crash_loop_of_the_tracker_ends_the_run_with_code_1(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "3000")
+    run.wait_for_poses(1)
+    killed: set[int] = set()
+    deadline = time.monotonic() + 60
+    while run.process.poll() is None and time.monotonic() < deadline and len(killed) < 6:
+        with contextlib.suppress(psutil.Error, AssertionError):
+            pid = run.pid_of("tracker")
+            if pid is not None and pid not in killed:
+                psutil.Process(pid).kill()
+                killed.add(pid)
+        time.sleep(0.05)
+    assert run.finish() == 1, run.stderr
+    run.expect_nothing_left()
+    assert "tracker was killed by SIGKILL: too many restarts, given up" in run.stderr
+    assert (run.out / "trajectory.txt").exists()

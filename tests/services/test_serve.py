@@ -1,0 +1,109 @@
+"""The main job end to end: what a run leaves, and what it leaves nothing of."""
+
+import signal
+
+import pytest
+from mcap.reader import make_reader
+
+from hsslam_node.checkpoint import load_checkpoint
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.services.process_table import PROCESSES
+from tests.services.serve_process import SMALL_ROOM
+
+pytestmark = pytest.mark.e2e
+
+
+def test_a_run_leaves_its_results_and_nothing_else(serve):
+    run = serve(*SMALL_ROOM, "--frames", "90")
+    run.wait_for_poses(20)
+    for spec in PROCESSES:
+        assert run.pid_of(spec.name) is not None, spec.name
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+
+    summary = run.summary()
+    frames = summary["frames"]
+    assert frames["in"] == 90
+    assert frames["tracked"] + frames["lost"] + frames["dropped"] == 90
+    assert frames["tracked"] >= 85
+    assert summary["latency_ms"]["p95"] > 0
+    assert summary["evaluation"]
+    assert summary["model_bytes"]
+    assert all(summary["processes"][spec.name]["restarts"] == 0 for spec in PROCESSES)
+    assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
+    assert len(read_tum(run.out / "trajectory_online.txt")) == frames["tracked"]
+    assert len(read_tum(run.out / "keyframes.txt")) == summary["keyframes"]
+    assert load_checkpoint(run.out / "map.safetensors").layout.parameter_count > 0
+    assert (run.out / "mesh.ply").stat().st_size > 1000
+    assert (run.out / "run.rrd").stat().st_size > 1000
+    counts = _messages_per_topic(run.out / "run.mcap")
+    assert counts["hsslam/robot/out/pose"] == frames["tracked"] + frames["lost"]
+    assert counts["hsslam/robot/in/frame"] == frames["in"]
+
+
+def test_ctrl_c_saves_what_there_is(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "3000")
+    run.wait_for_poses(30)
+    run.signal(signal.SIGINT)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    assert run.summary()["stop_reason"] == "interrupted"
+    assert len(read_tum(run.out / "trajectory.txt")) >= 30
+    assert (run.out / "mesh.ply").exists()
+    assert (run.out / "map.safetensors").exists()
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 3.0])
+def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
+    run = serve(*SMALL_ROOM)
+    _sleep_unless_ended(run, delay_s)
+    run.signal(signal.SIGINT)
+    assert run.finish() == 0, run.stderr
+    assert "Traceback" not in run.stderr
+    run.expect_nothing_left()
+
+
+def test_second_signal_ends_at_once(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "3000")
+    run.wait_for_poses(5)
+    run.signal(signal.SIGINT)
+    _sleep_unless_ended(run, 0.1)
+    run.signal(signal.SIGINT)
+    assert run.finish(timeout_s=8) in (0, 1)
+    run.expect_nothing_left()
+
+
+def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "3000")
+    run.wait_for_poses(30)
+    run.close_bus()
+    run.signal(signal.SIGKILL)
+    run.process.wait()
+    run.expect_nothing_left(timeout_s=5.5)
+    assert _messages_per_topic(run.out / "run.mcap")["hsslam/robot/out/pose"] >= 30
+
+
+def test_lockstep_is_reproducible_bit_for_bit(serve):
+    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "30", "--noise", "kinect")
+    runs = [serve(*options, "--seed", "3") for _ in range(2)]
+    for run in runs:
+        assert run.finish(timeout_s=150) == 0, run.stderr
+        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 30, "dropped": 0}
+    for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
+        assert (runs[0].out / name).read_bytes() == (runs[1].out / name).read_bytes()
+
+
+def _messages_per_topic(path) -> dict[str, int]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics.channel_message_counts
+    return {c.topic: counts.get(c.id, 0) for c in summary.channels.values()}
+
+
+def _sleep_unless_ended(run, seconds: float) -> None:
+    try:
+        run.process.wait(seconds)
+    except Exception:
+        return
