@@ -23,8 +23,8 @@ def frame_message(frame: Frame, stamp_ns: int) -> messages.Frame:
         fy=camera.fy,
         cx=camera.cx,
         cy=camera.cy,
-        color=memoryview(np.ascontiguousarray(frame.color)).cast("B"),
-        depth=memoryview(np.ascontiguousarray(frame.depth_raw, "<u2")).cast("B"),
+        color=np.ascontiguousarray(frame.color).data.cast("B"),
+        depth=np.ascontiguousarray(frame.depth_raw, "<u2").data.cast("B"),
         depth_units_per_m=frame.depth_units_per_m,
     )
 

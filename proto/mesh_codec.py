@@ -35,7 +35,7 @@ def mesh_arrays(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _bytes(array: np.ndarray, dtype: str) -> memoryview:
     flat = np.ascontiguousarray(array, dtype).reshape(-1)
-    return memoryview(flat.view(np.uint8))
+    return flat.view(np.uint8).data
 
 
 def _rows(data: memoryview, dtype: str) -> np.ndarray:

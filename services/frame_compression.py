@@ -4,7 +4,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from hsslam_node.proto.frame_codec import color_image, depth_image
+from hsslam_node.proto.frame_codec import depth_image
 from hsslam_node.proto.messages import Frame
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
@@ -28,7 +28,8 @@ def jpeg(frame: Frame) -> bytes:
     """Colour as JPEG; one that comes as JPEG is passed on."""
     if frame.color_encoding == "jpeg":
         return bytes(frame.color)
-    return _encode(".jpg", cv2.cvtColor(color_image(frame), cv2.COLOR_RGB2BGR), _JPEG)
+    rgb = np.frombuffer(frame.color, np.uint8).reshape(frame.height_px, frame.width_px, 3)
+    return _encode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), _JPEG)
 
 
 def _png(frame: Frame) -> bytes:

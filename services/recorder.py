@@ -1,10 +1,12 @@
-"""The recorder: everything on the bus into the MCAP log, run.rrd and the viewer. Nobody waits for it."""
+"""The recorder: all topics into the MCAP log, run.rrd and the viewer. Nobody waits for it."""
 
 import json
 import threading
 import time
 from collections import Counter
 from pathlib import Path
+
+import cv2
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto.codec import encode
@@ -203,6 +205,7 @@ class _Recovery:
 
 def record(worker: Worker) -> None:
     """The loop of the recorder process."""
+    cv2.setNumThreads(1)
     run = worker.run
     viewer = run.options.resolved_viewer()
     recorder = Recorder(worker.bus, run.path, run.run_id, viewer, worker.event)

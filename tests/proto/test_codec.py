@@ -151,7 +151,7 @@ def _frame() -> messages.Frame:
         fy=5.0,
         cx=2.5,
         cy=1.5,
-        color=memoryview(color).cast("B"),
-        depth=memoryview(depth).cast("B"),
+        color=color.data.cast("B"),
+        depth=depth.data.cast("B"),
         depth_units_per_m=5000.0,
     )

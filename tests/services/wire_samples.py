@@ -24,8 +24,8 @@ def frame(index: int, compressed: bool = False, width_px: int = 64, height_px: i
         fy=width_px * 0.8,
         cx=width_px / 2 - 0.5,
         cy=height_px / 2 - 0.5,
-        color=memoryview(color).cast("B"),
-        depth=memoryview(np.full((height_px, width_px), 10_000, "<u2")).cast("B"),
+        color=color.data.cast("B"),
+        depth=np.full((height_px, width_px), 10_000, "<u2").data.cast("B"),
         depth_units_per_m=5000.0,
     )
     return compress_frame(message) if compressed else message
