@@ -32,8 +32,9 @@ class ObservedSpace:
         cells = np.maximum(np.floor(bound.extent_m / voxel_m + 1e-6), 1).astype(int)
         blocks = -(-cells // block_cells)
         self.block_count: tuple[int, int, int] = (int(blocks[0]), int(blocks[1]), int(blocks[2]))
-        # A halo on every side spares all border cases.
+        # A halo on every side spares all border cases. Memory is taken where marks are made.
         self._surface = np.zeros(blocks * block_cells + 1 + 2 * _HALO, np.uint8)
+        self._occupied = np.zeros(self.block_count, np.bool_)
         self._limit = cells.astype(np.int64)  # last vertex inside the bound
         self._dirty = np.zeros(self.block_count, np.bool_)
 
@@ -62,16 +63,17 @@ class ObservedSpace:
             self._dirty,
             self.block_cells,
         )
+        self._occupied |= self._dirty
 
     def take_dirty(self) -> list[tuple[int, int, int]]:
         """Blocks touched by observations since the last call."""
-        dirty = [(int(i), int(j), int(k)) for i, j, k in np.argwhere(self._dirty)]
+        dirty = _indices(self._dirty)
         self._dirty[:] = False
         return dirty
 
     def occupied_blocks(self) -> list[tuple[int, int, int]]:
-        """All blocks that hold observed cells."""
-        return [b for b in np.ndindex(*self.block_count) if self._surface[self._slices(b)].any()]
+        """All blocks that have been touched by an observation."""
+        return _indices(self._occupied)
 
     def cells(self, block: tuple[int, int, int]) -> np.ndarray:
         """Cells of a block whose eight vertices are near observed surface, [n, n, n] bool."""
@@ -88,7 +90,8 @@ class ObservedSpace:
 
     def clear(self) -> None:
         """Forget all observations (after poses were corrected)."""
-        self._surface[:] = 0
+        self._surface = np.zeros_like(self._surface)
+        self._occupied[:] = False
         self._dirty[:] = False
 
     def _slices(self, block: tuple[int, int, int]) -> tuple[slice, slice, slice]:
@@ -169,3 +172,7 @@ def _observed_cells(surface: np.ndarray) -> np.ndarray:
     grown = _window(surface, 2 * CLOSE_CELLS + 1, False)  # one vertex of halo is left
     vertices = _window(grown, 3, True)  # [n + 1] vertices
     return _window(vertices, 2, True).view(np.bool_)
+
+
+def _indices(blocks: np.ndarray) -> list[tuple[int, int, int]]:
+    return [(int(i), int(j), int(k)) for i, j, k in np.argwhere(blocks)]
