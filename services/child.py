@@ -104,7 +104,8 @@ class Child:
         delay_s = self._policy.failed(now)
         if delay_s is None:
             self.state = "failed"
-            self.news.append(f"{self.spec.name} {how}: too many restarts, given up")
+            log = log_path(self._run_dir, self.spec.module)
+            self.news.append(f"{self.spec.name} {how}: too many restarts, given up; see {log}")
             return
         self.restarts += 1
         self.state, self._start_at_s = "waiting", now + delay_s

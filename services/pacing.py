@@ -14,8 +14,8 @@ from hsslam_node.services.worker import Worker
 _RESEND_S = 30.0
 _POLL_S = 0.05
 _LARGEST_LAG_S = 1.0
-_PEERS = ("tracker", "mapper", "recorder")
-_LOCKSTEP_PEERS = (*_PEERS, "global_ba", "mesher")
+_NEEDED = ("tracker", "mapper")
+_OTHERS = ("recorder",)  # logs from the first frame on, if it can
 
 
 class Pace(Protocol):
@@ -40,7 +40,7 @@ class Lockstep:
 
     def wait_for_peers(self) -> None:
         """Wait until all processes that a step needs take work."""
-        self._peers.wait(_LOCKSTEP_PEERS, self._worker)
+        self._peers.wait((*_NEEDED, "global_ba"), _OTHERS, self._worker)
 
     def send(self, frame: Frame) -> None:
         """Publish, and wait for the step `done` of this frame."""
@@ -77,7 +77,7 @@ class Realtime:
     def wait_for_peers(self) -> None:
         """Wait until tracker, mapper and recorder take work, unless frames were sent before."""
         if not self._progress.pinned_wall_ns:
-            self._peers.wait(_PEERS, self._worker)
+            self._peers.wait(_NEEDED, _OTHERS, self._worker)
 
     def send(self, frame: Frame) -> None:
         """Publish at the frame's time. Until there is a map, one frame at a time, answered."""

@@ -1,5 +1,6 @@
 """Which processes of the run take work, heard from their heartbeats."""
 
+import time
 from collections.abc import Iterable
 
 from hsslam_node.proto import topics
@@ -7,6 +8,7 @@ from hsslam_node.services.bus import Bus
 from hsslam_node.services.worker import Worker
 
 _POLL_S = 0.1
+_LONGEST_WAIT_S = 30.0  # for processes that the run can do without
 
 
 class Peers:
@@ -16,10 +18,17 @@ class Peers:
         self._health = bus.subscribe(topics.HEALTH, 64)
         self._pids: dict[str, int] = {}
 
-    def wait(self, names: Iterable[str], worker: Worker) -> None:
-        """Return when all of these are running, or this worker must stop."""
-        missing = set(names)
+    def wait(self, names: Iterable[str], others: Iterable[str], worker: Worker) -> None:
+        """Return when all of `names` run, and `others`, too, or have had their time.
+
+        Also when this worker must stop.
+        """
+        needed = set(names)
+        missing = needed | set(others)
+        give_up_s = time.monotonic() + _LONGEST_WAIT_S
         while missing and not worker.should_stop():
+            if not missing & needed and time.monotonic() > give_up_s:
+                return
             health = self._health.wait(_POLL_S)
             if health is not None and health.state == "running":
                 self._pids[health.process] = health.pid

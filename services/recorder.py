@@ -207,7 +207,7 @@ def record(worker: Worker) -> None:
     """The loop of the recorder process."""
     cv2.setNumThreads(1)
     run = worker.run
-    viewer = run.options.resolved_viewer()
+    viewer = run.options.resolved_viewer
     recorder = Recorder(worker.bus, run.path, run.run_id, viewer, worker.event)
     worker.ready()
     try:

@@ -112,7 +112,7 @@ class _Run:
             if self._supervisor.signals:
                 return "interrupted"
             for child in self._children.values():
-                if child.state == "failed" and child.spec.ends_run:
+                if child.state == "failed" and self._needs(child):
                     return f"{child.spec.name} cannot be kept running"
             camera = self._children.get("camera")
             if camera is not None and camera.state == "failed":
@@ -188,14 +188,19 @@ class _Run:
         if self._supervisor.signals > 1:
             return 1
         for child in self._children.values():
-            if child.user_error and (child.spec.ends_run or child.spec.name == "camera"):
+            if child.user_error and (self._needs(child) or child.spec.name == "camera"):
                 raise UserError(child.user_error)
         for child in self._children.values():
             if child.restarts:
                 self._status.say(f"{child.spec.name} was restarted {child.restarts} x", "warning")
         self._status.say(f"results: {self._info.run_dir}")
-        failed = [c for c in self._children.values() if c.state == "failed" and c.spec.ends_run]
+        failed = [c for c in self._children.values() if c.state == "failed" and self._needs(c)]
         return 1 if failed else 0
+
+    def _needs(self, child: Child) -> bool:
+        """Whether the run cannot go on without it; in lockstep each step also waits for the BA."""
+        is_lockstep = self._info.options.pace == "lockstep"
+        return child.spec.ends_run or (is_lockstep and child.spec.name == "global_ba")
 
 
 def _expect_end(watchdog: subprocess.Popen) -> None:
