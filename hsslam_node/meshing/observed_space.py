@@ -90,7 +90,7 @@ class ObservedSpace:
 
     def clear(self) -> None:
         """Forget all observations (after poses were corrected)."""
-        self._surface = np.zeros_like(self._surface)
+        self._surface = np.zeros(self._surface.shape, np.uint8)
         self._occupied[:] = False
         self._dirty[:] = False
 
