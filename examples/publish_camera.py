@@ -1,0 +1,45 @@
+"""An outside camera for `hsslam-serve --source zenoh:`, in another process or on another machine.
+
+    python examples/publish_camera.py synth:room [tcp/127.0.0.1:7447 [robot]]
+
+Replace `open_source` by your own driver: undistorted colour and the depth registered to it.
+"""
+
+import sys
+import time
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.proto import topics
+from hsslam_node.proto.frame_codec import frame_message
+from hsslam_node.proto.messages import SourceEnd
+from hsslam_node.services.bus import Bus
+from hsslam_node.sources.open_source import open_source
+
+
+def main(spec: str, endpoint: str = "tcp/127.0.0.1:7447", robot: str = "robot") -> None:
+    """Publish the frames of a source at its rate, then the end."""
+    source = open_source(spec)
+    with Bus(endpoint, robot, "outside-camera") as bus:
+        frames, end = bus.publisher(topics.FRAME), bus.publisher(topics.SOURCE_END)
+        while not any(peer.process == "tracker" for peer in bus.live_processes()):
+            time.sleep(0.2)
+        sent = 0
+        due_s = time.monotonic()
+        for item in source.frames():
+            if isinstance(item, Frame):
+                time.sleep(max(0.0, due_s - time.monotonic()))
+                frames.put(frame_message(item, stamp_ns=time.time_ns()))
+                sent += 1
+            due_s += 1 / source.rate_hz
+        end.put(SourceEnd(frame_count=sent, reason="end of source"))
+        time.sleep(1.0)  # the last messages are on their way
+
+
+if __name__ == "__main__":
+    if not 2 <= len(sys.argv) <= 4:
+        sys.exit(__doc__)
+    try:
+        main(*sys.argv[1:])
+    except UserError as error:
+        sys.exit(f"error: {error}")
