@@ -61,7 +61,5 @@ def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def _pairs(estimate: Trajectory, truth: Trajectory, max_dt_s: float) -> list[tuple[int, int]]:
     order_e, order_t = np.argsort(estimate.stamps_ns), np.argsort(truth.stamps_ns)
-    pairs = associate(
-        estimate.stamps_ns[order_e], truth.stamps_ns[order_t], round(max_dt_s * 1e9)
-    )
+    pairs = associate(estimate.stamps_ns[order_e], truth.stamps_ns[order_t], round(max_dt_s * 1e9))
     return [(int(order_e[i]), int(order_t[j])) for i, j in pairs]

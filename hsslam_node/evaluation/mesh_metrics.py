@@ -1,0 +1,97 @@
+"""Distances between a reconstructed and a true surface."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from hsslam_node.evaluation.point_to_triangle import point_to_triangle_distances
+from hsslam_node.evaluation.visibility import Views
+
+SAMPLES = 200_000
+_MOST_DRAWS = 10  # times `samples`: gives up on a surface of which the views saw less than a tenth
+_CANDIDATES = 4
+
+
+@dataclass(frozen=True)
+class MeshMetrics:
+    """Accuracy: reconstruction to truth. Completion: truth to reconstruction. NaN if nothing was seen."""
+
+    accuracy_mean_m: float
+    accuracy_median_m: float
+    accuracy_ratio_5cm: float  # share of the reconstruction within 5 cm of the truth, 0 to 1
+    completion_mean_m: float
+    completion_median_m: float
+    completion_ratio_5cm: float  # share of the truth within 5 cm of the reconstruction, 0 to 1
+    samples: int
+
+
+def compare_meshes(
+    reconstruction: trimesh.Trimesh,
+    truth: trimesh.Trimesh,
+    views: Views | None = None,
+    samples: int = SAMPLES,
+    seed: int = 0,
+) -> MeshMetrics:
+    """Distances of `samples` area-uniform, observed points on each surface to the other surface, m.
+
+    Both meshes in one frame; nothing is aligned here. What `views` did not see is culled from both (by
+    sample, so large triangles are no matter). Distances are to the triangles near the closest samples of
+    the other surface: between samples alone they would not fall below the sample spacing, 2 cm on 300 m^2.
+    """
+    ours = sample_surface(reconstruction, samples, seed, views)
+    theirs = sample_surface(truth, samples, seed + 1, views)
+    if len(ours.points) == 0 or len(theirs.points) == 0:
+        nan = float("nan")
+        return MeshMetrics(nan, nan, 0.0, nan, nan, 0.0, 0)
+    accuracy = _distances(ours, theirs)
+    completion = _distances(theirs, ours)
+    return MeshMetrics(
+        accuracy_mean_m=float(accuracy.mean()),
+        accuracy_median_m=float(np.median(accuracy)),
+        accuracy_ratio_5cm=float((accuracy < 0.05).mean()),
+        completion_mean_m=float(completion.mean()),
+        completion_median_m=float(np.median(completion)),
+        completion_ratio_5cm=float((completion < 0.05).mean()),
+        samples=min(len(ours.points), len(theirs.points)),
+    )
+
+
+@dataclass(frozen=True)
+class SurfaceSamples:
+    """Points on a mesh and the corners of the triangles that they lie on."""
+
+    points: np.ndarray  # [N, 3] m
+    triangles: np.ndarray  # [N, 3, 3] m
+
+
+def sample_surface(
+    mesh: trimesh.Trimesh, count: int, seed: int, views: Views | None = None
+) -> SurfaceSamples:
+    """Up to `count` observed points, uniform over the area; one seed always gives the same."""
+    rng = np.random.default_rng(seed)
+    corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]  # [F, 3, 3]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cumulative = np.cumsum(np.linalg.norm(cross, axis=1))
+    points, triangles, found = [np.empty((0, 3))], [np.empty((0, 3, 3))], 0
+    for _ in range(_MOST_DRAWS if len(corners) and cumulative[-1] > 0 else 0):
+        rows = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
+        chosen = corners[np.minimum(rows, len(corners) - 1)]
+        a, b = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+        drawn = (1 - a) * chosen[:, 0] + a * (1 - b) * chosen[:, 1] + a * b * chosen[:, 2]
+        seen = views.observed(drawn) if views else np.ones(count, bool)
+        points.append(drawn[seen])
+        triangles.append(chosen[seen])
+        found += int(seen.sum())
+        if found >= count:
+            break
+    return SurfaceSamples(np.concatenate(points)[:count], np.concatenate(triangles)[:count])
+
+
+def _distances(samples: SurfaceSamples, surface: SurfaceSamples) -> np.ndarray:
+    candidates = min(_CANDIDATES, len(surface.points))
+    _, rows = cKDTree(surface.points).query(samples.points, k=candidates)
+    return point_to_triangle_distances(
+        samples.points, surface.triangles, rows.reshape(len(samples.points), candidates)
+    )
