@@ -16,24 +16,35 @@ from tests.services.serve_process import ServeProcess
 
 
 @pytest.fixture
-def run_info(tmp_path: Path) -> Iterator[RunInfo]:
+def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
+    """Make the run, with these options, once."""
     endpoint = free_endpoint()
     router = open_router(endpoint)
     arena = ArenaFolder("test", tmp_path, root=tmp_path)
-    info = RunInfo(
-        run_id="test",
-        run_dir=str(tmp_path),
-        arena_dir=str(arena.path),
-        endpoint=endpoint,
-        robot="robot",
-        supervisor_pid=os.getpid(),
-        started_ns=time.time_ns(),
-        options=ServeOptions(),
-    )
-    info.write()
-    yield info
+
+    def make(**options: Any) -> RunInfo:
+        info = RunInfo(
+            run_id="test",
+            run_dir=str(tmp_path),
+            arena_dir=str(arena.path),
+            endpoint=endpoint,
+            robot="robot",
+            supervisor_pid=os.getpid(),
+            started_ns=time.time_ns(),
+            options=ServeOptions(**options),
+        )
+        info.write()
+        return info
+
+    yield make
     arena.remove()
     router.close()
+
+
+@pytest.fixture
+def run_info(make_run: Callable[..., RunInfo]) -> RunInfo:
+    """The run with default options."""
+    return make_run()
 
 
 @pytest.fixture
