@@ -24,14 +24,16 @@ class ArenaFolder:
 
     def __init__(self, run_id: str, run_dir: Path, root: Path = SHM_ROOT) -> None:
         self.path = root / f"{_PREFIX}{run_id}"
+        unlocked = root / f".{self.path.name}"  # nobody else looks there
         try:
-            self.path.mkdir(mode=0o700)
-            self._lock = os.open(self.path / _OWNER_LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            unlocked.mkdir(mode=0o700)
+            self._lock = os.open(unlocked / _OWNER_LOCK, os.O_RDWR | os.O_CREAT, 0o600)
             fcntl.flock(self._lock, fcntl.LOCK_EX)
             owner = {"pid": os.getpid(), "start_ticks": start_ticks(), "run_dir": str(run_dir)}
-            (self.path / "owner.json").write_text(json.dumps(owner))
+            (unlocked / "owner.json").write_text(json.dumps(owner))
+            unlocked.rename(self.path)
         except OSError as error:
-            shutil.rmtree(self.path, ignore_errors=True)
+            shutil.rmtree(unlocked, ignore_errors=True)
             raise UserError(f"{self.path}: {error.strerror}: expected room for the arena") from None
 
     def remove(self) -> None:

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -57,7 +58,8 @@ def _up(trajectory: Trajectory) -> np.ndarray:
 
 def _surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     """Points [N, 3] m on the surface and their shaded BGR [N, 3]."""
-    points, faces = trimesh.sample.sample_surface(mesh, _POINTS, seed=0)
+    sampled: Any = trimesh.sample.sample_surface(mesh, _POINTS, seed=0)
+    points, faces = sampled[:2]
     corner_colors = np.asarray(mesh.visual.vertex_colors)[mesh.faces[faces]]  # type: ignore[union-attr]
     light = 0.75 + 0.25 * np.abs(mesh.face_normals[faces] @ _LIGHT)
     colors = corner_colors[:, :, 2::-1].mean(axis=1) * light[:, None]
