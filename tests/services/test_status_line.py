@@ -1,0 +1,63 @@
+"""The status line: what it tells, and that it stays one line where nobody watches."""
+
+import io
+from pathlib import Path
+
+from rich.console import Console
+
+from hsslam_node.proto.messages import Health, MapVersion, Pose
+from hsslam_node.services.child import Child
+from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.run_state import RunState
+from hsslam_node.services.status_line import StatusLine, status_text
+
+
+def _pose(index: int, status: str = "tracked") -> Pose:
+    return Pose(
+        index=index,
+        stamp_ns=index * 10**8,
+        source_stamp_ns=0,
+        publish_ns=index * 10**8 + 25_000_000,
+        status=status,  # type: ignore[arg-type]
+        t=(0, 0, 0),
+        q=(0, 0, 0, 1),
+        quality=0.87,
+        inlier_ratio=0.9,
+        residual_mm=3.0,
+        map_version=1,
+        keyframe=0,
+    )
+
+
+def _children(run_dir: Path) -> dict[str, Child]:
+    return {spec.name: Child(spec, run_dir) for spec in PROCESSES}
+
+
+def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
+    state, children = RunState(), _children(tmp_path)
+    for index in range(11):
+        state.posed(_pose(index))
+    state.map = MapVersion(version=6, iterations=60, loss=0.1, keyframes=3, mapping_ms=20.0)
+    state.last_keyframe = 2
+    counters = {"dropped in/frame": 4}
+    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, counters=counters)
+    children["tracker"].health = health
+    text = status_text(state, children).plain
+    for part in ("frame 10/", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):
+        assert part in text
+    assert "dropped 4" in text
+    assert all(f"{spec.name}:waiting" in text for spec in PROCESSES)
+    state.posed(_pose(11, "lost"))
+    assert "quality lost" in status_text(state, children).plain
+    assert "lost 1" in status_text(state, children).plain
+
+
+def test_plain_output_is_one_line_now_and_then(tmp_path: Path):
+    out = io.StringIO()
+    with StatusLine(Console(file=out, width=40)) as line:
+        for _ in range(3):
+            line.show(RunState(), _children(tmp_path))
+        line.say("a warning that is longer than the forty columns of this console", "warning")
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("frame -/0")
