@@ -1,5 +1,6 @@
 """The sending end of one topic."""
 
+import threading
 import time
 from typing import Generic, TypeVar
 
@@ -32,6 +33,7 @@ class Publisher(Generic[M]):
         self.topic = topic
         self.sent = 0
         self._id = publisher_id
+        self._lock = threading.Lock()
         blocks = topic.qos == "keep" if block is None else block
         congestion = zenoh.CongestionControl.BLOCK if blocks else zenoh.CongestionControl.DROP
         encoding = zenoh.Encoding(encoding_of(topic))
@@ -63,11 +65,11 @@ class Publisher(Generic[M]):
     def put_payload(self, payload: bytes, stamp_ns: int | None = None) -> None:
         """Send a payload that is already encoded, such as one from a log."""
         now = time.time_ns()
-        envelope = Envelope(
-            self._id, self.sent & 0xFFFFFFFF, now if stamp_ns is None else stamp_ns, now
-        )
-        self._publisher.put(payload, attachment=envelope.pack())
-        self.sent += 1
+        stamp_ns = now if stamp_ns is None else stamp_ns
+        with self._lock:  # a process's events come from several threads
+            envelope = Envelope(self._id, self.sent & 0xFFFFFFFF, stamp_ns, now)
+            self.sent += 1
+            self._publisher.put(payload, attachment=envelope.pack())
 
     def close(self) -> None:
         """Withdraw from the topic."""

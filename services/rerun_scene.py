@@ -14,7 +14,7 @@ from hsslam_node.services.frame_compression import jpeg
 _SEGMENT_POSES = 64  # of the trajectory per entity; a pose re-logs its segment only
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
 _FRUSTUM_DEPTH_M = 0.08
-_IMAGE_PLANE_M = 0.3
+_IMAGE_PLANE_M = 0.2
 _FPS_WEIGHT = 0.1  # of the newest interval in the running mean
 _TRAJECTORY, _LOST, _KEYFRAMES = (80, 200, 255), (255, 60, 60), (255, 180, 40)
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
@@ -131,7 +131,14 @@ class RerunScene:
         vertices, faces, colors = mesh_arrays(mesh)
         self._stream.log(
             "world/mesh",
-            rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, vertex_colors=colors),
+            rr.Mesh3D(
+                vertex_positions=vertices,
+                triangle_indices=faces,
+                vertex_normals=_vertex_normals(vertices, faces),
+                vertex_colors=colors,
+                # one looks into a room through the back of its walls
+                face_rendering=rr.components.MeshFaceRendering.Front,
+            ),
         )
 
     def _plot_fps(self, pose: messages.Pose) -> None:
@@ -159,6 +166,9 @@ def blueprint() -> rrb.Blueprint:
         name="Map",
         background=[25, 25, 30],
         line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(  # behind and above the first camera, looking its way
+            position=(1.2, -2.2, -3.2), look_target=(0.0, 0.2, 1.5), eye_up=(0.0, -1.0, 0.0)
+        ),
     )
     plots = [
         rrb.TimeSeriesView(origin="/plots", contents=[f"/plots/{name}"], name=title)
@@ -176,10 +186,21 @@ def blueprint() -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(world, side, column_shares=[2, 1]),
-        rrb.TimePanel(state="collapsed", timeline="time"),
+        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
+
+
+def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals [V, 3] float32, faces weighted by area; the viewer shades only with them."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    face_normals = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for axis in range(3):
+        weights = np.repeat(face_normals[:, axis], 3)
+        normals[:, axis] = np.bincount(faces.ravel(), weights, minlength=len(vertices))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
 
 
 def _frustum(frame: messages.Frame) -> np.ndarray:

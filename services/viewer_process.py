@@ -1,5 +1,6 @@
 """The viewer that comes with the rerun wheel, as a child process on loopback."""
 
+import ctypes
 import os
 import signal
 import socket
@@ -14,6 +15,8 @@ from hsslam_node.errors import UserError
 
 _PORT = 9876
 _WEB_PORT = 9090
+_PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None)
 
 
 class ViewerProcess:
@@ -88,6 +91,4 @@ def _executable() -> str:
 
 
 def _die_with_parent() -> None:
-    import ctypes
-
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # loaded before the fork: no imports here

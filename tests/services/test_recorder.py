@@ -3,9 +3,11 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun_cli
 from mcap.reader import make_reader
 from wire_samples import frame, keyframe, mesh, pose
 
@@ -77,6 +79,41 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
     assert summary["parts"] == ["run.mcap"]
     assert (tmp_path / "run.rrd").stat().st_size > 1000
     assert events == []
+
+
+def test_the_process_ends_in_order_on_sigterm(run_info):
+    command = [sys.executable, "-m", "hsslam_node.services.recorder", "--run", run_info.run_dir]
+    recorder = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    with Bus(run_info.endpoint, run_info.robot, "tracker") as bus:
+        health, poses = bus.subscribe(topics.HEALTH, depth=64), bus.publisher(topics.POSE)
+        while (beat := health.wait(20.0)) is None or beat.state != "running":
+            assert recorder.poll() is None, recorder.communicate()
+        for index in range(10):
+            poses.put(pose(index))
+        recorder.send_signal(signal.SIGTERM)
+        assert recorder.wait(timeout=20) == 0, recorder.communicate()
+        beats = health.drain()
+    assert beats[-1].counters["poses_logged"] == 10
+    assert (run_info.path / "run.rrd").exists()
+    assert json.loads((run_info.path / "recorder.json").read_text())["poses_logged"] == 10
+
+
+def test_rerun_reads_the_log(endpoint, tmp_path):
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
+        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        _spin(recorder, 0.3)
+        frames.put(frame(0))
+        poses.put(pose(0))
+        recorder.close()
+    rerun = str(Path(rerun_cli.__file__).parent / "rerun")
+    converted = tmp_path / "converted.rrd"
+    convert = [rerun, "mcap", "convert", str(tmp_path / "run.mcap"), "-o", str(converted)]
+    subprocess.run(convert, check=True, capture_output=True)
+    printed = subprocess.run(
+        [rerun, "rrd", "print", "-vv", converted], check=True, capture_output=True, text=True
+    ).stdout
+    assert "/viz/camera/image" in printed
 
 
 def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):

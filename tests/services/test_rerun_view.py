@@ -1,5 +1,7 @@
+import socket
 import subprocess
 import time
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -83,9 +85,37 @@ def test_a_viewer_that_is_closed_is_one_event(tmp_path):
     subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
 
 
+def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
+    _show_a_run(view)
+    ((level, text),) = events
+    page = text.split()[-1]
+    assert level == "info" and page.startswith("http://127.0.0.1:")
+    assert _status(page) == 200
+    address = (socket.gethostbyname(socket.gethostname()), int(page.split(":")[2].split("/")[0]))
+    if not address[0].startswith("127."):
+        with socket.socket() as outside:
+            assert outside.connect_ex(address) != 0
+    view.close()
+    with pytest.raises(OSError):
+        _status(page, patience_s=0)
+
+
 def test_an_address_that_is_none_is_one_line(tmp_path):
     with pytest.raises(UserError, match="expected connect:HOST:PORT"):
         RerunView(tmp_path / "run.rrd", "connect:gopher://x", "run-1", lambda *_: None)
+
+
+def _status(page, patience_s=10.0) -> int:
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            return urllib.request.urlopen(page, timeout=5).status
+        except OSError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
 
 
 def _show_a_run(view: RerunView) -> None:
