@@ -32,10 +32,11 @@ def evaluate_run(
 ) -> dict[str, Any] | None:
     """ATE of the three trajectories of a run and, where the true mesh is known, of its mesh.
 
-    The estimate's world is its first camera frame, the truth's is its own: the mesh is brought into the
-    truth's frame by the rigid alignment of the final trajectory (`T_truth_estimate`), and by nothing else;
-    an ICP of the mesh would hide drift. Both meshes are culled to what the source's own depth images,
-    without added noise, saw from the true poses. Files that are not there are left out; None where the source has no truth.
+    The estimate's world is its first camera frame, the truth's is its own: the mesh is brought into
+    the truth's frame by the rigid alignment of the final trajectory (`T_truth_estimate`), and by
+    nothing else; an ICP of the mesh would hide drift. Both meshes are culled to what the source's
+    own depth images, without added noise, saw from the true poses. Files that are not there are
+    left out; None where the source has no truth.
 
     Returns:
         For `summary.json`: {"protocol": ..., "ate": {"online" | "final" | "keyframes": {...}},

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from hsslam_node.evaluation.point_to_triangle import point_to_triangle_distances
 from hsslam_node.evaluation.visibility import Views
@@ -16,7 +16,7 @@ _CANDIDATES = 4
 
 @dataclass(frozen=True)
 class MeshMetrics:
-    """Accuracy: reconstruction to truth. Completion: truth to reconstruction. NaN if nothing was seen."""
+    """Accuracy: reconstruction to truth; completion: truth to reconstruction. NaN: nothing seen."""
 
     accuracy_mean_m: float
     accuracy_median_m: float
@@ -36,9 +36,10 @@ def compare_meshes(
 ) -> MeshMetrics:
     """Distances of `samples` area-uniform, observed points on each surface to the other surface, m.
 
-    Both meshes in one frame; nothing is aligned here. What `views` did not see is culled from both (by
-    sample, so large triangles are no matter). Distances are to the triangles near the closest samples of
-    the other surface: between samples alone they would not fall below the sample spacing, 2 cm on 300 m^2.
+    Both meshes in one frame; nothing is aligned here. What `views` did not see is culled from both
+    (by sample, so large triangles are no matter). Distances are to the triangles near the closest
+    samples of the other surface: between samples alone they would not fall below the sample
+    spacing, 2 cm on 300 m^2.
     """
     ours = sample_surface(reconstruction, samples, seed, views)
     theirs = sample_surface(truth, samples, seed + 1, views)
@@ -91,7 +92,7 @@ def sample_surface(
 
 def _distances(samples: SurfaceSamples, surface: SurfaceSamples) -> np.ndarray:
     candidates = min(_CANDIDATES, len(surface.points))
-    _, rows = cKDTree(surface.points).query(samples.points, k=candidates)
+    _, rows = KDTree(surface.points).query(samples.points, k=candidates)
     return point_to_triangle_distances(
         samples.points, surface.triangles, rows.reshape(len(samples.points), candidates)
     )

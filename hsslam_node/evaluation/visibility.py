@@ -13,8 +13,8 @@ from hsslam_node.geometry.se3 import inverse
 class Views:
     """Depth cameras with known poses; they decide what of a surface counts as observed.
 
-    A point was observed if it lies in a frustum, not deeper than the depth measured at its pixel plus
-    `tolerance_m`. A pixel without measurement sees nothing.
+    A point was observed if it lies in a frustum, not deeper than the depth measured at its pixel
+    plus `tolerance_m`. A pixel without measurement sees nothing.
     """
 
     camera: Camera  # pinhole, no distortion

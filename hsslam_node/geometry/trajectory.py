@@ -39,7 +39,7 @@ class Trajectory:
 
 
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
-    """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps exact to the ns."""
+    """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps to the ns."""
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
     for stamp_ns, T in zip(trajectory.stamps_ns, trajectory.T_world_cam, strict=True):
         numbers = [*T[:3, 3], *quaternion_from_rotation(T[:3, :3])]

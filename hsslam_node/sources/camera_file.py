@@ -46,7 +46,8 @@ def read_tum_camera(path: Path) -> tuple[Camera, float]:
 
 
 def read_replica_camera(path: Path) -> tuple[Camera, float]:
-    """Camera and depth units per metre of a `cam_params.json`: {"camera": {w, h, fx, fy, cx, cy, scale}}.
+    """Camera and depth units per metre of a `cam_params.json`: {"camera": {w, h, fx, fy, cx, cy,
+    scale}}.
 
     Raises:
         UserError: the file cannot be read, or a field is missing or not a finite number.

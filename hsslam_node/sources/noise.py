@@ -21,9 +21,10 @@ _TABLE_BITS = 12
 class KinectNoise:
     """A source whose depth went through a structured-light sensor.
 
-    Each pixel looks up the depth of a neighbour (Gaussian, 0.5 px), its disparity for a 580 px x 7.5 cm
-    baseline gets Gaussian noise worth sigma_z = 1.425e-3 z^2 m (Khoshelham and Elberink 2012) and is
-    rounded to 1/8 px; nothing beyond 6 m. The noise of a frame depends on seed and frame index only.
+    Each pixel looks up the depth of a neighbour (Gaussian, 0.5 px), its disparity for a 580 px x
+    7.5 cm baseline gets Gaussian noise worth sigma_z = 1.425e-3 z^2 m (Khoshelham and Elberink
+    2012) and is rounded to 1/8 px; nothing beyond 6 m. The noise of a frame depends on seed and
+    frame index only.
     """
 
     def __init__(self, source: Source, seed: int) -> None:

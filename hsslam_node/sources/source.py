@@ -12,7 +12,7 @@ from hsslam_node.geometry.camera import Camera
 
 
 class Source(Protocol):
-    """A sequence of RGB-D frames. It holds no ground truth: that is `evaluation.open_ground_truth`."""
+    """A sequence of RGB-D frames, without ground truth: that is `evaluation.open_ground_truth`."""
 
     name: str
     camera: Camera  # without distortion

@@ -33,13 +33,14 @@ _FREIBURG_CAMERAS = {
 
 @dataclass(frozen=True)
 class TumFolder:
-    """A folder in TUM layout: `rgb.txt`, `depth.txt`, images, perhaps `camera.json`, `groundtruth.txt`."""
+    """A folder in TUM layout: `rgb.txt`, `depth.txt` and the images that they list."""
 
     path: Path
 
     @classmethod
     def find(cls, name: str) -> "TumFolder":
-        """The folder of a name such as `fr1/desk`, or of a path (absolute, here, or in $HSSLAM_DATA).
+        """The folder of a name such as `fr1/desk`, or of a path (absolute, here, or in
+        $HSSLAM_DATA).
 
         Raises:
             UserError: not on disk; says what to fetch and where to put it.

@@ -21,7 +21,7 @@ _EMISSIVE = ("window", "screen")
 
 @dataclass(frozen=True)
 class Atlas:
-    """What the ray caster reads: texels of all levels of all faces, and the tables that find them."""
+    """What the ray caster reads: texels of all levels of all faces, and tables to find them."""
 
     first_faces: np.ndarray  # [P] int32, number of a primitive's first face
     first_levels: np.ndarray  # [F] int32, row of `levels` of a face's finest level
@@ -30,8 +30,13 @@ class Atlas:
     texels: np.ndarray  # [M] uint64, red, green, blue in lanes of 16 bits
 
 
-def build_atlas(parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int) -> Atlas:
-    """Textures and bakes every face of the primitives; the same seed gives the same bytes."""
+def build_atlas(
+    parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int, coarseness: float = 1.0
+) -> Atlas:
+    """Textures and bakes every face of the primitives; the same seed gives the same bytes.
+
+    `coarseness` scales the texels: 1 is right for images 640 pixels wide, 2 for 320.
+    """
     size_m = tuple(float(2 * h) for h in parts[0].half_m)
     lamps = light_samples(size_m, seed)  # type: ignore[arg-type]
     directions = _cosine_directions(_AMBIENT_RAYS)
@@ -40,7 +45,7 @@ def build_atlas(parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int
         first_faces.append(len(first_levels))
         for face in range(part.face_count):
             rng = np.random.default_rng((seed, 3, number, face))
-            image, texel_m = _albedo(part, face, rng, seed)
+            image, texel_m = _albedo(part, face, rng, seed, coarseness)
             if not part.material(face).startswith(_EMISSIVE):
                 image *= _light(part, face, image.shape[:2], arrays, lamps, directions)[..., None]
             first_levels.append(len(levels))
@@ -59,12 +64,12 @@ def build_atlas(parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int
 
 
 def _albedo(
-    part: Primitive, face: int, rng: np.random.Generator, seed: int
+    part: Primitive, face: int, rng: np.random.Generator, seed: int, coarseness: float
 ) -> tuple[np.ndarray, float]:
     width_m, height_m = part.face_size_m(face)
     if _is_hidden(part, face):
         return np.full((2, 2, 3), 0.3, np.float32), max(width_m, height_m) / 2
-    texel_m = _FINE_TEXEL_M if width_m * height_m < _FINE_AREA_M2 else _TEXEL_M
+    texel_m = coarseness * (_FINE_TEXEL_M if width_m * height_m < _FINE_AREA_M2 else _TEXEL_M)
     w, h = max(2, round(width_m / texel_m)), max(2, round(height_m / texel_m))
     material = part.material(face)
     if part.kind in (Kind.CYLINDER, Kind.ELLIPSOID) and face == 0:
@@ -113,7 +118,7 @@ def _encode(image: np.ndarray) -> np.ndarray:
 
 
 def _pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """The image and its halves down to one texel, which comes twice (the look-up reads one ahead)."""
+    """The image and its halves down to one texel; repeats of it, so that no look-up ends beyond."""
     levels = [image]
     while max(levels[-1].shape[:2]) > 1:
         h, w = levels[-1].shape[:2]

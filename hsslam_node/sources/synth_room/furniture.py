@@ -1,54 +1,9 @@
-"""Pieces of furniture as lists of primitives, each in its own frame: origin on the floor, back to -y."""
-
-from dataclasses import dataclass, replace
+"""Pieces of furniture, each in its own frame: origin on the floor, back to -y, front to +y."""
 
 import numpy as np
 
-from hsslam_node.sources.synth_room.primitive import Kind, Primitive, rotation_z
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Where a piece stands: position on the floor (m) and the direction of its front (degrees about z)."""
-
-    x: float
-    y: float
-    angle_deg: float = 0.0
-    z: float = 0.0
-
-    def place(self, pieces: list[Primitive]) -> list[Primitive]:
-        """The pieces in world coordinates."""
-        turn = rotation_z(self.angle_deg)
-        origin = np.array([self.x, self.y, self.z])
-        return [
-            replace(p, center_m=turn @ p.center_m + origin, rotation=turn @ p.rotation)
-            for p in pieces
-        ]
-
-
-def box(center, size, *materials: str, angle_deg: float = 0.0, lean_deg: float = 0.0) -> Primitive:
-    """A box by its centre and full size, m."""
-    half = np.array(size, float) / 2
-    return Primitive(
-        Kind.BOX, np.array(center, float), half, rotation_z(angle_deg, lean_deg), materials
-    )
-
-
-def cylinder(center, radius: float, height: float, *materials: str) -> Primitive:
-    """An upright cylinder by its centre, m."""
-    half = np.array([radius, radius, height / 2])
-    return Primitive(Kind.CYLINDER, np.array(center, float), half, np.eye(3), materials)
-
-
-def ball(center, half, *materials: str, angle_deg: float = 0.0) -> Primitive:
-    """An ellipsoid by its centre and half axes, m."""
-    return Primitive(
-        Kind.ELLIPSOID,
-        np.array(center, float),
-        np.array(half, float),
-        rotation_z(angle_deg),
-        materials,
-    )
+from hsslam_node.sources.synth_room.placement import Placement, ball, box, cylinder
+from hsslam_node.sources.synth_room.primitive import Primitive
 
 
 def sofa(width: float, cover: str, accents: tuple[str, str]) -> list[Primitive]:
@@ -149,10 +104,7 @@ def desk(width: float, wood: str) -> list[Primitive]:
         box((0.52, 0.22, top + 0.03), (0.24, 0.17, 0.06), "book:navy", angle_deg=12),
         box((0.53, 0.22, top + 0.085), (0.22, 0.16, 0.05), "book:terracotta", angle_deg=-7),
     ]  # fmt: skip
-    return [
-        *parts,
-        *[replace(p, center_m=p.center_m + [-0.58, 0.2, top]) for p in table_lamp("mustard")],
-    ]
+    return [*parts, *Placement(-0.58, 0.2, z=top).place(table_lamp("mustard"))]
 
 
 def table_lamp(shade: str) -> list[Primitive]:
@@ -199,6 +151,51 @@ def cabinet(width: float, height: float, depth: float, wood: str) -> list[Primit
         parts.append(box((sx * (width / 2 - 0.06), depth / 2, 0.04), (0.06, depth - 0.06, 0.08), w))
         parts.append(cylinder((sx * 0.05, depth + 0.01, height * 0.55), 0.012, 0.12, "metal:brass"))
     return parts
+
+
+def armchair(cover: str, accent: str) -> list[Primitive]:
+    """A low armchair with a cushion."""
+    parts = [
+        box((0, 0.40, 0.21), (0.80, 0.76, 0.24), cover),
+        box((0, 0.10, 0.52), (0.80, 0.20, 0.66), cover, lean_deg=6),
+        box((0, 0.46, 0.38), (0.50, 0.60, 0.14), accent),
+        ball((0.05, 0.30, 0.60), (0.20, 0.09, 0.17), accent, angle_deg=10),
+    ]
+    for side in (-1, 1):
+        parts.append(box((side * 0.33, 0.42, 0.40), (0.15, 0.74, 0.40), cover))
+        for y in (0.08, 0.72):
+            parts.append(cylinder((side * 0.34, y, 0.05), 0.022, 0.10, "wood:walnut"))
+    return parts
+
+
+def dresser(width: float, wood: str) -> list[Primitive]:
+    """A chest of drawers with a globe, a box and a vase on it."""
+    front = f"panels:{wood.partition(':')[2]}"
+    parts = [
+        box((0, 0.22, 0.44), (width, 0.44, 0.80), wood, wood, front, wood, wood, wood),
+        box((0, 0.22, 0.855), (width + 0.04, 0.48, 0.03), wood),
+        cylinder((-width * 0.28, 0.2, 0.885), 0.09, 0.03, "wood:walnut"),
+        ball((-width * 0.28, 0.2, 1.04), (0.14, 0.14, 0.14), "stone:sky"),
+        box((width * 0.05, 0.22, 0.93), (0.26, 0.2, 0.12), "cardboard", angle_deg=15),
+        ball((width * 0.33, 0.2, 0.99), (0.075, 0.075, 0.12), "glazed:mustard"),
+        cylinder((width * 0.33, 0.2, 1.13), 0.03, 0.08, "glazed:mustard"),
+    ]
+    for sx in (-1, 1):
+        parts.append(box((sx * (width / 2 - 0.05), 0.22, 0.02), (0.06, 0.40, 0.04), wood))
+        for z in (0.30, 0.58):
+            parts.append(cylinder((sx * width / 4, 0.46, z), 0.02, 0.02, "metal:brass"))
+    return parts
+
+
+def coffee_table(wood: str) -> list[Primitive]:
+    """A low table with books, a bowl and a cup."""
+    return [
+        *table(1.0, 0.55, 0.40, wood),
+        box((-0.26, 0.04, 0.42), (0.28, 0.21, 0.04), "book:teal", angle_deg=14),
+        box((-0.25, 0.05, 0.455), (0.25, 0.18, 0.03), "book:rose", angle_deg=-6),
+        ball((0.16, -0.02, 0.45), (0.14, 0.14, 0.06), "glazed:terracotta"),
+        cylinder((0.38, 0.14, 0.445), 0.04, 0.09, "glazed:navy"),
+    ]
 
 
 def framed(width: float, height: float, picture: str, depth: float = 0.03) -> list[Primitive]:

@@ -60,7 +60,7 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
                 ray[a] = x * t1[a] + y * t2[a] + directions[k, 2] * n[a]
             if not _blocked(kinds, rotations, centers, halves, start, ray, 0.9):
                 open_ += 1.0
-        out[i] = 0.30 + 0.35 * open_ / len(directions) + 1.9 * direct
+        out[i] = 0.16 + 0.34 * open_ / len(directions) + 2.7 * direct
     return out
 
 

@@ -13,8 +13,8 @@ _BEHIND_RAD = 1.9  # the camera stands beside and a little behind the centre of 
 def hand_held_poses(size_m: tuple[float, float, float], length: int, seed: int) -> np.ndarray:
     """Camera-to-world poses [length, 4, 4] on a closed loop that looks at all walls, smooth.
 
-    A loop takes about 600 frames: longer sequences go round more often, shorter ones go out and back,
-    so the speed stays that of a hand (up to 1.5 cm and 0.7 degrees a frame).
+    A loop takes about 600 frames: longer sequences go round more often, shorter ones go out and
+    back, so the speed stays that of a hand (up to 1.5 cm and 0.7 degrees a frame).
     """
     rng = np.random.default_rng((seed, 4))
     progress = _progress(length)  # [N] turns
@@ -51,7 +51,7 @@ def _progress(length: int) -> np.ndarray:
 
 
 def _shake(length: int, rng: np.random.Generator) -> np.ndarray:
-    """Six smooth random channels [length, 6] of about unit size, periodic: sums of sines of 0.3-3 Hz."""
+    """Six smooth, periodic channels [length, 6] of about unit size: sines of 0.3 to 2.3 Hz."""
     t = np.arange(length)[:, None] / length
     total = np.zeros((length, 6))
     for period_frames in (90, 55, 34, 21, 13):

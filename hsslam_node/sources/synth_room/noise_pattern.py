@@ -7,7 +7,7 @@ import numpy as np
 def value_noise(
     shape: tuple[int, int], cell: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Cubic-interpolated random values in about [-1, 1], [h, w] float32; cell (down, across) in texels."""
+    """Smooth random values in about [-1, 1], [h, w] float32; cell (down, across) in texels."""
     h, w = shape
     down, across = (max(c, 1.0) for c in cell)
     rows, columns = int(np.ceil(h / down)) + 3, int(np.ceil(w / across)) + 3

@@ -1,4 +1,4 @@
-"""The shapes that the room is made of: boxes, cylinders and ellipsoids, each with textured faces."""
+"""What the room is made of: boxes, cylinders and ellipsoids, each with textured faces."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -38,7 +38,7 @@ class Primitive:
 
     def material(self, face: int) -> str:
         """The texture of a face."""
-        return self.materials[face] if len(self.materials) > 1 else self.materials[0]
+        return self.materials[face % len(self.materials)]
 
     def face_size_m(self, face: int) -> tuple[float, float]:
         """Width (along u) and height (along v) of a face, m."""

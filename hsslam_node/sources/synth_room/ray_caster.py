@@ -16,7 +16,8 @@ _LEAST_COSINE = np.float32(0.08)
 @numba.njit(**JIT)
 def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse_texels, levels,
            texels, T, intrinsics, color, depth, units_per_m, packed, face_ids):  # fmt: skip
-    """Renders colour [H, W, 3] uint8 and planar depth [H, W] uint16 seen from T [4, 4] (camera to world).
+    """Renders colour [H, W, 3] uint8 and planar depth [H, W] uint16 seen from T [4, 4] (camera to
+    world).
 
     kinds, first_faces [P] int32; rotations [P, 3, 3], centers, halves [P, 3] float64.
     first_levels [F] int32, inverse_texels [F] float32 1/m; levels and texels as in `sample`.
@@ -73,8 +74,8 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
 def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
     """Counts [tiles] and members [tiles, P] of the primitives that may be seen in each tile.
 
-    Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room, is
-    in all of them.
+    Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room,
+    is in all of them.
     """
     n = len(centers)
     tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
@@ -192,7 +193,7 @@ def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
 
 @numba.njit(**JIT)
 def _place_on_cube(p, first, M, o, half, ray_x, ray_y, nearest, owner, face, s, q, slant):
-    """Face, texture coordinates in [0, 1] and slant (growth of the pixel's footprint), no branches."""
+    """Face, texture coordinates in [0, 1], slant (growth of a pixel's footprint); no branches."""
     hx, hy, hz = np.float32(half[0]), np.float32(half[1]), np.float32(half[2])
     one, scale = np.float32(1), np.float32(0.5)
     for i in range(_PIXELS):

@@ -20,7 +20,9 @@ class Renderer:
             "centers": np.stack([p.center_m for p in parts]).astype(np.float64),
             "halves": np.stack([p.half_m for p in parts]).astype(np.float64),
         }
-        self._atlas = build_atlas(parts, self._arrays, seed)
+        self._atlas = build_atlas(
+            parts, self._arrays, seed, float(np.clip(640 / camera.width_px, 0.6, 4.0))
+        )
         self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         self._size = (camera.height_px, camera.width_px)
         self._units_per_m = units_per_m

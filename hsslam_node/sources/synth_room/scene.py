@@ -3,14 +3,13 @@
 import numpy as np
 
 from hsslam_node.sources.synth_room.furniture import (
-    Placement,
-    ball,
+    armchair,
     bookshelf,
-    box,
     cabinet,
     chair,
-    cylinder,
+    coffee_table,
     desk,
+    dresser,
     floor_lamp,
     framed,
     plant,
@@ -18,6 +17,7 @@ from hsslam_node.sources.synth_room.furniture import (
     table,
     table_lamp,
 )
+from hsslam_node.sources.synth_room.placement import Placement, ball, box, cylinder
 from hsslam_node.sources.synth_room.primitive import Kind, Primitive
 
 
@@ -37,6 +37,7 @@ def build_scene(size_m: tuple[float, float, float], seed: int) -> list[Primitive
     parts.append(
         box((length / 2, width / 2, 0.006), (0.52 * length, 0.48 * width, 0.012), "carpet:red")
     )
+    parts += Placement(length * 0.5, width - 1.42, 4).place(coffee_table("wood:walnut"))
     for k in range(3):  # beams
         y = width * (k + 0.5) / 3
         parts.append(box((length / 2, y, height - 0.06), (length, 0.14, 0.12), "wood:walnut"))
@@ -63,7 +64,9 @@ def _north(length: float, width: float, height: float, accents: np.ndarray) -> l
         *Placement(c + 0.42, width, 180, hang + 0.04).place(framed(0.46, 0.62, "poster")),
         *Placement(c + 1.38, width - 0.34, 180).place(table(0.46, 0.46, 0.52, "wood:oak")),
         *Placement(c + 1.38, width - 0.34, 180, 0.52).place(table_lamp(str(accents[2]))),
-        *Placement(c - 1.42, width - 0.36).place(floor_lamp("cream")),
+        *Placement(c - 1.36, width - 0.28).place(floor_lamp("cream")),
+        *Placement(0.30, width - 0.30, 225).place(armchair("fabric:terracotta", "fabric:cream")),
+        *Placement(0.55, width, 180, hang).place(framed(0.5, 0.5, "poster")),
     ]
 
 
@@ -91,11 +94,13 @@ def _south(length: float, height: float, accents: np.ndarray) -> list[Primitive]
     middle = sill + tall / 2
     parts = [
         *Placement(c, 0.02).place(desk(1.55, "wood:pine")),
-        *Placement(c - 0.12, 1.16, 188).place(chair("wood:walnut", f"fabric:{accents[3]}")),
+        *Placement(c - 0.12, 1.12, 188).place(chair("wood:walnut", f"fabric:{accents[3]}")),
         *Placement(c, 0, 0, middle).place(framed(1.5, tall, "window", 0.02)),
         box((c, 0.06, sill - 0.03), (1.66, 0.12, 0.04), "wood:white"),
         box((c, 0.07, sill + tall + 0.08), (2.2, 0.03, 0.03), "metal:brass"),
     ]
+    parts += Placement(0.78, 0.02).place(dresser(0.95, "wood:oak"))
+    parts += Placement(0.78, 0, 0, min(1.68, height - 0.6)).place(framed(0.62, 0.62, "painting"))
     for side in (-1, 1):
         for k in range(4):
             x = c + side * (0.80 + 0.075 * k)
@@ -105,19 +110,25 @@ def _south(length: float, height: float, accents: np.ndarray) -> list[Primitive]
 
 def _west(width: float, height: float, accents: np.ndarray) -> list[Primitive]:
     """Door, low cabinet with a screen, vases, a small table with a chair; fronts look to +x."""
-    c = width * 0.60
+    c = width * 0.585
     return [
-        *Placement(0, width * 0.17, -90, 1.01).place([box((0, 0.02, 0), (0.86, 0.04, 2.02), "panels:white")]),
-        *Placement(0, width * 0.17, -90, 1.0).place([ball((0.33, 0.08, 0), (0.05, 0.03, 0.02), "metal:brass")]),
-        *Placement(0.02, c, -90).place(cabinet(1.6, 0.55, 0.42, "wood:walnut")),
+        *Placement(0, width * 0.24, -90, 1.01).place(
+            [
+                box((0, 0.02, 0), (0.80, 0.04, 2.02), "panels:white"),
+                ball((0.33, 0.08, 0), (0.05, 0.03, 0.02), "metal:brass"),
+            ]
+        ),
+        *Placement(0.02, c, -90).place(cabinet(1.45, 0.55, 0.42, "wood:walnut")),
         *Placement(0.06, c, -90, 0.98).place(framed(1.05, 0.62, "screen", 0.05)),
-        *Placement(0.22, c, -90, 0.56).place([box((0, 0, 0.05), (0.5, 0.2, 0.10), "metal:charcoal")]),
-        *Placement(0.24, c + 0.68, -90, 0.55).place(
+        *Placement(0.22, c, -90, 0.56).place(
+            [box((0, 0, 0.05), (0.5, 0.2, 0.10), "metal:charcoal")]
+        ),
+        *Placement(0.24, c + 0.60, -90, 0.55).place(
             [
                 ball((0, 0, 0.15), (0.09, 0.09, 0.15), f"glazed:{accents[5]}"),
                 cylinder((0, 0, 0.31), 0.035, 0.10, f"glazed:{accents[5]}"),
-                box((-1.34, 0.02, 0.04), (0.26, 0.2, 0.08), "book:red", angle_deg=20),
-                ball((-1.34, 0.02, 0.15), (0.07, 0.07, 0.07), "stone:sage"),
+                box((-1.2, 0.02, 0.04), (0.26, 0.2, 0.08), "book:red", angle_deg=20),
+                ball((-1.2, 0.02, 0.15), (0.07, 0.07, 0.07), "stone:sage"),
             ]
         ),
         *Placement(0, c, -90, min(1.78, height - 0.45)).place(framed(0.95, 0.40, "painting")),

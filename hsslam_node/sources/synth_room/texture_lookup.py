@@ -6,6 +6,7 @@ import numpy as np
 JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
 _LANES = np.uint64(0x00FF00FF00FF)
 _ONE = np.uint64(256)
+_WIDEST = np.float32(60)  # texels; every face has the levels for it
 
 
 @numba.njit(**JIT)
@@ -18,7 +19,7 @@ def sample(texels, levels, first, s, q, footprint):
     if footprint <= np.float32(1):
         return pack(_bilinear(texels, levels, first, s, q))
     # log2 from the float's exponent, and a straight line through its mantissa
-    bits = np.float32(footprint).view(np.int32) - np.int32(0x3F800000)
+    bits = np.float32(min(footprint, _WIDEST)).view(np.int32) - np.int32(0x3F800000)
     row = first + (bits >> np.int32(23))
     f = np.uint64((bits >> np.int32(15)) & np.int32(255))
     mixed = _bilinear(texels, levels, row, s, q) * (_ONE - f)

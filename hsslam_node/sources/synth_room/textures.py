@@ -1,4 +1,4 @@
-"""Procedural textures: a material's name and a size give an albedo image with detail at many scales."""
+"""Procedural textures: a material and a size give an albedo image with detail at many scales."""
 
 from collections.abc import Callable
 
