@@ -24,7 +24,8 @@ _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless",
 def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
     """Merge a section into the file; nested mappings are merged key by key."""
     merged = _merged(read_summary(run_dir), section)
-    write_atomically(run_dir / _FILE, msgspec.json.format(msgspec.json.encode(merged)))
+    encoded = msgspec.json.encode(merged, enc_hook=_plain)
+    write_atomically(run_dir / _FILE, msgspec.json.format(encoded))
 
 
 def read_summary(run_dir: Path) -> dict[str, Any]:
@@ -94,6 +95,13 @@ def _process(child: "Child") -> dict[str, Any]:
         "stage_ms": dict(health.stage_ms) if health else {},
         "counters": dict(health.counters) if health else {},
     }
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(type(value).__name__)
 
 
 def _read_json(path: Path) -> dict[str, Any]:
