@@ -1,7 +1,26 @@
-"""Settings of all tests."""
+"""Settings and fixtures of all tests."""
 
+import os
+import sys
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
+
+sys.path.insert(0, str(Path(__file__).parent))  # helpers beside this file
+
+from sequence_folders import replica_folder, tum_folder  # noqa: F401
 
 # Shared machines stall, and kernels compile at their first call: no time limit on one example.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(scope="session")
+def test_data() -> Path:
+    """The folder of real sequences; skips where it is absent."""
+    default = Path(__file__).parents[1] / "../shared/data"
+    path = Path(os.environ.get("HSSLAM_TEST_DATA", default))
+    if not path.is_dir():
+        pytest.skip(f"no sequences at {path} (HSSLAM_TEST_DATA)")
+    return path.resolve()

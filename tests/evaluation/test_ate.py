@@ -1,0 +1,69 @@
+"""Absolute trajectory error."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.evaluation.ate import align, ate
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.trajectory import Trajectory
+
+TWIST = st.lists(st.floats(-3, 3), min_size=6, max_size=6).map(np.array)
+
+
+def trajectory(n: int = 50, seed: int = 0) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    poses = np.array([se3_exp(rng.normal(size=6)) for _ in range(n)])
+    return Trajectory(np.arange(n, dtype=np.int64) * 33_333_333, poses)
+
+
+@given(TWIST)
+def test_a_rigid_motion_of_the_world_is_no_error(xi):
+    truth, T = trajectory(), se3_exp(xi)
+    result = ate(Trajectory(truth.stamps_ns, T @ truth.T_world_cam), truth)
+    assert result.rmse_m < 1e-9
+    np.testing.assert_allclose(result.T_truth_estimate @ T, np.eye(4), atol=1e-9)
+
+
+def test_scale_is_not_aligned():
+    truth = trajectory()
+    poses = truth.T_world_cam.copy()
+    poses[:, :3, 3] *= 1.1
+    assert ate(Trajectory(truth.stamps_ns, poses), truth).rmse_m > 0.05
+
+
+def test_the_error_is_the_one_that_was_put_in():
+    truth, rng = trajectory(2000), np.random.default_rng(1)
+    poses = truth.T_world_cam.copy()
+    poses[:, :3, 3] += rng.normal(0, 0.01, (2000, 3))
+    result = ate(Trajectory(truth.stamps_ns, poses), truth)
+    assert result.rmse_m == pytest.approx(0.01 * np.sqrt(3), rel=0.05)
+    assert result.mean_m < result.rmse_m < result.max_m
+
+
+def test_lost_frames_are_missing_from_scored():
+    truth = trajectory()
+    kept = Trajectory(truth.stamps_ns[::2], truth.T_world_cam[::2])
+    result = ate(kept, truth)
+    assert (result.scored, result.expected) == (25, 50)
+
+
+def test_stamps_too_far_apart_are_not_paired():
+    truth = trajectory()
+    shifted = Trajectory(truth.stamps_ns + 15_000_000, truth.T_world_cam)
+    assert ate(shifted, truth).scored == 50
+    assert ate(shifted, truth, max_dt_s=0.01).scored == 0
+    assert np.isnan(ate(shifted, truth, max_dt_s=0.01).rmse_m)
+
+
+def test_order_does_not_matter():
+    truth = trajectory()
+    back = Trajectory(truth.stamps_ns[::-1], truth.T_world_cam[::-1])
+    assert ate(back, truth).rmse_m < 1e-9
+
+
+def test_a_mirrored_world_is_not_a_rotation():
+    points = np.random.default_rng(0).normal(size=(30, 3))
+    T = align(points, points * [1, 1, -1])
+    assert np.linalg.det(T[:3, :3]) == pytest.approx(1)

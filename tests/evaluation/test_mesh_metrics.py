@@ -1,0 +1,84 @@
+"""Distances between meshes, and what cameras saw of them."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.evaluation.mesh_metrics import compare_meshes, sample_surface
+from hsslam_node.evaluation.point_to_triangle import point_to_triangle_distances
+from hsslam_node.evaluation.visibility import Views
+from hsslam_node.geometry.camera import Camera
+
+CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
+
+
+def plane(z: float, low: float = -1.0, high: float = 1.0) -> trimesh.Trimesh:
+    corners = [(low, low, z), (high, low, z), (high, high, z), (low, high, z)]
+    return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+
+
+def views(depth_m: float) -> Views:
+    return Views(CAMERA, np.eye(4)[None], np.full((1, 48, 64), depth_m, np.float32))
+
+
+POINT = st.tuples(*[st.floats(-2, 2)] * 3).map(np.array)
+
+
+@given(POINT, POINT, POINT, POINT)
+def test_point_to_triangle_is_never_above_a_dense_search(p, a, b, c):
+    distance = point_to_triangle_distances(
+        p[None], np.stack([a, b, c])[None], np.zeros((1, 1), np.int64)
+    )[0]
+    w = np.array([(i, j, 20 - i - j) for i in range(21) for j in range(21 - i)]) / 20
+    dense = np.linalg.norm(w @ np.stack([a, b, c]) - p, axis=1).min()
+    step = max(np.linalg.norm(a - b), np.linalg.norm(b - c), np.linalg.norm(c - a)) / 20
+    assert dense - step - 1e-6 <= distance <= dense + 1e-6
+
+
+def test_identical_meshes_are_at_distance_zero_whatever_the_sampling():
+    metrics = compare_meshes(plane(0), plane(0), samples=2000)
+    assert metrics.accuracy_mean_m < 1e-4
+    assert metrics.completion_ratio_5cm == 1.0
+
+
+def test_a_shift_is_measured_exactly():
+    metrics = compare_meshes(plane(0.02), plane(0), samples=2000)
+    assert metrics.accuracy_median_m == pytest.approx(0.02)
+    assert metrics.completion_median_m == pytest.approx(0.02)
+    assert compare_meshes(plane(0.06), plane(0), samples=2000).completion_ratio_5cm == 0.0
+
+
+def test_half_a_reconstruction_is_accurate_and_incomplete():
+    corners = [(0, -1, 0), (1, -1, 0), (1, 1, 0), (0, 1, 0)]
+    half = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
+    metrics = compare_meshes(half, plane(0), samples=4000)
+    assert metrics.accuracy_mean_m < 1e-4
+    assert metrics.completion_ratio_5cm == pytest.approx(0.525, abs=0.03)
+
+
+def test_sampling_is_seeded_and_uniform():
+    a, b = (sample_surface(plane(0), 5000, 3).points for _ in range(2))
+    np.testing.assert_array_equal(a, b)
+    np.testing.assert_allclose(a.mean(axis=0), 0, atol=0.03)
+    assert (a[:, 0] > 0.5).mean() == pytest.approx(0.25, abs=0.02)
+
+
+def test_views_cull_what_lies_outside_or_behind():
+    points = np.array([(0, 0, 2), (0, 0, 2.02), (0, 0, 2.04), (0, 0, -1), (5, 0, 2), (0, 0, 0.5)])
+    np.testing.assert_array_equal(views(2.0).observed(points), [1, 1, 0, 0, 0, 1])
+    assert not views(0.0).observed(points).any()  # no measurement sees nothing
+
+
+def test_unobserved_surface_does_not_count():
+    both = trimesh.util.concatenate([plane(2.0), plane(3.0)])
+    metrics = compare_meshes(plane(2.0), both, views(2.0), samples=2000)
+    assert metrics.completion_ratio_5cm == 1.0
+    assert compare_meshes(plane(2.0), both, samples=2000).completion_ratio_5cm < 0.6
+
+
+def test_an_empty_mesh_scores_nothing():
+    metrics = compare_meshes(trimesh.Trimesh(), plane(0), samples=100)
+    assert (metrics.completion_ratio_5cm, metrics.samples) == (0.0, 0)
+    assert np.isnan(metrics.accuracy_mean_m)

@@ -1,0 +1,59 @@
+"""Trajectory files."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.trajectory import (
+    Trajectory,
+    format_stamp,
+    parse_stamp_ns,
+    read_tum,
+    write_tum,
+)
+
+STAMP = st.integers(-(2**62), 2**62)
+
+
+@given(STAMP)
+def test_stamps_are_exact(stamp_ns):
+    assert parse_stamp_ns(format_stamp(stamp_ns)) == stamp_ns
+
+
+@given(st.lists(st.tuples(STAMP, st.lists(st.floats(-3, 3), min_size=6, max_size=6)), max_size=5))
+def test_what_is_written_is_read_back(rows):
+    poses = np.array([se3_exp(np.array(xi)) for _, xi in rows]).reshape(-1, 4, 4)
+    written = Trajectory(np.array([stamp for stamp, _ in rows], np.int64), poses)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "t.txt"
+        write_tum(path, written)
+        read = read_tum(path)
+    np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns)
+    np.testing.assert_allclose(read.T_world_cam, written.T_world_cam, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["1 2 3", "x 0 0 0 0 0 0 1", "1 0 0 nan 0 0 0 1", "1 0 0 0 0 0 0 0", "inf 0 0 0 0 0 0 1"],
+)
+def test_a_wrong_line_is_named(tmp_path, line):
+    path = tmp_path / "t.txt"
+    path.write_text(f"# comment\n0 0 0 0 0 0 0 1\n{line}\n")
+    with pytest.raises(UserError, match=r"t\.txt:3"):
+        read_tum(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(UserError, match=r"none\.txt"):
+        read_tum(tmp_path / "none.txt")
+
+
+def test_arrays_must_fit_together():
+    with pytest.raises(ValueError, match="expected"):
+        Trajectory(np.zeros(3, np.int64), np.zeros((2, 4, 4)))

@@ -1,0 +1,52 @@
+"""Decoding: whatever is wrong with a file is told, never guessed."""
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.image_files import BadImageError, read_color, read_depth
+
+CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
+RNG = np.random.default_rng(0)
+COLOR = RNG.integers(0, 256, (24, 32, 3), np.uint8)
+DEPTH = RNG.integers(0, 65536, (24, 32), np.uint16)
+
+
+def test_png_comes_back_exactly_and_in_rgb(tmp_path):
+    cv2.imwrite(str(tmp_path / "c.png"), COLOR[..., ::-1])
+    cv2.imwrite(str(tmp_path / "d.png"), DEPTH)
+    np.testing.assert_array_equal(read_color(tmp_path / "c.png", CAMERA), COLOR)
+    np.testing.assert_array_equal(read_depth(tmp_path / "d.png", CAMERA), DEPTH)
+
+
+@pytest.mark.parametrize("name", ["c.jpg", "c.png", "d.png"])
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.98])
+def test_a_truncated_file_is_refused(tmp_path, name, share):
+    path = tmp_path / name
+    cv2.imwrite(str(path), COLOR if name[0] == "c" else DEPTH)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(BadImageError, match=name):
+        (read_color if name[0] == "c" else read_depth)(path, CAMERA)
+
+
+def test_a_corrupt_png_is_refused(tmp_path):
+    path = tmp_path / "d.png"
+    cv2.imwrite(str(path), DEPTH)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(BadImageError):
+        read_depth(path, CAMERA)
+
+
+def test_missing_wrong_size_wrong_depth(tmp_path):
+    with pytest.raises(BadImageError, match="No such file"):
+        read_color(tmp_path / "none.png", CAMERA)
+    cv2.imwrite(str(tmp_path / "small.png"), DEPTH[:12])
+    with pytest.raises(BadImageError, match="32x12 pixels: expected 32x24"):
+        read_depth(tmp_path / "small.png", CAMERA)
+    cv2.imwrite(str(tmp_path / "eight.png"), COLOR)
+    with pytest.raises(BadImageError, match="8 bit, 3 channels"):
+        read_depth(tmp_path / "eight.png", CAMERA)
