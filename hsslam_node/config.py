@@ -166,8 +166,8 @@ class TrackerConfig:
     """Image border that gives no points."""
     max_depth_m: float = 6.0
     """Farther measurements are not aligned, m."""
-    iterations: int = 10
-    """Most Levenberg-Marquardt steps."""
+    iterations: int = 4
+    """Most Gauss-Newton steps at each level of the image pyramid."""
     stop_step: float = 2e-4
     """A step below this (m, rad) ends the alignment."""
     sdf_huber_m: float = 0.02

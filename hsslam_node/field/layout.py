@@ -56,10 +56,13 @@ class FieldLayout:
     def hash_resolutions(self) -> tuple[int, ...]:
         """Cells per longest side of the bound, for each hash level (Co-SLAM's growth rule)."""
         c = self.config
-        finest = max(float(self.bound.extent_m.max()) / c.hash_finest_cell_m, c.hash_base_resolution)
+        finest = max(
+            float(self.bound.extent_m.max()) / c.hash_finest_cell_m, c.hash_base_resolution
+        )
         growth = math.exp(math.log(finest / c.hash_base_resolution) / max(c.hash_levels - 1, 1))
         return tuple(
-            math.floor(c.hash_base_resolution * growth**level + 1e-6) for level in range(c.hash_levels)
+            math.floor(c.hash_base_resolution * growth**level + 1e-6)
+            for level in range(c.hash_levels)
         )
 
     @cached_property

@@ -45,6 +45,26 @@ def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
+def halve_depth(depth, out):
+    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0 or they lie apart.
+
+    Inverse depth is linear in the image of a plane, so the mean is the depth at the block's centre.
+    """
+    for v in range(out.shape[0]):
+        for u in range(out.shape[1]):
+            a = depth[2 * v, 2 * u]
+            b = depth[2 * v, 2 * u + 1]
+            c = depth[2 * v + 1, 2 * u]
+            d = depth[2 * v + 1, 2 * u + 1]
+            low = min(min(a, b), min(c, d))
+            high = max(max(a, b), max(c, d))
+            if low > 0 and high - low < np.float32(0.05) * high:
+                out[v, u] = np.float32(4.0) / (np.float32(1.0) / a + np.float32(1.0) / b + np.float32(1.0) / c + np.float32(1.0) / d)
+            else:
+                out[v, u] = np.float32(0.0)
+
+
+@njit(cache=True, fastmath=True, nogil=True)
 def transform_points(T, points, out):
     """out = T [4, 4] applied to points [N, 3]."""
     for k in range(points.shape[0]):

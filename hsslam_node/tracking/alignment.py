@@ -16,7 +16,8 @@ from hsslam_node.kernels.kernel_layout import KernelLayout
 from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 
-COARSE_STRIDE = 4  # every fourth depth point at the coarse level
+COARSE_STRIDE = 4  # every fourth depth point at all levels but the last two
+_COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
 
 
@@ -67,7 +68,8 @@ def align(
     iterations = 0
     system = None
     for level in range(len(levels)):
-        for _ in range(config.iterations // len(levels)):
+        fine = level >= len(levels) - 2
+        for _ in range(config.iterations):
             system = problem.linearise(T, level)
             x = np.linalg.solve(
                 system.H + _DAMPING * np.diag(np.diag(system.H)) + 1e-9 * np.eye(7), -system.b
@@ -75,7 +77,7 @@ def align(
             T = _moved(T, x[:6])
             problem.bias += x[6]
             iterations += 1
-            if np.abs(x[:6]).max() < config.stop_step:
+            if np.abs(x[:6]).max() < (config.stop_step if fine else _COARSE_STOP):
                 break
     assert system is not None
     nan = float("nan")
@@ -140,7 +142,7 @@ class _Problem:
         """The normal equations at T, at one level of the pyramid."""
         c = self._config
         system = _System(np.zeros((7, 7)), np.zeros(7))
-        points = self._points[min(level, 1)]
+        points = self._points[1 if level >= len(self._levels) - 2 else 0]
         n = len(points)
         world = self._world[:n]
         transform_points(T, points, world)

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.kernels.alignment import halve_depth
 
-PYRAMID_LEVELS = (0.25, 0.5)  # resolutions of the photometric term, coarse first
+PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
 
 
@@ -33,19 +34,32 @@ class ReferenceKeyframe:
 
 
 def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
-    """Grey image and depth at the photometric resolutions, coarse first."""
-    grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
+    """Grey image and depth at the photometric resolutions, coarse first.
+
+    The image is smoothed a little, so that bilinear interpolation between pixels is unbiased.
+    """
+    grey = cv2.GaussianBlur(
+        cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3), 0.7
+    )
     depth = frame.depth_m()
     levels = []
-    for factor in PYRAMID_LEVELS:
-        size = round(grey.shape[1] * factor), round(grey.shape[0] * factor)
+    for factor in reversed(PYRAMID_LEVELS):
         camera = frame.camera.scaled(factor)
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-        levels.append(
-            PyramidLevel(small, cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), K)
-        )
-    return tuple(levels)
+        if factor < 1.0:
+            size = camera.width_px, camera.height_px
+            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+            depth = _halved_depth(depth)
+        levels.append(PyramidLevel(grey, depth, K))
+    return tuple(reversed(levels))
+
+
+def _halved_depth(depth: np.ndarray) -> np.ndarray:
+    """Mean of each 2x2 block; unknown where one of the four is, or where they lie apart."""
+    height, width = depth.shape[0] // 2, depth.shape[1] // 2
+    out = np.empty((height, width), np.float32)
+    halve_depth(depth, out)
+    return out
 
 
 def reference_keyframe(
@@ -91,19 +105,18 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
 
 
 def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and normals at half resolution; depth is smoothed over 5 px where it is continuous."""
+    """Points and normals at half resolution; inverse depth is smoothed over 3 px where it is continuous."""
     camera = frame.camera.scaled(0.5)
-    depth = cv2.resize(
-        frame.depth_m(), (camera.width_px, camera.height_px), interpolation=cv2.INTER_NEAREST
-    )
-    # the nearest full-resolution pixel of (u, v) is (2u, 2v): its ray, not the centre of the 2x2 block
-    K = np.array([camera.fx, camera.fy, frame.camera.cx / 2, frame.camera.cy / 2])
-    low = cv2.erode(depth, np.ones((5, 5), np.uint8))
-    high = cv2.dilate(depth, np.ones((5, 5), np.uint8))
-    smooth = cv2.GaussianBlur(depth, (5, 5), 1.2)
-    continuous = (low > 0) & (high - low < 0.04 * high)
+    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    depth = _halved_depth(frame.depth_m())
+    low = cv2.erode(depth, np.ones((3, 3), np.uint8))
+    high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
+    continuous = (low > 0) & (high - low < 0.05 * high)
+    inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
+    weight = cv2.GaussianBlur((depth > 0).astype(np.float32), (3, 3), 0.8)
+    inverse_depth = cv2.GaussianBlur(inverse_depth, (3, 3), 0.8)
+    z = np.divide(weight, inverse_depth, out=np.zeros_like(depth), where=continuous)
     u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
-    z = smooth.astype(np.float32)
     points = np.stack([(u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z, z], axis=-1).astype(np.float32)
     du = np.zeros_like(points)
     dv = np.zeros_like(points)

@@ -9,6 +9,7 @@ TILE = 16
 _PIXELS = TILE * TILE
 _SHIFT = 4  # log2 of TILE
 NEAR_M = 0.02
+_SHARPNESS = 0.8  # footprint of a pixel for the choice of mip levels, in pixels
 _EPSILON = np.float32(1e-9)  # keeps 1 / direction finite
 _LEAST_COSINE = np.float32(0.08)
 
@@ -30,7 +31,8 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     nearest, owner = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
     s, q = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
     slant, face = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
-    pixel = np.float32(1 / intrinsics[0])
+    is_hit = np.empty(len(kinds), np.bool_)
+    pixel = np.float32(_SHARPNESS / intrinsics[0])
     scale = np.float32(units_per_m)
     tiles_x = (width + TILE - 1) // TILE
     for tile in range(len(counts)):
@@ -44,13 +46,15 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
             p = members[tile, k]
             M, o = to_unit[p], origins[p]
             if kinds[p] <= 1:
-                _hit_cube(p, kinds[p] == 0, M, o, ray_x, ray_y, nearest, owner)
+                is_hit[k] = _hit_cube(p, kinds[p] == 0, M, o, ray_x, ray_y, nearest, owner)
             elif kinds[p] == 2:
-                _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner)
+                is_hit[k] = _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner)
             else:
-                _hit_ball(p, M, o, ray_x, ray_y, nearest, owner)
+                is_hit[k] = _hit_ball(p, M, o, ray_x, ray_y, nearest, owner)
         for k in range(counts[tile]):
             p = members[tile, k]
+            if not is_hit[k]:
+                continue
             M, o, h, first = to_unit[p], origins[p], halves[p], first_faces[p]
             if kinds[p] <= 1:
                 _place_on_cube(p, first, M, o, h, ray_x, ray_y, nearest, owner, face, s, q, slant)
@@ -142,6 +146,7 @@ def _into_unit_frames(rotations, centers, halves, T):
 
 @numba.njit(**JIT)
 def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
+    hits = np.int32(0)
     for i in range(_PIXELS):
         ix = np.float32(1) / (M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2] + _EPSILON)
         iy = np.float32(1) / (M[1, 0] * ray_x[i] + M[1, 1] * ray_y[i] + M[1, 2] + _EPSILON)
@@ -154,10 +159,13 @@ def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
         hit = (enter <= leave) & (t > np.float32(NEAR_M)) & (t < nearest[i])
         nearest[i] = t if hit else nearest[i]
         owner[i] = p if hit else owner[i]
+        hits += np.int32(hit)
+    return hits > 0
 
 
 @numba.njit(**JIT)
 def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
+    hits = np.int32(0)
     c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - np.float32(1)
     for i in range(_PIXELS):
         dx = M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2]
@@ -170,10 +178,13 @@ def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
         hit = (root > np.float32(0)) & (t > np.float32(NEAR_M)) & (t < nearest[i])
         nearest[i] = t if hit else nearest[i]
         owner[i] = p if hit else owner[i]
+        hits += np.int32(hit)
+    return hits > 0
 
 
 @numba.njit(**JIT)
 def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
+    hits = np.int32(0)
     c = o[0] * o[0] + o[1] * o[1] - np.float32(1)
     for i in range(_PIXELS):
         dx = M[0, 0] * ray_x[i] + M[0, 1] * ray_y[i] + M[0, 2]
@@ -189,6 +200,8 @@ def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
         hit = hit & (enter > np.float32(NEAR_M)) & (enter < nearest[i])
         nearest[i] = enter if hit else nearest[i]
         owner[i] = p if hit else owner[i]
+        hits += np.int32(hit)
+    return hits > 0
 
 
 @numba.njit(**JIT)
