@@ -27,7 +27,7 @@ class Bound:
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Mask [N] of the points [N, 3] (m, world) inside the box."""
-        return ((points >= self.low) & (points <= self.high)).all(axis=-1)
+        return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
 
     def snapped(self, cell_m: float) -> "Bound":
         """The smallest box around this one, about the same centre, whose sides are whole cells."""

@@ -12,7 +12,8 @@ from hsslam_node.errors import UserError
 class Camera:
     """A pinhole camera, OpenCV axes (x right, y down, z forward); pixel centres at integers.
 
-    `distortion` is OpenCV's (k1, k2, p1, p2[, k3]); frames on the bus are already undistorted and carry `()`.
+    `distortion` is OpenCV's (k1, k2, p1, p2[, k3]); frames on the bus are already undistorted and
+    carry `()`.
 
     Raises:
         UserError: a size or focal length is not positive, or a number is not finite.
@@ -46,7 +47,7 @@ class Camera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def undistorted(self) -> "Camera":
-        """The same camera without lens distortion (what remains after `cv2.undistort` with this K)."""
+        """The same camera without lens distortion (what `cv2.undistort` with this K leaves)."""
         return replace(self, distortion=())
 
     def scaled(self, factor: float) -> "Camera":

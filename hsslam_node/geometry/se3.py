@@ -1,4 +1,4 @@
-"""Rigid transforms as 4x4 float64 matrices; twists are (translation, rotation); quaternions xyzw."""
+"""Rigid transforms as 4x4 float64 matrices; twists (translation, rotation); quaternions xyzw."""
 
 import numpy as np
 
@@ -29,8 +29,10 @@ def se3_log(T: np.ndarray) -> np.ndarray:
     W = skew(omega)
     if theta < _SMALL_ANGLE_RAD:
         d = 1 / 12 + theta**2 / 720
+    elif np.sin(theta) > 1e-9:
+        d = 1 / theta**2 - (1 + np.cos(theta)) / (2 * theta * np.sin(theta))
     else:
-        d = 1 / theta**2 - (1 + np.cos(theta)) / (2 * theta * np.sin(theta)) if np.sin(theta) > 1e-9 else 1 / theta**2
+        d = 1 / theta**2
     V_inv = np.eye(3) - 0.5 * W + d * W @ W
     return np.concatenate([V_inv @ T[:3, 3], omega])
 

@@ -56,8 +56,7 @@ class SynthOptions:
         for value, (low, high) in zip(self.size_m, limits, strict=True):
             if not low <= value <= high:
                 raise UserError(
-                    f"source-options.synth.size-m = {self.size_m}: expected 4 to 10, 4 to 10 "
-                    "and 2.4 to 4 m"
+                    f"--synth.size-m {self.size_m}: expected 4 to 10, 4 to 10 and 2.4 to 4 m"
                 )
         _expect_range("synth.length", self.length, 2, 1_000_000)
         _expect_range("synth.seed", self.seed, 0, 2**31 - 1)
@@ -82,7 +81,7 @@ class SourceOptions:
 
     def __post_init__(self) -> None:
         if self.noise not in ("none", "kinect"):
-            raise UserError(f"source-options.noise = {self.noise!r}: expected none or kinect")
+            raise UserError(f"--noise {self.noise!r}: expected none or kinect")
         _expect_range("seed", self.seed, 0, 2**31 - 1)
         _expect_range("stride", self.stride, 1, 1_000_000)
         if self.frames is not None:
@@ -96,4 +95,4 @@ class SourceOptions:
 
 def _expect_range(option: str, value: float, low: float, high: float) -> None:
     if not (np.isfinite(value) and low <= value <= high):
-        raise UserError(f"source-options.{option} = {value}: expected {low} to {high}")
+        raise UserError(f"--{option} {value}: expected {low} to {high}")
