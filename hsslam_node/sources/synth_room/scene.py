@@ -56,7 +56,9 @@ def _north(length: float, width: float, height: float, accents: np.ndarray) -> l
     """Sofa, pictures, side table with a lamp; fronts look to -y."""
     c = length * 0.48
     hang = min(1.62, height - 0.75)
+    seat = Placement(0.30, width - 0.30, 225)
     return [
+        *(seat.place(armchair("fabric:terracotta", "fabric:cream")) if length >= 5.2 else []),
         *Placement(c, width - 0.03, 180).place(
             sofa(2.05, "fabric:navy", (f"fabric:{accents[0]}", f"fabric:{accents[1]}"))
         ),
@@ -65,7 +67,6 @@ def _north(length: float, width: float, height: float, accents: np.ndarray) -> l
         *Placement(c + 1.38, width - 0.34, 180).place(table(0.46, 0.46, 0.52, "wood:oak")),
         *Placement(c + 1.38, width - 0.34, 180, 0.52).place(table_lamp(str(accents[2]))),
         *Placement(c - 1.36, width - 0.28).place(floor_lamp("cream")),
-        *Placement(0.30, width - 0.30, 225).place(armchair("fabric:terracotta", "fabric:cream")),
         *Placement(0.55, width, 180, hang).place(framed(0.5, 0.5, "poster")),
     ]
 
