@@ -22,9 +22,7 @@ PAPER: Final = SlamConfig()
 REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
-    sampling=SamplingPattern(
-        free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0
-    ),
+    sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
     weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0),
     mapper=MapperConfig(
         rays=1280,

@@ -6,6 +6,7 @@ order, so the poses are the same.
 
 from collections.abc import Iterable, Iterator
 
+from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
@@ -38,6 +39,7 @@ class Slam:
         self.parameters: FieldParameters | None = None
         self._tracker: Tracker | None = None
         self._mapper: Mapper | None = None
+        self._ba: GlobalBundleAdjustment | None = None
 
     def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
         """Process all frames, yielding the pose of each."""
@@ -47,9 +49,13 @@ class Slam:
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
         if self._tracker is None:
-            self._open(frame)
-        assert self._tracker and self._mapper and self.store and self.parameters
+            self._tracker = self._open_tracker(frame)
+        assert self.store
         result = self._tracker.track(frame, self._view())
+        if result.status == "initial":
+            self._open_map(frame)
+        if self.parameters is None or self._mapper is None:
+            return result
         if result.status == "initial":
             for _ in range(self.config.mapper.first_iterations):
                 self._mapper.initialise(self.store)
@@ -58,23 +64,29 @@ class Slam:
             for _ in range(self.config.mapper.iterations):
                 self._mapper.iterate(self.store)
             self.parameters.publish()
+            if self._ba and self._ba.is_due(self.store):
+                report = self._ba.round(self.store)
+                if report.moved:
+                    self.store.correct_poses(report.keyframes, report.T_world_cam)
         return result
 
-    def _open(self, frame: Frame) -> None:
-        c = self.config
+    def _open_tracker(self, frame: Frame) -> Tracker:
         self.store = KeyframeStore.create(
-            self._arrays, frame.camera, frame.depth_units_per_m, c.keyframes.capacity
+            self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
         )
-        bound = initial_bound(frame, c.bound, c.mapper.max_depth_m)
-        layout = FieldLayout.over(c.field, bound)
+        return Tracker(self.config, self.store, self.seed)
+
+    def _open_map(self, frame: Frame) -> None:
+        c = self.config
+        layout = FieldLayout.over(c.field, initial_bound(frame, c.bound, c.mapper.max_depth_m))
         self.parameters = FieldParameters.create(self._arrays, layout, self.seed)
         self._mapper = Mapper(c, self.parameters, self.seed)
-        self._tracker = Tracker(c, self.store, self.seed)
+        if c.ba.enabled:
+            self._ba = GlobalBundleAdjustment(c, self.parameters, self.seed)
 
     def _view(self) -> MapView | None:
-        assert self.parameters
-        version, params = self.parameters.published()
-        if version == 0:
+        if self.parameters is None:
             return None
+        version, params = self.parameters.published()
         layout = kernel_layout(self.parameters.layout)
         return MapView(version, layout, params, self.config.field.truncation_m)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
+from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_node.proto.messages import Health
 from hsslam_node.services.process_table import ProcessSpec, environment_of_threads
 from hsslam_node.services.restart_policy import RestartPolicy
@@ -146,7 +147,7 @@ def spawn(module: str, run_dir: Path, threads: int = 1) -> subprocess.Popen:
     log_file = log_path(run_dir, module)
     log_file.parent.mkdir(exist_ok=True)
     environment: Mapping[str, str] = {
-        "NUMBA_CACHE_DIR": str(Path.home() / ".cache" / "hsslam" / "numba"),
+        "NUMBA_CACHE_DIR": str(kernel_cache_folder()),
         **os.environ,
         **environment_of_threads(threads),
         "PYTHONUNBUFFERED": "1",

@@ -34,9 +34,7 @@ class FieldParameters:
         self._slots = arrays.open("published")  # [2, P]
 
     @classmethod
-    def create(
-        cls, arrays: ArrayAllocator, layout: FieldLayout, seed: int
-    ) -> "FieldParameters":
+    def create(cls, arrays: ArrayAllocator, layout: FieldLayout, seed: int) -> "FieldParameters":
         """Create and initialise the arrays, or attach to those of this run."""
         state = arrays.create("field_state", (16,), np.int64)
         P = layout.parameter_count

@@ -30,7 +30,12 @@ def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
             d = depth[v, u]
             if d <= 0.0 or d > max_depth_m:
                 continue
-            left, right, up, down = depth[v, u - 2], depth[v, u + 2], depth[v - 2, u], depth[v + 2, u]
+            left, right, up, down = (
+                depth[v, u - 2],
+                depth[v, u + 2],
+                depth[v - 2, u],
+                depth[v + 2, u],
+            )
             if left <= 0 or right <= 0 or up <= 0 or down <= 0:
                 continue
             # on a plane the second difference vanishes; across an edge it does not
@@ -59,7 +64,12 @@ def halve_depth(depth, out):
             low = min(min(a, b), min(c, d))
             high = max(max(a, b), max(c, d))
             if low > 0 and high - low < np.float32(0.05) * high:
-                out[v, u] = np.float32(4.0) / (np.float32(1.0) / a + np.float32(1.0) / b + np.float32(1.0) / c + np.float32(1.0) / d)
+                out[v, u] = np.float32(4.0) / (
+                    np.float32(1.0) / a
+                    + np.float32(1.0) / b
+                    + np.float32(1.0) / c
+                    + np.float32(1.0) / d
+                )
             else:
                 out[v, u] = np.float32(0.0)
 
@@ -75,7 +85,9 @@ def transform_points(T, points, out):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def add_sdf_term(sdf, gradient, inside, world, z, centre, truncation_m, sigma_m, sigma_slope, huber_m, H, b):
+def add_sdf_term(
+    sdf, gradient, inside, world, z, centre, truncation_m, sigma_m, sigma_slope, huber_m, H, b
+):
     """Points on the zero level: residual T phi, weight 1 / sigma(z)^2, Huber; |phi| > 0.95 is an outlier.
 
     sdf [N], gradient [N, 3] (T/m), world [N, 3] m, z [N] m planar depth, centre [3] m. Returns

@@ -114,7 +114,16 @@ def _corners(layout, level, x, y, z):
         o = first + 2 * (x + n * (y + n * z))
         row = 2 * n
         slab = 2 * n * n
-        return o, o + 2, o + row, o + row + 2, o + slab, o + slab + 2, o + slab + row, o + slab + row + 2
+        return (
+            o,
+            o + 2,
+            o + row,
+            o + row + 2,
+            o + slab,
+            o + slab + 2,
+            o + slab + row,
+            o + slab + row + 2,
+        )
     y0 = y * PRIME_Y
     y1 = y0 + PRIME_Y
     z0 = z * PRIME_Z

@@ -45,7 +45,5 @@ def patch_ssim_backward(color, measured, windows, window_weight, scale, d_color)
             for k in range(K):
                 ray = windows[w, k]
                 g = norm * window_weight[k]
-                d_color[ray, c] += g * (
-                    d_mx + two * color[ray, c] * d_xx + measured[ray, c] * d_xy
-                )
+                d_color[ray, c] += g * (d_mx + two * color[ray, c] * d_xx + measured[ray, c] * d_xy)
     return 1.0 - total / (3.0 * W)

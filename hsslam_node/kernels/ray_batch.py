@@ -34,7 +34,18 @@ def gather_pixels(color, depth_raw, metres_per_unit, max_depth_m, K, uv, slot, r
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def place_samples(rays, n_rays, poses, jitter, free_samples, surface_samples, free_reach, surface_half_m, z, points):
+def place_samples(
+    rays,
+    n_rays,
+    poses,
+    jitter,
+    free_samples,
+    surface_samples,
+    free_reach,
+    surface_half_m,
+    z,
+    points,
+):
     """Sample depths z [R, S] m, sorted near to far, and points [R * S, 3] m, world.
 
     poses [slots, 3, 4] float32 T_world_cam; jitter [R, S] in 0..1 places each sample within its
@@ -49,7 +60,9 @@ def place_samples(rays, n_rays, poses, jitter, free_samples, surface_samples, fr
                 value = t * free_reach * D
             else:
                 t = (np.float32(s - free_samples) + jitter[r, s]) / np.float32(surface_samples)
-                value = max(D + (np.float32(2.0) * t - np.float32(1.0)) * surface_half_m, np.float32(0.0))
+                value = max(
+                    D + (np.float32(2.0) * t - np.float32(1.0)) * surface_half_m, np.float32(0.0)
+                )
             k = s
             while k > 0 and z[r, k - 1] > value:
                 z[r, k] = z[r, k - 1]

@@ -3,9 +3,9 @@
 import numpy as np
 
 from hsslam_node.config import BoundConfig
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.errors import UserError
 
 
 def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
@@ -28,6 +28,8 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
         [(8 * u - camera.cx) / camera.fx, (8 * v - camera.cy) / camera.fy, np.ones(len(u))], axis=-1
     )
     distance = np.linalg.norm(rays * z[:, None], axis=-1)
-    reach = float(np.clip(config.margin * np.quantile(distance, 0.99), config.least_m, config.most_m))
+    reach = float(
+        np.clip(config.margin * np.quantile(distance, 0.99), config.least_m, config.most_m)
+    )
     low = max(0.6 * reach, config.least_m)
     return Bound((-reach, -low, -reach), (reach, low, reach))

@@ -30,7 +30,9 @@ class StepReport:
     rays: int
     outside: int  # samples outside the bound, masked out of every loss
     loss: float  # weighted sum of all terms
-    keyframe_loss: np.ndarray  # [n] mean weighted ray loss of each keyframe (no patch, no smoothness)
+    keyframe_loss: (
+        np.ndarray
+    )  # [n] mean weighted ray loss of each keyframe (no patch, no smoothness)
     pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose; zeros unless asked for
 
 
@@ -100,7 +102,9 @@ class MapOptimiser:
         inside = acts.inside[: R * S].reshape(R, S)
         beta = float(np.exp(params[self._layout.log_beta]))
         color, depth = self._color[:R], self._depth[:R]
-        render_forward(sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._opacity[:R])
+        render_forward(
+            sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._opacity[:R]
+        )
 
         d_color = np.zeros((R, 3), np.float32)
         patch = 0.0

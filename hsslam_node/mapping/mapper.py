@@ -37,9 +37,7 @@ class Mapper:
         counts[:2] += extra // 2
         poses = store.poses()[keyframes]
         generator = self._generator(1)
-        return self._optimiser.step(
-            store, keyframes, counts, poses, generator, rate_factor=factor
-        )
+        return self._optimiser.step(store, keyframes, counts, poses, generator, rate_factor=factor)
 
     def _generator(self, stream: int) -> np.random.Generator:
         """Depends on the step alone, so a restarted mapper goes on with the same numbers."""

@@ -1,5 +1,6 @@
 """The tracker: one frame in, one pose with its quality out."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -7,11 +8,12 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse, se3_log
+from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.alignment import sample_points
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.alignment import Alignment, MapView, align
 from hsslam_node.tracking.odometry import rgbd_odometry
+from hsslam_node.tracking.place_recognition import PlaceRecognition
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
@@ -21,6 +23,8 @@ from hsslam_node.tracking.reference_keyframe import (
 
 Status = Literal["initial", "tracked", "lost"]
 _FEWEST_POINTS = 100
+_SIMILAR_KEYFRAMES = 3  # tried when the camera is lost
+_LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
 
 @dataclass(frozen=True)
@@ -54,38 +58,46 @@ class Tracker:
         self._last: _Tracked | None = None
         self._before_last: _Tracked | None = None
         self._reference: ReferenceKeyframe | None = None
+        self._places = PlaceRecognition(store)
         self._since_keyframe = 0
+        self._lost_frames = 0
 
-    def resume(self, frame_index: int) -> None:
-        """After a restart: go on from the newest keyframe of the store (at rest)."""
+    def resume(self) -> None:
+        """After a restart: go on from the newest keyframe of the store, as a lost camera."""
         newest = self._store.count - 1
         frame = self._store.frame(newest)
         levels = grey_pyramid(frame)
-        self._last = _Tracked(frame, levels, newest, np.eye(4), frame_index)
+        self._last = _Tracked(frame, newest, np.eye(4))
         self._before_last = None
+        self._lost_frames = 1
         self._reference = reference_keyframe(newest, frame, levels, self._config.photometric_pixels)
 
     def track(self, frame: Frame, view: MapView | None) -> TrackResult:
         """Pose of the frame; a keyframe is appended to the store where one is due."""
         levels = grey_pyramid(frame)
-        if self._last is None:
-            return self._start(frame, levels)
         points = self._points(frame)
-        prediction = self._predict()
+        if self._last is None:
+            return self._start(frame, levels, len(points))
+        prediction = self._predict(frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
-        if not self._is_good(best, prediction):
-            for guess in self._other_guesses(frame):
-                candidate = self._try(points, levels, guess, view)
-                if self._score(candidate) > self._score(best):
-                    best, prediction = candidate, guess
         good = self._is_good(best, prediction)
-        return self._accept(frame, levels, best, view) if good else self._lose(frame, prediction, view)
+        if not good:
+            for guess in self._other_guesses(frame):
+                best = self._try(points, levels, guess, view)
+                good = self._is_good(best, guess)
+                if good:
+                    break
+        if good:
+            return self._accept(frame, levels, best, view)
+        return self._lose(frame, prediction, view)
 
-    def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...]) -> TrackResult:
+    def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
+        nan = float("nan")
+        if points < _FEWEST_POINTS:  # nothing to start a map on
+            return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
-        self._last = _Tracked(frame, levels, k, np.eye(4), frame.index)
-        nan = float("nan")
+        self._last = _Tracked(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
 
     def _points(self, frame: Frame) -> np.ndarray:
@@ -98,25 +110,47 @@ class Tracker:
         points = np.empty((rows * columns, 3), np.float32)
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         n = sample_points(
-            frame.depth_m(), K, jitter, columns, rows, c.border_px, np.float32(c.max_depth_m), points
+            frame.depth_m(),
+            K,
+            jitter,
+            columns,
+            rows,
+            c.border_px,
+            np.float32(c.max_depth_m),
+            points,
         )
         return points[:n]
 
-    def _predict(self) -> np.ndarray:
+    def _predict(self, stamp_ns: int) -> np.ndarray:
         """Constant SE(3) velocity, from poses relative to keyframes so that corrections carry over."""
         last, before = self._last, self._before_last
         assert last is not None
         T_last = last.pose(self._store)
-        if before is None or last.frame.index - before.frame.index > 2:
+        if before is None or last.frame.stamp_ns <= before.frame.stamp_ns:
             return T_last
-        return T_last @ inverse(before.pose(self._store)) @ T_last
+        past_ns = last.frame.stamp_ns - before.frame.stamp_ns
+        share = min((stamp_ns - last.frame.stamp_ns) / past_ns, _LONGEST_EXTRAPOLATION)
+        return T_last @ se3_exp(share * se3_log(inverse(before.pose(self._store)) @ T_last))
 
-    def _other_guesses(self, frame: Frame) -> list[np.ndarray]:
-        """At rest, and OpenCV's RGB-D odometry from the last good frame."""
+    def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
+        """At rest; OpenCV's RGB-D odometry from the last good frame; from keyframes that look alike."""
         assert self._last is not None
         T_last = self._last.pose(self._store)
+        yield T_last
         T_last_cam = rgbd_odometry(self._last.frame, frame)
-        return [T_last] + ([T_last @ T_last_cam] if T_last_cam is not None else [])
+        if T_last_cam is not None:
+            yield T_last @ T_last_cam
+        if self._lost_frames == 0:
+            return
+        for k in self._places.nearest(frame.color, _SIMILAR_KEYFRAMES):
+            keyframe = self._store.frame(k)
+            T_world_key = self._store.pose(k)
+            T_key_cam = rgbd_odometry(keyframe, frame)
+            if T_key_cam is not None:
+                self._reference = reference_keyframe(
+                    k, keyframe, grey_pyramid(keyframe), self._config.photometric_pixels
+                )
+                yield T_world_key @ T_key_cam
 
     def _try(
         self,
@@ -168,7 +202,8 @@ class Tracker:
         if is_keyframe and self._overlap(T, frame) < self._config.reference_overlap:
             self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._before_last = self._last
-        self._last = _Tracked(frame, levels, k, T_keyframe_cam, frame.index)
+        self._last = _Tracked(frame, k, T_keyframe_cam)
+        self._lost_frames = 0
         return TrackResult(
             frame.index, "tracked", T, k, T_keyframe_cam, self._score(alignment),
             alignment.sdf_rms_m, view.version if view else 0, is_keyframe, alignment.outside,
@@ -179,6 +214,7 @@ class Tracker:
         k = self._last.keyframe
         T_keyframe_cam = inverse(self._store.pose(k)) @ T
         self._before_last = None
+        self._lost_frames += 1
         version = view.version if view else 0
         return TrackResult(
             frame.index, "lost", T, k, T_keyframe_cam, 0.0, float("nan"), version, False, 0
@@ -205,10 +241,8 @@ class _Tracked:
     """A frame that was tracked, placed relative to a keyframe."""
 
     frame: Frame
-    levels: tuple[PyramidLevel, ...]
     keyframe: int
-    T_keyframe_cam: np.ndarray
-    frame_index: int
+    T_keyframe_cam: np.ndarray  # [4, 4]
 
     def pose(self, store: KeyframeStore) -> np.ndarray:
         return store.pose(self.keyframe) @ self.T_keyframe_cam

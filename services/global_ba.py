@@ -1,0 +1,81 @@
+"""The global bundle adjustment process: refines what the map renders badly."""
+
+from hsslam_node.bundle_adjustment.global_ba import BaReport, GlobalBundleAdjustment
+from hsslam_node.geometry.se3 import quaternion_from_rotation
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Correction, Step
+from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.mapper import PARAMETERS_LEASE
+from hsslam_node.services.worker import Worker, run_worker
+
+_POLL_S = 0.1
+
+
+def main() -> None:
+    run_worker("global_ba", _run)
+
+
+def _run(worker: Worker) -> None:
+    loop = _BaLoop(worker)
+    if worker.options.pace == "lockstep":
+        steps = worker.bus.subscribe(topics.STEP, depth=64)
+        done = worker.bus.publisher(topics.STEP)
+        worker.ready()
+        while not worker.should_stop():
+            step = steps.wait(_POLL_S)
+            if step is not None and step.stage == "mapped":
+                loop.work_if_due()
+                done.put(Step(stage="done", index=step.index))
+    else:
+        maps = worker.bus.subscribe(topics.MAP, depth=1)
+        worker.ready()
+        while not worker.should_stop():
+            if maps.wait(_POLL_S) is not None:
+                loop.work_if_due()
+
+
+class _BaLoop:
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._link = MapLink(worker.arena, worker.options.slam)
+        self._corrections = worker.bus.publisher(topics.CORRECTION)
+        self._ba: GlobalBundleAdjustment | None = None
+
+    def work_if_due(self) -> None:
+        """One round, if enough keyframes have come since the last."""
+        options = self._worker.options
+        store, parameters = self._link.store(), self._link.parameters()
+        if not options.slam.ba.enabled or store is None or parameters is None:
+            return
+        if parameters.version == 0:
+            return
+        if self._ba is None:
+            self._ba = GlobalBundleAdjustment(options.slam, parameters, options.seed)
+        if not self._ba.is_due(store):
+            return
+        with self._worker.timed("round"), self._worker.arena.lease(PARAMETERS_LEASE):
+            report = self._ba.round(store)
+        self._worker.count("rounds")
+        self._worker.count("keyframes refined", len(report.keyframes))
+        if report.moved:
+            base = store.pose_version
+            version = store.correct_poses(report.keyframes, report.T_world_cam)
+            self._worker.count("corrections")
+            self._corrections.put(_correction(report, base, version))
+
+
+def _correction(report: BaReport, base: int, version: int) -> Correction:
+    quaternions = [quaternion_from_rotation(T[:3, :3]) for T in report.T_world_cam]
+    return Correction(
+        pose_version=version,
+        base_version=base,
+        keyframes=[int(k) for k in report.keyframes],
+        t=[tuple(map(float, T[:3, 3])) for T in report.T_world_cam],
+        q=[tuple(map(float, q)) for q in quaternions],
+        loss_before=report.loss_before,
+        loss_after=report.loss_after,
+    )
+
+
+if __name__ == "__main__":
+    main()

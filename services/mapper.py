@@ -1,0 +1,140 @@
+"""The mapper process: keyframes in, map versions out."""
+
+import time
+
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import MapVersion, Step
+from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.worker import Worker, run_worker
+
+PARAMETERS_LEASE = "params"
+_POLL_S = 0.05
+_LONGEST_BACKLOG = 3  # keyframes whose iterations may be outstanding in real time
+
+
+def main() -> None:
+    run_worker("mapper", _run)
+
+
+def _run(worker: Worker) -> None:
+    loop = _MapperLoop(worker)
+    if worker.options.pace == "lockstep":
+        poses = worker.bus.subscribe(topics.POSE, depth=64, history=True)
+        steps = worker.bus.publisher(topics.STEP)
+        worker.ready()
+        while not worker.should_stop():
+            pose = poses.wait(_POLL_S)
+            if pose is not None:
+                while loop.has_work():
+                    loop.work()
+                steps.put(Step(stage="mapped", index=pose.index))
+    else:
+        keyframes = worker.bus.subscribe(topics.KEYFRAME, depth=64)
+        worker.ready()
+        while not worker.should_stop():
+            if loop.has_work():
+                loop.work()
+            else:
+                keyframes.wait(_POLL_S)
+            keyframes.drain()  # they only wake this loop: the store says how many there are
+
+
+class _MapperLoop:
+    """Works off the iterations that keyframes bring with them; a restarted one goes on."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._slam = worker.options.slam
+        self._link = MapLink(worker.arena, worker.options.slam)
+        self._maps = worker.bus.publisher(topics.MAP)
+        self._mapper: Mapper | None = None
+        self._parameters: FieldParameters | None = None
+        self._keyframes_seen = 0
+        self._due = 0
+        self._iterations = 0
+        store = self._link.store()
+        parameters = self._link.parameters()
+        if store is not None and parameters is not None and parameters.version > 0:
+            self._open(parameters)
+            self._keyframes_seen = store.count - 1
+            worker.event("warning", f"mapper resumes at map version {parameters.version}")
+
+    def has_work(self) -> bool:
+        """Whether there are iterations to do for the keyframes there are now."""
+        store = self._link.store()
+        if store is None or store.count == 0:
+            return False
+        if self._parameters is None:
+            return True
+        per_keyframe = self._slam.mapper.iterations
+        self._due += per_keyframe * (store.count - self._keyframes_seen)
+        self._keyframes_seen = store.count
+        if self._worker.options.pace == "realtime":
+            self._due = min(self._due, _LONGEST_BACKLOG * per_keyframe)
+        return self._due > 0
+
+    def work(self) -> None:
+        """The first map, or the iterations of one keyframe; then publish."""
+        store = self._link.store()
+        assert store is not None
+        if self._parameters is None:
+            self._first_map(store)
+            return
+        assert self._mapper is not None
+        start = time.perf_counter()
+        n = min(self._due, max(self._slam.mapper.iterations, 1))
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            for _ in range(n):
+                with self._worker.timed("iteration"):
+                    report = self._mapper.iterate(store)
+            self._parameters.publish()
+        self._due -= n
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def _first_map(self, store: KeyframeStore) -> None:
+        start = time.perf_counter()
+        bound = initial_bound(store.frame(0), self._slam.bound, self._slam.mapper.max_depth_m)
+        layout = FieldLayout.over(self._slam.field, bound)
+        self._open(FieldParameters.create(self._worker.arena, layout, self._worker.options.seed))
+        assert self._mapper is not None and self._parameters is not None
+        n = self._slam.mapper.first_iterations
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            for _ in range(n):
+                if self._worker.should_stop():
+                    break
+                report = self._mapper.initialise(store)
+            self._parameters.publish()
+        self._keyframes_seen = 1
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def _open(self, parameters: FieldParameters) -> None:
+        self._parameters = parameters
+        self._mapper = Mapper(self._slam, parameters, self._worker.options.seed)
+
+    def _publish(self, report: StepReport, store: KeyframeStore, start: float) -> None:
+        assert self._parameters is not None
+        self._worker.counters.update(
+            iterations=self._iterations, map_version=self._parameters.version
+        )
+        self._worker.count("samples outside the bound", report.outside)
+        self._maps.put(
+            MapVersion(
+                version=self._parameters.version,
+                iterations=self._parameters.step,
+                loss=report.loss,
+                keyframes=store.count,
+                mapping_ms=1e3 * (time.perf_counter() - start),
+            )
+        )
+
+
+if __name__ == "__main__":
+    main()

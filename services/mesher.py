@@ -1,0 +1,101 @@
+"""The mesher process: turns the published map into a mesh now and then."""
+
+import time
+
+import numpy as np
+
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.meshing.block_mesher import BlockMesher
+from hsslam_node.meshing.map_queries import MapQueries
+from hsslam_node.meshing.observed_space import ObservedSpace
+from hsslam_node.proto import topics
+from hsslam_node.proto.mesh_codec import mesh_message
+from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.worker import Worker, run_worker
+
+_POLL_S = 0.2
+_BLOCKS_AT_A_TIME = 8  # between looks at the clock
+
+
+def main() -> None:
+    run_worker("mesher", _run)
+
+
+def _run(worker: Worker) -> None:
+    every_s = worker.options.slam.mesher.every_s
+    loop = _MesherLoop(worker)
+    worker.ready()
+    while not worker.should_stop():
+        if every_s > 0 and loop.has_news():
+            loop.work()
+            worker.stop_event().wait(every_s)
+        else:
+            worker.stop_event().wait(_POLL_S)
+
+
+class _MesherLoop:
+    """Keeps the mesh of the observed blocks; asks those again that new keyframes see."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._link = MapLink(worker.arena, worker.options.slam)
+        self._meshes = worker.bus.publisher(topics.MESH)
+        self._mesher: BlockMesher | None = None
+        self._params = np.zeros(0, np.float32)
+        self._observed = 0
+        self._pose_version = 0
+
+    def has_news(self) -> bool:
+        """Whether keyframes have come since the last mesh."""
+        store, parameters = self._link.store(), self._link.parameters()
+        return bool(store and parameters and parameters.version and store.count > self._observed)
+
+    def work(self) -> None:
+        """Observe new keyframes, mesh what changed, publish."""
+        store, parameters = self._link.store(), self._link.parameters()
+        assert store is not None and parameters is not None
+        start = time.perf_counter()
+        mesher = self._mesher_over(parameters)
+        if store.pose_version != self._pose_version:
+            self._pose_version = store.pose_version
+            mesher.clear()
+            self._observed = 0
+        self._observe(mesher, store)
+        version = self._copy_map(parameters)
+        queries = MapQueries(parameters.layout, self._params)
+        while not self._worker.should_stop():
+            if mesher.update(queries.sdf, queries.color, _BLOCKS_AT_A_TIME).waiting == 0:
+                break
+        mesh = mesher.mesh()
+        if len(mesh.faces) == 0 or self._worker.should_stop():
+            return
+        colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
+        self._meshes.put(mesh_message(mesh.vertices, mesh.faces, colors, version))
+        self._worker.count("meshes")
+        self._worker.stage_ms["mesh"] = 1e3 * (time.perf_counter() - start)
+
+    def _mesher_over(self, parameters: FieldParameters) -> BlockMesher:
+        if self._mesher is None:
+            voxel_m = self._worker.options.slam.mesher.voxel_m
+            self._mesher = BlockMesher(ObservedSpace(parameters.layout.bound, voxel_m))
+            self._params = np.zeros(parameters.layout.parameter_count, np.float32)
+        return self._mesher
+
+    def _observe(self, mesher: BlockMesher, store: KeyframeStore) -> None:
+        count = store.count
+        poses = store.poses()
+        for k in range(self._observed, count):
+            mesher.observe(store.frame(k).depth_m(), store.camera, poses[k])
+        self._observed = count
+
+    def _copy_map(self, parameters: FieldParameters) -> int:
+        while True:
+            version, params = parameters.published()
+            np.copyto(self._params, params)
+            if parameters.is_intact(version):
+                return version
+
+
+if __name__ == "__main__":
+    main()

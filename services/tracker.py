@@ -1,0 +1,190 @@
+"""The tracker process: frames in, poses and keyframes out."""
+
+import time
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import quaternion_from_rotation
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.frame_codec import frame_from_message
+from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.tracking.tracker import Tracker, TrackResult
+
+_POLL_S = 0.1
+_STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
+_STATUS_NAMES = {code: name for name, code in _STATUS.items()}
+
+
+def main() -> None:
+    run_worker("tracker", _run)
+
+
+def _run(worker: Worker) -> None:
+    is_lockstep = worker.options.pace == "lockstep"
+    frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
+    loop = _TrackerLoop(worker)
+    worker.ready()
+    while not worker.should_stop():
+        message = frames.wait(_POLL_S)
+        if message is not None:
+            loop.take(message)
+
+
+class _TrackerLoop:
+    """Tracks one frame message at a time; goes on where a predecessor that died has left off."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._link = MapLink(worker.arena, worker.options.slam)
+        self._log = PoseLog(worker.arena)
+        self._poses = worker.bus.publisher(topics.POSE)
+        self._keyframes = worker.bus.publisher(topics.KEYFRAME)
+        self._tracker: Tracker | None = None
+        self._view: MapView | None = None
+        last = self._log.last()
+        self._last_index = -1 if last is None else int(last["index"])
+        self._was_lost = False
+        store = self._link.store()
+        if store is not None and store.count > 0:
+            self._tracker = Tracker(worker.options.slam, store, worker.options.seed)
+            self._tracker.resume()
+            worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
+
+    def take(self, message: messages.Frame) -> None:
+        """Track and publish; a frame that was answered before is answered again."""
+        if message.index <= self._last_index:
+            self._answer_again(message)
+            return
+        try:
+            frame = frame_from_message(message)
+            result = self._track(frame)
+        except UserError as error:
+            self._worker.count("unusable frames")
+            self._worker.event("warning", f"frame {message.index} dropped: {error}")
+            return
+        publish_ns = time.time_ns()
+        self._log.append(
+            pose_row(
+                index=frame.index,
+                source_stamp_ns=frame.stamp_ns,
+                stamp_ns=message.stamp_ns,
+                publish_ns=publish_ns,
+                status=_STATUS[result.status],
+                keyframe=result.keyframe,
+                T_world_cam=result.T_world_cam,
+                T_keyframe_cam=result.T_keyframe_cam,
+                quality=result.quality,
+                map_version=result.map_version,
+            )
+        )
+        self._last_index = frame.index
+        self._publish(result, message, publish_ns)
+        self._account(result)
+
+    def _track(self, frame: Frame) -> TrackResult:
+        if self._tracker is None:
+            options = self._worker.options
+            store = KeyframeStore.create(
+                self._worker.arena,
+                frame.camera,
+                frame.depth_units_per_m,
+                options.slam.keyframes.capacity,
+            )
+            self._tracker = Tracker(options.slam, store, options.seed)
+        view = self._current_view()
+        with self._worker.timed("track"):
+            result = self._tracker.track(frame, view)
+        parameters = self._link.parameters()
+        if view is not None and parameters is not None and not parameters.is_intact(view.version):
+            self._worker.count("overtaken by the map")
+        return result
+
+    def _current_view(self) -> MapView | None:
+        parameters = self._link.parameters()
+        if parameters is None or parameters.version == 0:
+            return None
+        version, params = parameters.published()
+        if self._view is None or self._view.version != version:
+            layout = self._view.layout if self._view else kernel_layout(parameters.layout)
+            truncation_m = self._worker.options.slam.field.truncation_m
+            self._view = MapView(version, layout, params, truncation_m)
+        return self._view
+
+    def _publish(self, result: TrackResult, message: messages.Frame, publish_ns: int) -> None:
+        t, q = _vectors(result.T_world_cam)
+        self._poses.put(
+            messages.Pose(
+                index=message.index,
+                stamp_ns=message.stamp_ns,
+                source_stamp_ns=message.source_stamp_ns,
+                publish_ns=publish_ns,
+                status=result.status,
+                t=t,
+                q=q,
+                quality=result.quality,
+                inlier_ratio=result.quality,
+                residual_mm=1e3 * result.residual_m if np.isfinite(result.residual_m) else 0.0,
+                map_version=result.map_version,
+                keyframe=result.keyframe,
+                stage_ms=dict(self._worker.stage_ms),
+            )
+        )
+        if result.is_keyframe:
+            self._keyframes.put(
+                messages.Keyframe(
+                    id=result.keyframe,
+                    frame_index=message.index,
+                    source_stamp_ns=message.source_stamp_ns,
+                    t=t,
+                    q=q,
+                )
+            )
+
+    def _account(self, result: TrackResult) -> None:
+        self._worker.count(result.status)
+        self._worker.count("points outside the bound", result.outside)
+        is_lost = result.status == "lost"
+        if is_lost and not self._was_lost:
+            self._worker.event("warning", f"lost at frame {result.frame_index}")
+        if self._was_lost and not is_lost:
+            self._worker.event("info", f"tracking again at frame {result.frame_index}")
+        self._was_lost = is_lost
+
+    def _answer_again(self, message: messages.Frame) -> None:
+        rows = self._log.rows()
+        for row in rows[rows["index"] == message.index]:
+            t, q = _vectors(row["T_world_cam"])
+            self._poses.put(
+                messages.Pose(
+                    index=message.index,
+                    stamp_ns=message.stamp_ns,
+                    source_stamp_ns=message.source_stamp_ns,
+                    publish_ns=int(row["publish_ns"]),
+                    status=_STATUS_NAMES[int(row["status"])],
+                    t=t,
+                    q=q,
+                    quality=float(row["quality"]),
+                    inlier_ratio=float(row["quality"]),
+                    residual_mm=0.0,
+                    map_version=int(row["map_version"]),
+                    keyframe=int(row["keyframe"]),
+                )
+            )
+
+
+def _vectors(T: np.ndarray) -> tuple[messages.Vector, messages.Quaternion]:
+    """Translation and unit quaternion xyzw of a transform [4, 4], as the wire has them."""
+    x, y, z = map(float, T[:3, 3])
+    qx, qy, qz, qw = map(float, quaternion_from_rotation(T[:3, :3]))
+    return (x, y, z), (qx, qy, qz, qw)
+
+
+if __name__ == "__main__":
+    main()
