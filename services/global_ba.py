@@ -1,11 +1,11 @@
 """The global bundle adjustment process: refines what the map renders badly."""
 
 from hsslam_node.bundle_adjustment.global_ba import BaReport, GlobalBundleAdjustment
-from hsslam_node.geometry.se3 import quaternion_from_rotation
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Correction, Step
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.mapper import PARAMETERS_LEASE
+from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 
 _POLL_S = 0.1
@@ -65,13 +65,13 @@ class _BaLoop:
 
 
 def _correction(report: BaReport, base: int, version: int) -> Correction:
-    quaternions = [quaternion_from_rotation(T[:3, :3]) for T in report.T_world_cam]
+    poses = [wire_pose(T) for T in report.T_world_cam]
     return Correction(
         pose_version=version,
         base_version=base,
         keyframes=[int(k) for k in report.keyframes],
-        t=[tuple(map(float, T[:3, 3])) for T in report.T_world_cam],
-        q=[tuple(map(float, q)) for q in quaternions],
+        t=[t for t, _ in poses],
+        q=[q for _, q in poses],
         loss_before=report.loss_before,
         loss_after=report.loss_after,
     )

@@ -6,6 +6,7 @@ import time
 from types import FrameType
 
 from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
@@ -19,6 +20,7 @@ from hsslam_node.services.process_table import (
     RECORDER_STAGE,
     SAVER,
     TRACKER_STAGE,
+    WARM_UP,
 )
 from hsslam_node.services.run_state import Listener
 from hsslam_node.services.status_line import StatusLine
@@ -27,6 +29,7 @@ from hsslam_node.services.summary import process_section, update_summary
 _TICK_S = 0.05
 _SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
 _LONGEST_SETTLE_S = 5.0
+_WARM_UP_TIMEOUT_S = 600.0
 _SAVER_TIMEOUT_S = 300.0
 _EVALUATOR_TIMEOUT_S = 300.0
 _WATCHDOG_TIMEOUT_S = 5.0
@@ -92,6 +95,9 @@ class _Run:
     def to_the_end(self) -> int:
         """Run, stop in order, save; returns the exit code."""
         with self._status:
+            if not warm_stamp().exists():
+                self._status.say("compiling kernels for this machine: once, about 40 s")
+                self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S)
             for child in self._children.values():
                 child.wanted = True
             reason = self._until_stop()

@@ -6,19 +6,19 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import quaternion_from_rotation
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.frame_codec import frame_from_message
 from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
-from hsslam_node.tracking.tracker import Tracker, TrackResult
+from hsslam_node.tracking.tracker import Status, Tracker, TrackResult
 
 _POLL_S = 0.1
-_STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
+_STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _STATUS_NAMES = {code: name for name, code in _STATUS.items()}
 
 
@@ -118,7 +118,7 @@ class _TrackerLoop:
         return self._view
 
     def _publish(self, result: TrackResult, message: messages.Frame, publish_ns: int) -> None:
-        t, q = _vectors(result.T_world_cam)
+        t, q = wire_pose(result.T_world_cam)
         self._poses.put(
             messages.Pose(
                 index=message.index,
@@ -160,7 +160,7 @@ class _TrackerLoop:
     def _answer_again(self, message: messages.Frame) -> None:
         rows = self._log.rows()
         for row in rows[rows["index"] == message.index]:
-            t, q = _vectors(row["T_world_cam"])
+            t, q = wire_pose(row["T_world_cam"])
             self._poses.put(
                 messages.Pose(
                     index=message.index,
@@ -177,13 +177,6 @@ class _TrackerLoop:
                     keyframe=int(row["keyframe"]),
                 )
             )
-
-
-def _vectors(T: np.ndarray) -> tuple[messages.Vector, messages.Quaternion]:
-    """Translation and unit quaternion xyzw of a transform [4, 4], as the wire has them."""
-    x, y, z = map(float, T[:3, 3])
-    qx, qy, qz, qw = map(float, quaternion_from_rotation(T[:3, :3]))
-    return (x, y, z), (qx, qy, qz, qw)
 
 
 if __name__ == "__main__":

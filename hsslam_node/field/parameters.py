@@ -26,7 +26,7 @@ class FieldParameters:
         if not self._state[_READY]:
             raise KeyError("field_state")
         low, high = arrays.open("field_bound")  # [2, 3] float64 m
-        self.layout = FieldLayout(config, Bound(tuple(map(float, low)), tuple(map(float, high))))
+        self.layout = FieldLayout(config, Bound.of(low, high))
         self.params = arrays.open("params")  # [P] float32
         self.first_moment = arrays.open("adam_first")  # [P]
         self.second_moment = arrays.open("adam_second")  # [P]
@@ -84,7 +84,7 @@ class FieldParameters:
         return int(self._state[_BEGUN]) < version + 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _copy_stale(params, slot, stale, bit):
     for chunk in range(stale.shape[0]):
         if stale[chunk] & bit:

@@ -20,6 +20,12 @@ class Bound:
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise UserError(f"bound {self.low} to {self.high}: expected low < high on every axis")
 
+    @classmethod
+    def of(cls, low: np.ndarray, high: np.ndarray) -> "Bound":
+        """The box between two corners, [3] m each."""
+        (x, y, z), (u, v, w) = map(float, low), map(float, high)
+        return cls((x, y, z), (u, v, w))
+
     @property
     def extent_m(self) -> np.ndarray:
         """Side lengths, [3] m."""
@@ -34,4 +40,4 @@ class Bound:
         cells = np.ceil(self.extent_m / cell_m - 1e-6)
         centre = np.add(self.high, self.low) / 2
         low, high = centre - cells * cell_m / 2, centre + cells * cell_m / 2
-        return Bound(tuple(map(float, low)), tuple(map(float, high)))  # type: ignore[arg-type]
+        return Bound.of(low, high)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def sparse_adam(params, first_moment, second_moment, grad, step, rates, eps, beta1, beta2, stale):
     """One step over the touched 16-float chunks, in memory order, clearing their gradient.
 

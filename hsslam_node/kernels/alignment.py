@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
     """Back-project one random pixel of each grid cell, unless it lies on a depth edge or has no depth.
 
@@ -49,7 +49,7 @@ def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
     return n
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def halve_depth(depth, out):
     """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0 or they lie apart.
 
@@ -74,7 +74,7 @@ def halve_depth(depth, out):
                 out[v, u] = np.float32(0.0)
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def transform_points(T, points, out):
     """out = T [4, 4] applied to points [N, 3]."""
     for k in range(points.shape[0]):
@@ -84,7 +84,7 @@ def transform_points(T, points, out):
             )
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_sdf_term(
     sdf, gradient, inside, world, z, centre, truncation_m, sigma_m, sigma_slope, huber_m, H, b
 ):
@@ -121,9 +121,10 @@ def add_sdf_term(
     return cost, inliers, seen, squares
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_keyframe_surface_term(
-    points, world, centre, T_key_world, key_points, key_normals, K, sigma_m, sigma_slope, huber_m, gate_m, H, b
+    points, world, centre, T_key_world, key_points, key_normals, K, sigma_m, sigma_slope, huber_m,
+    gate_m, H, b,
 ):  # fmt: skip
     """Points [N, 3] (world) to the tangent planes of a keyframe's surface (projective association).
 
@@ -173,7 +174,7 @@ def add_keyframe_surface_term(
     return cost, inliers, met
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_photometric_term(
     grey, depth, K, key_world, key_grey, T_world_cam, bias, sigma, huber, H, b
 ):  # fmt: skip
@@ -244,12 +245,12 @@ def add_photometric_term(
     return cost, inliers, seen
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _row(T, a, p):
     return T[a, 0] * p[0] + T[a, 1] * p[1] + T[a, 2] * p[2] + T[a, 3]
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _fill_point_row(g, scale, p, centre, J):
     """Row of a residual whose gradient by the point is scale * g: (g, (p - centre) x g)."""
     for a in range(3):
@@ -262,7 +263,7 @@ def _fill_point_row(g, scale, p, centre, J):
     J[5] = dx * J[1] - dy * J[0]
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _add_row(J, r, w, H, b):
     for i in range(J.shape[0]):
         wj = w * J[i]

@@ -18,3 +18,8 @@ def kernel_cache_folder() -> Path:
             digest.update(text.encode())
     root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
     return root / "hsslam" / "kernels" / digest.hexdigest()[:16]
+
+
+def warm_stamp() -> Path:
+    """The file that says that every kernel has been compiled into the cache."""
+    return kernel_cache_folder() / "complete"

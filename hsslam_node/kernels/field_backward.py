@@ -25,7 +25,7 @@ def gradient(layout: KernelLayout) -> Gradient:
     return Gradient(np.zeros(layout.parameter_count, np.float32), np.zeros(8 * words, np.uint8))
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_points):
     """Add the parameter gradient to `grad`; where asked, write d_points [N, 3] (1/m).
 
@@ -127,7 +127,7 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
     grad.touched[first : last + 1] = 1
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_position_gradient(layout, p, rows, d_hidden, d_p):
     """Add the derivative by position of the one-blob contribution to a hidden layer."""
     weight = np.empty(3, np.float32)
@@ -146,7 +146,7 @@ def one_blob_position_gradient(layout, p, rows, d_hidden, d_p):
         d_p[a] += total * layout.inv_extent[a]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _layer_backward(x, d_y, W_T, product, dW, d_x):
     """Linear layer y = x W: dW += x^T d_y, d_x = d_y W^T."""
     np.dot(x.T, d_y, product)
@@ -154,7 +154,7 @@ def _layer_backward(x, d_y, W_T, product, dW, d_x):
     np.dot(d_y, W_T, d_x)
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _mask_relu(hidden, d_hidden):
     for k in range(hidden.shape[0]):
         for c in range(HIDDEN):
@@ -162,7 +162,7 @@ def _mask_relu(hidden, d_hidden):
                 d_hidden[k, c] = np.float32(0.0)
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _scatter_one_blob(layout, position, d_hidden, d_rows):
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)

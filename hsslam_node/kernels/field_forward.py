@@ -48,7 +48,7 @@ def field_activations(layout: KernelLayout, point_count: int) -> FieldActivation
     )
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def field_forward(params, layout, points, n, acts):
     """SDF and colour at points[:n] ([N, 3] float32 m, world) into `acts`; outside: sdf 1, grey."""
     L2 = 2 * layout.hash_offset.shape[0]
@@ -92,7 +92,7 @@ def field_forward(params, layout, points, n, acts):
                 acts.rgb[k, c] = np.float32(1.0) / (np.float32(1.0) + np.exp(-acts.rgb[k, c]))
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def color_first_layer(params, layout):
     """First colour layer for `color_in` ([2 C + 16, 32], row 2 C zero) and its one-blob rows [48, 32]."""
     C2 = 2 * layout.channels
@@ -104,7 +104,7 @@ def color_first_layer(params, layout):
     return dense, V[C2 : C2 + 3 * BINS]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def relative_position(layout, point, p):
     """p = point - low, clamped to the box; returns whether the point was inside."""
     inside = 1
@@ -117,7 +117,7 @@ def relative_position(layout, point, p):
     return inside
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_one_blob(layout, position, rows, hidden):
     """hidden [n, 32] += one-blob encoding of position [n, 3] times its weight rows [48, 32]."""
     weight = np.empty(3, np.float32)
@@ -134,7 +134,7 @@ def add_one_blob(layout, position, rows, hidden):
                         hidden[k, c] += w * row[c]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def relu(x):
     """max(x, 0) in place."""
     flat = x.reshape(x.size)

@@ -10,7 +10,7 @@ PRIME_Y = 2654435761
 PRIME_Z = 805459861
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_hash(params, layout, p, out):
     """Features of all levels at p [3] (m, relative to the low corner); out [2 L]."""
     one = np.float32(1.0)
@@ -35,7 +35,7 @@ def gather_hash(params, layout, p, out):
         )
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_hash(grad, touched, layout, p, d_out):
     """Add the gradient of `gather_hash` and mark the 16-float chunks it lies in."""
     one = np.float32(1.0)
@@ -60,7 +60,7 @@ def scatter_hash(grad, touched, layout, p, d_out):
             touched[o >> 4] = 1
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def hash_position_gradient(params, layout, p, d_out, d_p):
     """Add d_out [2 L] . d(features)/d(p) to d_p [3] (1/m)."""
     one = np.float32(1.0)
@@ -90,7 +90,7 @@ def hash_position_gradient(params, layout, p, d_out, d_p):
         )
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _cell(layout, level, p):
     """Lower vertex and fraction along x, y, z."""
     scale = layout.hash_scale[level]
@@ -104,7 +104,7 @@ def _cell(layout, level, p):
     return x, gx - np.float32(x), y, gy - np.float32(y), z, gz - np.float32(z)
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _corners(layout, level, x, y, z):
     """Offsets in floats of the eight vertices (x fastest): dense, or XOR hash (Instant-NGP, eq. 4)."""
     first = layout.hash_offset[level]

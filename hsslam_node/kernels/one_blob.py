@@ -6,7 +6,7 @@ from numba import njit
 BINS = 16
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_bins(t, weight, slope):
     """The three bins around `t` (position in 0..1): returns the middle bin, fills weights and slopes.
 
@@ -33,7 +33,7 @@ def one_blob_bins(t, weight, slope):
     return j
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _cdf(u):
     """Distribution function of the quartic kernel on [-1, 1]."""
     u2 = u * u
@@ -42,7 +42,7 @@ def _cdf(u):
     ) + np.float32(0.5)
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _pdf(u):
     d = np.float32(1.0) - u * u
     return np.float32(0.9375) * d * d

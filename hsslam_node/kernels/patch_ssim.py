@@ -7,7 +7,7 @@ _C1 = np.float32(0.01**2)
 _C2 = np.float32(0.03**2)
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def patch_ssim_backward(color, measured, windows, window_weight, scale, d_color):
     """Returns 1 - mean SSIM; adds `scale` times its gradient to d_color [R, 3].
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, fastmath=True, nogil=True, inline="always")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _corner(x, inv_cell, n):
     """Lower vertex and fraction of a grid coordinate, clamped to the border."""
     g = x * inv_cell
@@ -22,7 +22,7 @@ def _corner(x, inv_cell, n):
     return i, g - np.float32(i)
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_planes(params, layout, plane_set, p, out):
     """Sum of the three planes' features at p [3] (m, relative to the low corner); out [C]."""
     C = layout.channels
@@ -46,7 +46,7 @@ def gather_planes(params, layout, plane_set, p, out):
             out[c] += w00 * a[c] + w01 * a[C + c] + w10 * b[c] + w11 * b[C + c]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_planes(grad, touched, layout, plane_set, p, d_out):
     """Add the gradient of `gather_planes` and mark the 16-float chunks it lies in."""
     C = layout.channels
@@ -79,7 +79,7 @@ def scatter_planes(grad, touched, layout, plane_set, p, d_out):
             touched[(o10 >> 4) + k] = 1
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def plane_position_gradient(params, layout, plane_set, p, d_out, d_p):
     """Add d_out [C] . d(features)/d(p) to d_p [3] (1/m); zero across a clamped border."""
     C = layout.channels

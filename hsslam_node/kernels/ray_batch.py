@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_pixels(color, depth_raw, metres_per_unit, max_depth_m, K, uv, slot, rays, first, wanted):
     """Take the first `wanted` candidates uv [N, 2] (px) that have depth; returns how many were found.
 
@@ -33,7 +33,7 @@ def gather_pixels(color, depth_raw, metres_per_unit, max_depth_m, K, uv, slot, r
     return found
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def place_samples(
     rays,
     n_rays,
@@ -77,7 +77,7 @@ def place_samples(
                 points[r * S + s, a] = pose[a, 3] + along * z[r, s]
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def pose_gradients(rays, n_rays, poses, z, d_points, d_twist):
     """Add the loss gradient by a world-side twist of each pose to d_twist [slots, 6] (1/m, 1/rad).
 

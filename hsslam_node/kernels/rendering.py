@@ -7,7 +7,7 @@ MIDDLE = np.float32(0.4)  # as losses/sdf.py
 COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE = range(5)  # order of loss weights and terms
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def render_forward(sdf, rgb, inside, z, beta, weights, color, depth, opacity):
     """Render rays from samples sorted near to far (twin of rendering/sdf_rendering.py).
 
@@ -39,7 +39,7 @@ def render_forward(sdf, rgb, inside, z, beta, weights, color, depth, opacity):
         opacity[r] = total
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def losses_backward(
     sdf, rgb, inside, z, beta, weights, color, depth, measured_color, measured_depth, ray_weight,
     loss_weight, truncation_m, d_color_extra, d_sdf, d_rgb, ray_loss, terms,

@@ -10,7 +10,7 @@ from hsslam_node.kernels.one_blob import BINS
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
     """SDF [N] in units of T at points [N, 3] (m, world) and, where asked, gradient [N, 3] (T/m).
 

@@ -6,7 +6,7 @@ from numba import njit
 from hsslam_node.kernels.hash_grid import gather_hash, scatter_hash
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def smoothness_backward(params, layout, cube, scale, grad):
     """Returns the loss of the cube's vertices [n, n, n, 3] (m, world); adds `scale` times its gradient."""
     n = cube.shape[0]

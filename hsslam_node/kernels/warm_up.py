@@ -5,16 +5,14 @@ import os
 
 def main() -> None:
     """Run the algorithm on a few tiny frames; a cache that is complete is left alone."""
-    from hsslam_node.kernels.cache_folder import kernel_cache_folder
+    from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
 
-    folder = kernel_cache_folder()
-    stamp = folder / "complete"
-    if stamp.exists():
+    if warm_stamp().exists():
         return
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    os.environ["NUMBA_CACHE_DIR"] = str(kernel_cache_folder())
     _compile_all()
-    folder.mkdir(parents=True, exist_ok=True)
-    stamp.touch()
+    warm_stamp().parent.mkdir(parents=True, exist_ok=True)
+    warm_stamp().touch()
 
 
 def _compile_all() -> None:
