@@ -97,7 +97,7 @@ class _Run:
         with self._status:
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
-                self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S)
+                self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S, patience=0)
             for child in self._children.values():
                 child.wanted = True
             reason = self._until_stop()
@@ -179,14 +179,16 @@ class _Run:
             if since_pose_s > _SETTLED_S:
                 return
 
-    def _one_shot(self, module: str, timeout_s: float) -> None:
-        """Run saver or evaluator to its end while the others are served."""
-        if self._supervisor.signals > 1:
+    def _one_shot(self, module: str, timeout_s: float, patience: int = 1) -> None:
+        """Run a process to its end while the others are served; more signals than that cancel it."""
+
+        def is_cancelled() -> bool:
+            return self._supervisor.signals > patience
+
+        if is_cancelled():
             return
-        error = run_one_shot(
-            module, self._info.path, timeout_s, self._tick, lambda: self._supervisor.signals > 1
-        )
-        if error:
+        error = run_one_shot(module, self._info.path, timeout_s, self._tick, is_cancelled)
+        if error and not is_cancelled():
             self._tell(f"{module.rpartition('.')[2]}: {error}")
 
     def _exit_code(self) -> int:
