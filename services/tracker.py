@@ -19,7 +19,7 @@ from hsslam_node.tracking.tracker import Status, Tracker, TrackResult
 
 _POLL_S = 0.1
 _STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
-_STATUS_NAMES = {code: name for name, code in _STATUS.items()}
+_STATUS_NAMES: dict[int, Status] = {code: name for name, code in _STATUS.items()}
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ def kernel_cache_folder() -> Path:
     for source in sorted(package.rglob("*.py")):
         if "njit" in (text := source.read_text(encoding="utf-8")):
             digest.update(text.encode())
-    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return root / "hsslam" / "kernels" / digest.hexdigest()[:16]
 
 
