@@ -1,6 +1,10 @@
 """The evaluator: after the run, the only process that sees ground truth; adds ATE."""
 
+from dataclasses import replace
+from pathlib import Path
+
 from hsslam_node.evaluation.evaluate_run import evaluate_run
+from hsslam_node.services.camera_progress import CameraProgress
 from hsslam_node.services.summary import update_summary
 from hsslam_node.services.worker import Worker, run_worker
 
@@ -11,9 +15,11 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     options = worker.options
-    if not options.has_camera_process:
+    read = CameraProgress.read(Path(worker.run.arena_dir)).next_index
+    if not options.has_camera_process or read == 0:
         return
-    found = evaluate_run(worker.run.path, options.source, options.source_options)
+    until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
+    found = evaluate_run(worker.run.path, options.source, until_now)
     if found:
         update_summary(worker.run.path, {"evaluation": found})
 

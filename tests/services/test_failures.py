@@ -48,7 +48,7 @@ def test_a_killed_worker_is_replaced_and_the_run_ends_well(serve, name: str):
 
 
 def test_a_crash_loop_of_the_tracker_ends_the_run_with_code_1(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "3000")
+    run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(1)
     killed: set[int] = set()
     deadline = time.monotonic() + 60
