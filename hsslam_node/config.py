@@ -142,14 +142,11 @@ class MapperConfig:
     """Vertices along an edge of the smoothness cube."""
     smoothness_cell_m: float = 0.1
     """Spacing of those vertices, m."""
-    max_iterations_per_frame: float = 1.5
-    """Real time: at most so many iterations per camera frame, so that other processes get the core."""
 
     def __post_init__(self) -> None:
         _positive(self, "mapper", "rays", "first_rate_factor", "window_keyframes", "max_depth_m")
         _positive(self, "mapper", "plane_rate", "hash_rate", "decoder_rate", "smoothness_every")
         _positive(self, "mapper", "smoothness_cell_m", "patch_kernel_px", "patch_stride_px")
-        _positive(self, "mapper", "max_iterations_per_frame")
         _not_negative(self, "mapper", "iterations", "first_iterations", "depth_noise_m")
         _not_negative(self, "mapper", "patch_repeats")
         _in_range(self, "mapper", "newest_share", 0.0, 1.0)
@@ -160,7 +157,7 @@ class MapperConfig:
 class TrackerConfig:
     """Dense alignment of a frame to the map and to the last keyframe (algorithm notes, section 7)."""
 
-    points: int = 2000
+    points: int = 1200
     """Depth points aligned to the SDF."""
     border_px: int = 8
     """Image border that gives no points."""

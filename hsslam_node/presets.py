@@ -25,7 +25,7 @@ REALTIME: Final = replace(
     sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
     weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0),
     mapper=MapperConfig(
-        rays=1280,
+        rays=768,
         iterations=4,
         first_iterations=150,
         first_rate_factor=1.0,
@@ -38,7 +38,7 @@ REALTIME: Final = replace(
         smoothness_every=8,
         smoothness_vertices=8,
     ),
-    ba=BundleAdjustmentConfig(rays=1280, iterations=4, pose_rate=0.0),
+    ba=BundleAdjustmentConfig(rays=768, iterations=4, pose_rate=0.0, loss_threshold=0.2),
 )
 
 PRESETS: Final[dict[PresetName, SlamConfig]] = {"realtime": REALTIME, "paper": PAPER}

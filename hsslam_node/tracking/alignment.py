@@ -16,7 +16,7 @@ from hsslam_node.kernels.kernel_layout import KernelLayout
 from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 
-COARSE_STRIDE = 4  # every fourth depth point at all levels but the last two
+COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
 
@@ -68,7 +68,7 @@ def align(
     iterations = 0
     system = None
     for level in range(len(levels)):
-        fine = level >= len(levels) - 2
+        fine = level == len(levels) - 1
         for _ in range(config.iterations):
             system = problem.linearise(T, level)
             x = np.linalg.solve(
@@ -136,21 +136,29 @@ class _Problem:
         self._sdf = np.empty(n, np.float32)
         self._gradient = np.empty((n, 3), np.float32)
         self._inside = np.empty(n, np.uint8)
+        self._has_gradient = False
         self.bias = 0.0
 
     def linearise(self, T: np.ndarray, level: int) -> _System:
         """The normal equations at T, at one level of the pyramid."""
         c = self._config
         system = _System(np.zeros((7, 7)), np.zeros(7))
-        points = self._points[1 if level >= len(self._levels) - 2 else 0]
+        fine = level == len(self._levels) - 1
+        points = self._points[fine]
         n = len(points)
         world = self._world[:n]
         transform_points(T, points, world)
         z = points[:, 2]
         centre = T[:3, 3].copy()
-        if self._view:
+        # the map is asked last, and first only where there is no keyframe to lead the way
+        if self._view and (fine or self._reference is None):
             inside, sdf, gradient = self._inside[:n], self._sdf[:n], self._gradient[:n]
-            query_sdf(self._view.params, self._view.layout, world, sdf, inside, gradient, True)
+            # over the last millimetres the gradient of each point stays what it was
+            query_sdf(
+                self._view.params, self._view.layout, world, sdf, inside, gradient,
+                not (fine and self._has_gradient),
+            )  # fmt: skip
+            self._has_gradient = fine
             cost, system.sdf_inliers, system.sdf_seen, system.sdf_squares = add_sdf_term(
                 sdf, gradient, inside, world, z, centre, self._view.truncation_m,
                 c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, system.H, system.b,
