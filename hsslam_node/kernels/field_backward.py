@@ -83,7 +83,8 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
             layout, acts.position[start:stop], d_color_hidden[:m], dV[2 * C : 2 * C + 3 * BINS]
         )
         for k in range(m):
-            d_out[k] = d_color_in[k, 2 * C :]
+            for c in range(1, 16):
+                d_out[k, c] = d_color_in[k, 2 * C + c]
             s = acts.sdf[start + k]
             live = np.float32(acts.inside[start + k])
             d_out[k, 0] = live * d_sdf[start + k] * (np.float32(1.0) - s * s)
@@ -95,55 +96,48 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
             acts.geometry_in[start:stop], d_hidden[:m], W1_T, product_W1, dW1[:width], d_in[:m]
         )
         _scatter_one_blob(layout, acts.position[start:stop], d_hidden[:m], dW1[width:])
-        for k in range(m):
-            if acts.inside[start + k] == 0:
-                if want_points:
-                    d_points[start + k, :] = np.float32(0.0)
-                continue
-            p = acts.position[start + k]
-            scatter_hash(g, grad.touched, layout, p, d_in[k, :L2])
+        position = acts.position[start:stop]
+        scatter_hash(g, grad.touched, layout, position, d_in[:m])
+        for s in range(2):
+            scatter_planes(g, grad.touched, layout, s, position, d_in[:m], L2 + s * C)
+            scatter_planes(g, grad.touched, layout, 2 + s, position, d_color_in[:m], s * C)
+        if want_points:
+            d_position = d_points[start:stop]
+            d_position[:] = np.float32(0.0)
+            hash_position_gradient(params, layout, position, d_in[:m], d_position)
             for s in range(2):
-                scatter_planes(
-                    g, grad.touched, layout, s, p, d_in[k, L2 + s * C : L2 + (s + 1) * C]
+                plane_position_gradient(
+                    params, layout, s, position, d_in[:m], L2 + s * C, d_position
                 )
-                scatter_planes(
-                    g, grad.touched, layout, 2 + s, p, d_color_in[k, s * C : (s + 1) * C]
+                plane_position_gradient(
+                    params, layout, 2 + s, position, d_color_in[:m], s * C, d_position
                 )
-            if want_points:
-                d_p = d_points[start + k]
-                d_p[:] = np.float32(0.0)
-                hash_position_gradient(params, layout, p, d_in[k, :L2], d_p)
-                for s in range(2):
-                    plane_position_gradient(
-                        params, layout, s, p, d_in[k, L2 + s * C : L2 + (s + 1) * C], d_p
-                    )
-                    plane_position_gradient(
-                        params, layout, 2 + s, p, d_color_in[k, s * C : (s + 1) * C], d_p
-                    )
-                one_blob_position_gradient(layout, p, W1[width:], d_hidden[k], d_p)
-                one_blob_position_gradient(layout, p, blob_V1, d_color_hidden[k], d_p)
+            one_blob_position_gradient(layout, position, W1[width:], d_hidden[:m], d_position)
+            one_blob_position_gradient(layout, position, blob_V1, d_color_hidden[:m], d_position)
     first = layout.geometry_W1 >> 4
     last = (layout.color_W2 + HIDDEN * 3 - 1) >> 4
     grad.touched[first : last + 1] = 1
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def one_blob_position_gradient(layout, p, rows, d_hidden, d_p):
-    """Add the derivative by position of the one-blob contribution to a hidden layer."""
+def one_blob_position_gradient(layout, position, rows, d_hidden, d_position):
+    """Add the derivative by position [n, 3] of the one-blob contribution to a hidden layer [n, 32]."""
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)
-    for a in range(3):
-        j = one_blob_bins(p[a] * layout.inv_extent[a], weight, slope)
-        total = np.float32(0.0)
-        for m in range(3):
-            b = j - 1 + m
-            if 0 <= b < BINS:
-                row = rows[a * BINS + b]
-                dot = np.float32(0.0)
-                for c in range(HIDDEN):
-                    dot += row[c] * d_hidden[c]
-                total += slope[m] * dot
-        d_p[a] += total * layout.inv_extent[a]
+    for k in range(position.shape[0]):
+        d = d_hidden[k]
+        for a in range(3):
+            j = one_blob_bins(position[k, a] * layout.inv_extent[a], weight, slope)
+            s0 = slope[0] if j > 0 else np.float32(0.0)
+            s1 = slope[1]
+            s2 = slope[2] if j < BINS - 1 else np.float32(0.0)
+            r0 = rows[a * BINS + max(j - 1, 0)]
+            r1 = rows[a * BINS + j]
+            r2 = rows[a * BINS + min(j + 1, BINS - 1)]
+            total = np.float32(0.0)
+            for c in range(HIDDEN):
+                total += d[c] * (s0 * r0[c] + s1 * r1[c] + s2 * r2[c])
+            d_position[k, a] += total * layout.inv_extent[a]
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

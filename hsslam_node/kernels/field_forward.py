@@ -61,30 +61,26 @@ def field_forward(params, layout, points, n, acts):
     V2 = params[layout.color_W2 : layout.color_W2 + HIDDEN * 3].reshape(HIDDEN, 3)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
+        position = acts.position[start:stop]
+        geometry_in, color_in = acts.geometry_in[start:stop], acts.color_in[start:stop]
         for k in range(start, stop):
-            p = acts.position[k]
-            acts.inside[k] = relative_position(layout, points[k], p)
-            if acts.inside[k]:
-                gather_hash(params, layout, p, acts.geometry_in[k])
-                for s in range(2):
-                    gather_planes(
-                        params, layout, s, p, acts.geometry_in[k, L2 + s * C : L2 + (s + 1) * C]
-                    )
-                    gather_planes(params, layout, 2 + s, p, acts.color_in[k, s * C : (s + 1) * C])
-            else:
-                acts.geometry_in[k, :] = np.float32(0.0)
-                acts.color_in[k, :] = np.float32(0.0)
+            acts.inside[k] = relative_position(layout, points[k], acts.position[k])
+        gather_hash(params, layout, position, geometry_in)
+        for s in range(2):
+            gather_planes(params, layout, s, position, geometry_in, L2 + s * C)
+            gather_planes(params, layout, 2 + s, position, color_in, s * C)
         hidden = acts.geometry_hidden[start:stop]
-        np.dot(acts.geometry_in[start:stop], W1[:width], hidden)
-        add_one_blob(layout, acts.position[start:stop], W1[width:], hidden)
+        np.dot(geometry_in, W1[:width], hidden)
+        add_one_blob(layout, position, W1[width:], hidden)
         relu(hidden)
         np.dot(hidden, W2, acts.geometry_out[start:stop])
         for k in range(start, stop):
-            acts.color_in[k, 2 * C :] = acts.geometry_out[k]
+            for c in range(16):
+                acts.color_in[k, 2 * C + c] = acts.geometry_out[k, c]
             acts.sdf[k] = np.tanh(acts.geometry_out[k, 0]) if acts.inside[k] else np.float32(1.0)
         hidden = acts.color_hidden[start:stop]
-        np.dot(acts.color_in[start:stop], V1, hidden)
-        add_one_blob(layout, acts.position[start:stop], blob_V1, hidden)
+        np.dot(color_in, V1, hidden)
+        add_one_blob(layout, position, blob_V1, hidden)
         relu(hidden)
         np.dot(hidden, V2, acts.rgb[start:stop])
         for k in range(start, stop):
@@ -123,15 +119,18 @@ def add_one_blob(layout, position, rows, hidden):
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)
     for k in range(position.shape[0]):
+        h = hidden[k]
         for a in range(3):
             j = one_blob_bins(position[k, a] * layout.inv_extent[a], weight, slope)
-            for m in range(3):
-                b = j - 1 + m
-                if 0 <= b < BINS:
-                    w = weight[m]
-                    row = rows[a * BINS + b]
-                    for c in range(HIDDEN):
-                        hidden[k, c] += w * row[c]
+            # bins beyond the ends have no row: they are replaced by the end's, with weight 0
+            w0 = weight[0] if j > 0 else np.float32(0.0)
+            w1 = weight[1]
+            w2 = weight[2] if j < BINS - 1 else np.float32(0.0)
+            r0 = rows[a * BINS + max(j - 1, 0)]
+            r1 = rows[a * BINS + j]
+            r2 = rows[a * BINS + min(j + 1, BINS - 1)]
+            for c in range(HIDDEN):
+                h[c] += w0 * r0[c] + w1 * r1[c] + w2 * r2[c]
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

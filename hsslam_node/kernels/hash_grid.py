@@ -1,6 +1,8 @@
 """Multi-resolution hash grid on the CPU: trilinear gather, its scatter, its derivative by position.
 
-The eight corners are unrolled by hand: as a loop with per-corner choices this takes ten times as long.
+All take a block of positions [n, 3] (m, relative to the low corner) and the first 2 L columns of a
+feature matrix [n, W]. Levels are the outer loop, so one table at a time is in the cache. The eight
+corners are unrolled by hand: as a loop with per-corner choices this takes ten times as long.
 """
 
 import numpy as np
@@ -11,119 +13,127 @@ PRIME_Z = 805459861
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def gather_hash(params, layout, p, out):
-    """Features of all levels at p [3] (m, relative to the low corner); out [2 L]."""
+def gather_hash(params, layout, position, features):
+    """Features of all levels."""
     one = np.float32(1.0)
     for level in range(layout.hash_offset.shape[0]):
-        x, fx, y, fy, z, fz = _cell(layout, level, p)
-        o0, o1, o2, o3, o4, o5, o6, o7 = _corners(layout, level, x, y, z)
-        gx, gy, gz = one - fx, one - fy, one - fz
-        w00, w10, w01, w11 = gy * gz, fy * gz, gy * fz, fy * fz
-        out[2 * level] = gx * (
-            w00 * params[o0] + w10 * params[o2] + w01 * params[o4] + w11 * params[o6]
-        ) + fx * (w00 * params[o1] + w10 * params[o3] + w01 * params[o5] + w11 * params[o7])
-        out[2 * level + 1] = gx * (
-            w00 * params[o0 + 1]
-            + w10 * params[o2 + 1]
-            + w01 * params[o4 + 1]
-            + w11 * params[o6 + 1]
-        ) + fx * (
-            w00 * params[o1 + 1]
-            + w10 * params[o3 + 1]
-            + w01 * params[o5 + 1]
-            + w11 * params[o7 + 1]
-        )
+        first, mask, scale, last = _level(layout, level)
+        for k in range(position.shape[0]):
+            x, fx = _cell(position[k, 0], scale, last)
+            y, fy = _cell(position[k, 1], scale, last)
+            z, fz = _cell(position[k, 2], scale, last)
+            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
+            gx, gy, gz = one - fx, one - fy, one - fz
+            w00, w10, w01, w11 = gy * gz, fy * gz, gy * fz, fy * fz
+            features[k, 2 * level] = gx * (
+                w00 * params[o0] + w10 * params[o2] + w01 * params[o4] + w11 * params[o6]
+            ) + fx * (w00 * params[o1] + w10 * params[o3] + w01 * params[o5] + w11 * params[o7])
+            features[k, 2 * level + 1] = gx * (
+                w00 * params[o0 + 1]
+                + w10 * params[o2 + 1]
+                + w01 * params[o4 + 1]
+                + w11 * params[o6 + 1]
+            ) + fx * (
+                w00 * params[o1 + 1]
+                + w10 * params[o3 + 1]
+                + w01 * params[o5 + 1]
+                + w11 * params[o7 + 1]
+            )
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def scatter_hash(grad, touched, layout, p, d_out):
+def scatter_hash(grad, touched, layout, position, d_features):
     """Add the gradient of `gather_hash` and mark the 16-float chunks it lies in."""
     one = np.float32(1.0)
     for level in range(layout.hash_offset.shape[0]):
-        da = d_out[2 * level]
-        db = d_out[2 * level + 1]
-        x, fx, y, fy, z, fz = _cell(layout, level, p)
-        o0, o1, o2, o3, o4, o5, o6, o7 = _corners(layout, level, x, y, z)
-        gx, gy, gz = one - fx, one - fy, one - fz
-        for o, w in (
-            (o0, gx * gy * gz),
-            (o1, fx * gy * gz),
-            (o2, gx * fy * gz),
-            (o3, fx * fy * gz),
-            (o4, gx * gy * fz),
-            (o5, fx * gy * fz),
-            (o6, gx * fy * fz),
-            (o7, fx * fy * fz),
-        ):
-            grad[o] += w * da
-            grad[o + 1] += w * db
-            touched[o >> 4] = 1
+        first, mask, scale, last = _level(layout, level)
+        for k in range(position.shape[0]):
+            da = d_features[k, 2 * level]
+            db = d_features[k, 2 * level + 1]
+            x, fx = _cell(position[k, 0], scale, last)
+            y, fy = _cell(position[k, 1], scale, last)
+            z, fz = _cell(position[k, 2], scale, last)
+            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
+            gx, gy, gz = one - fx, one - fy, one - fz
+            _add(grad, touched, o0, gx * gy * gz, da, db)
+            _add(grad, touched, o1, fx * gy * gz, da, db)
+            _add(grad, touched, o2, gx * fy * gz, da, db)
+            _add(grad, touched, o3, fx * fy * gz, da, db)
+            _add(grad, touched, o4, gx * gy * fz, da, db)
+            _add(grad, touched, o5, fx * gy * fz, da, db)
+            _add(grad, touched, o6, gx * fy * fz, da, db)
+            _add(grad, touched, o7, fx * fy * fz, da, db)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def hash_position_gradient(params, layout, p, d_out, d_p):
-    """Add d_out [2 L] . d(features)/d(p) to d_p [3] (1/m)."""
+def hash_position_gradient(params, layout, position, d_features, d_position):
+    """Add d(loss)/d(position) to d_position [n, 3] (1/m)."""
     one = np.float32(1.0)
     for level in range(layout.hash_offset.shape[0]):
-        da = d_out[2 * level]
-        db = d_out[2 * level + 1]
-        x, fx, y, fy, z, fz = _cell(layout, level, p)
-        o0, o1, o2, o3, o4, o5, o6, o7 = _corners(layout, level, x, y, z)
-        v0 = da * params[o0] + db * params[o0 + 1]
-        v1 = da * params[o1] + db * params[o1 + 1]
-        v2 = da * params[o2] + db * params[o2 + 1]
-        v3 = da * params[o3] + db * params[o3 + 1]
-        v4 = da * params[o4] + db * params[o4 + 1]
-        v5 = da * params[o5] + db * params[o5 + 1]
-        v6 = da * params[o6] + db * params[o6 + 1]
-        v7 = da * params[o7] + db * params[o7 + 1]
-        gx, gy, gz = one - fx, one - fy, one - fz
-        scale = layout.hash_scale[level]
-        d_p[0] += scale * (
-            gz * (gy * (v1 - v0) + fy * (v3 - v2)) + fz * (gy * (v5 - v4) + fy * (v7 - v6))
-        )
-        d_p[1] += scale * (
-            gz * (gx * (v2 - v0) + fx * (v3 - v1)) + fz * (gx * (v6 - v4) + fx * (v7 - v5))
-        )
-        d_p[2] += scale * (
-            gy * (gx * (v4 - v0) + fx * (v5 - v1)) + fy * (gx * (v6 - v2) + fx * (v7 - v3))
-        )
+        first, mask, scale, last = _level(layout, level)
+        for k in range(position.shape[0]):
+            da = d_features[k, 2 * level]
+            db = d_features[k, 2 * level + 1]
+            x, fx = _cell(position[k, 0], scale, last)
+            y, fy = _cell(position[k, 1], scale, last)
+            z, fz = _cell(position[k, 2], scale, last)
+            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
+            v0 = da * params[o0] + db * params[o0 + 1]
+            v1 = da * params[o1] + db * params[o1 + 1]
+            v2 = da * params[o2] + db * params[o2 + 1]
+            v3 = da * params[o3] + db * params[o3 + 1]
+            v4 = da * params[o4] + db * params[o4 + 1]
+            v5 = da * params[o5] + db * params[o5 + 1]
+            v6 = da * params[o6] + db * params[o6 + 1]
+            v7 = da * params[o7] + db * params[o7 + 1]
+            gx, gy, gz = one - fx, one - fy, one - fz
+            d_position[k, 0] += scale * (
+                gz * (gy * (v1 - v0) + fy * (v3 - v2)) + fz * (gy * (v5 - v4) + fy * (v7 - v6))
+            )
+            d_position[k, 1] += scale * (
+                gz * (gx * (v2 - v0) + fx * (v3 - v1)) + fz * (gx * (v6 - v4) + fx * (v7 - v5))
+            )
+            d_position[k, 2] += scale * (
+                gy * (gx * (v4 - v0) + fx * (v5 - v1)) + fy * (gx * (v6 - v2) + fx * (v7 - v3))
+            )
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _cell(layout, level, p):
-    """Lower vertex and fraction along x, y, z."""
-    scale = layout.hash_scale[level]
-    last = layout.hash_resolution[level] - 1
-    gx = max(p[0] * scale, np.float32(0.0))
-    gy = max(p[1] * scale, np.float32(0.0))
-    gz = max(p[2] * scale, np.float32(0.0))
-    x = min(int(gx), last)
-    y = min(int(gy), last)
-    z = min(int(gz), last)
-    return x, gx - np.float32(x), y, gy - np.float32(y), z, gz - np.float32(z)
+def _level(layout, level):
+    """Offset in floats, hash mask (0: dense), cells per metre and last cell of a level."""
+    return (
+        layout.hash_offset[level],
+        layout.hash_mask[level],
+        layout.hash_scale[level],
+        layout.hash_resolution[level] - 1,
+    )
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _corners(layout, level, x, y, z):
+def _cell(x, scale, last):
+    """Lower vertex and fraction along one axis."""
+    g = max(x * scale, np.float32(0.0))
+    i = min(int(g), last)
+    return i, g - np.float32(i)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _add(grad, touched, o, w, da, db):
+    grad[o] += w * da
+    grad[o + 1] += w * db
+    touched[o >> 4] = 1
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _corners(first, mask, last, x, y, z):
     """Offsets in floats of the eight vertices (x fastest): dense, or XOR hash (Instant-NGP, eq. 4)."""
-    first = layout.hash_offset[level]
-    mask = layout.hash_mask[level]
     if mask == 0:
-        n = layout.hash_resolution[level] + 1
+        n = last + 2
         o = first + 2 * (x + n * (y + n * z))
         row = 2 * n
         slab = 2 * n * n
-        return (
-            o,
-            o + 2,
-            o + row,
-            o + row + 2,
-            o + slab,
-            o + slab + 2,
-            o + slab + row,
-            o + slab + row + 2,
-        )
+        far = o + slab
+        return o, o + 2, o + row, o + row + 2, far, far + 2, far + row, far + row + 2
     y0 = y * PRIME_Y
     y1 = y0 + PRIME_Y
     z0 = z * PRIME_Z

@@ -33,11 +33,10 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
     for start in range(0, n, BLOCK):
         m = min(start + BLOCK, n) - start
         for k in range(m):
-            p = position[k]
-            inside[start + k] = relative_position(layout, points[start + k], p)
-            gather_hash(params, layout, p, x[k])
-            for s in range(2):
-                gather_planes(params, layout, s, p, x[k, L2 + s * C : L2 + (s + 1) * C])
+            inside[start + k] = relative_position(layout, points[start + k], position[k])
+        gather_hash(params, layout, position[:m], x)
+        for s in range(2):
+            gather_planes(params, layout, s, position[:m], x, L2 + s * C)
         np.dot(x[:m], W1[:width], hidden[:m])
         add_one_blob(layout, position[:m], W1[width:], hidden[:m])
         relu(hidden[:m])
@@ -49,18 +48,17 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
             sdf[start + k] = s_k if inside[start + k] else np.float32(1.0)
             if want_gradient:
                 slope = np.float32(1.0) - s_k * s_k
+                if inside[start + k] == 0:
+                    slope = np.float32(0.0)
                 for c in range(HIDDEN):
                     d_hidden[k, c] = slope * w2[c] if hidden[k, c] > 0 else np.float32(0.0)
         if want_gradient:
             np.dot(d_hidden[:m], W1_T, d_x[:m])
-            for k in range(m):
-                d_p = gradient[start + k]
-                d_p[:] = np.float32(0.0)
-                if inside[start + k]:
-                    p = position[k]
-                    hash_position_gradient(params, layout, p, d_x[k, :L2], d_p)
-                    for s in range(2):
-                        plane_position_gradient(
-                            params, layout, s, p, d_x[k, L2 + s * C : L2 + (s + 1) * C], d_p
-                        )
-                    one_blob_position_gradient(layout, p, W1[width:], d_hidden[k], d_p)
+            d_position = gradient[start : start + m]
+            d_position[:] = np.float32(0.0)
+            hash_position_gradient(params, layout, position[:m], d_x, d_position)
+            for s in range(2):
+                plane_position_gradient(
+                    params, layout, s, position[:m], d_x, L2 + s * C, d_position
+                )
+            one_blob_position_gradient(layout, position[:m], W1[width:], d_hidden, d_position)

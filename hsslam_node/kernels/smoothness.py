@@ -11,15 +11,15 @@ def smoothness_backward(params, layout, cube, scale, grad):
     """Returns the loss of the cube's vertices [n, n, n, 3] (m, world); adds `scale` times its gradient."""
     n = cube.shape[0]
     F = 2 * layout.hash_offset.shape[0]
-    feature = np.empty((n, n, n, F), np.float32)
-    d_feature = np.zeros((n, n, n, F), np.float32)
-    p = np.empty(3, np.float32)
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                for a in range(3):
-                    p[a] = cube[i, j, k, a] - layout.low[a]
-                gather_hash(params, layout, p, feature[i, j, k])
+    position = np.empty((n**3, 3), np.float32)
+    for k in range(n**3):
+        for a in range(3):
+            position[k, a] = cube[k // (n * n), k // n % n, k % n, a] - layout.low[a]
+    flat = np.empty((n**3, F), np.float32)
+    gather_hash(params, layout, position, flat)
+    feature = flat.reshape(n, n, n, F)
+    d_flat = np.zeros((n**3, F), np.float32)
+    d_feature = d_flat.reshape(n, n, n, F)
     total = 0.0
     norm = np.float32(2.0 * scale / n**3)
     for i in range(n):
@@ -34,10 +34,5 @@ def smoothness_backward(params, layout, cube, scale, grad):
                             total += e * e
                             d_feature[i + di, j + dj, k + dk, f] += norm * e
                             d_feature[i, j, k, f] -= norm * e
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                for a in range(3):
-                    p[a] = cube[i, j, k, a] - layout.low[a]
-                scatter_hash(grad.values, grad.touched, layout, p, d_feature[i, j, k])
+    scatter_hash(grad.values, grad.touched, layout, position, d_flat)
     return total / n**3

@@ -25,14 +25,15 @@ def test_gather_scatter_and_slope_are_the_reference(field, close):
             total = (expected[0] * torch.from_numpy(d_out).double()).sum()
             d_params, d_x = torch.autograd.grad(total, (field.reference.params, x))
 
-            p, out, d_p = point - low, np.empty(C, np.float32), np.zeros(3, np.float32)
-            gather_planes(field.params, field.kernel, s, p, out)
-            plane_position_gradient(field.params, field.kernel, s, p, d_out, d_p)
+            p = (point - low)[None]
+            out, d_p = np.empty((1, C), np.float32), np.zeros((1, 3), np.float32)
+            gather_planes(field.params, field.kernel, s, p, out, 0)
+            plane_position_gradient(field.params, field.kernel, s, p, d_out[None], 0, d_p)
             grad = np.zeros_like(field.params)
             touched = np.zeros(len(grad) // 16 + 8, np.uint8)
-            scatter_planes(grad, touched, field.kernel, s, p, d_out)
-            close(out, expected.detach()[0])
-            close(d_p, d_x[0], 1e-3)
+            scatter_planes(grad, touched, field.kernel, s, p, d_out[None], 0)
+            close(out[0], expected.detach()[0])
+            close(d_p[0], d_x[0], 1e-3)
             close(grad, d_params.numpy())
             assert touched[np.flatnonzero(grad) // 16].all()
 
@@ -42,7 +43,7 @@ def test_the_border_is_clamped(field):
     C = field.kernel.channels
     extent = field.layout.bound.extent_m.astype(np.float32)
     for s in range(4):
-        at, beyond = np.empty(C, np.float32), np.empty(C, np.float32)
-        gather_planes(field.params, field.kernel, s, extent, at)
-        gather_planes(field.params, field.kernel, s, extent + np.float32(10.0), beyond)
+        at, beyond = np.empty((1, C), np.float32), np.empty((1, C), np.float32)
+        gather_planes(field.params, field.kernel, s, extent[None], at, 0)
+        gather_planes(field.params, field.kernel, s, extent[None] + np.float32(10.0), beyond, 0)
         np.testing.assert_allclose(at, beyond, atol=1e-5)
