@@ -6,3 +6,7 @@ class UserError(Exception):
 
     Command-line entry points print the message without a traceback and exit with code 2.
     """
+
+
+class OutOfMemoryError(UserError):
+    """The memory that a run needs is not there; unlike other bad input it cannot be skipped."""

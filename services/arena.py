@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError
 
 
 class Arena:
@@ -31,7 +31,7 @@ class Arena:
         """A zero-filled array [*shape]; one that exists with this shape and dtype stays as it is.
 
         Raises:
-            UserError: the memory is full; the bytes needed are named.
+            OutOfMemoryError: the memory is full; the bytes needed are named.
             ValueError: the array exists with another shape or dtype.
         """
         dtype = np.dtype(dtype)
@@ -94,7 +94,7 @@ class Arena:
             if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.ENOMEM):
                 raise
             free = os.statvfs(self.folder)
-            raise UserError(
+            raise OutOfMemoryError(
                 f"{self.folder.parent}: array {name} needs {nbytes} bytes, "
                 f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
                 "(docker: --shm-size)"

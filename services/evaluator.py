@@ -16,7 +16,7 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     read = CameraProgress.read(Path(worker.run.arena_dir)).next_index
-    if not options.has_camera_process or read == 0:
+    if not options.has_camera_process or not options.evaluate or read == 0:
         return
     until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
     found = evaluate_run(worker.run.path, options.source, until_now)

@@ -52,6 +52,8 @@ class ServeOptions:
     frames: int | None = None
     """Use at most so many frames (none: all)."""
     synth: SynthOptions = field(default_factory=SynthOptions)
+    evaluate: bool = True
+    """Compare with ground truth at the end, where the source has it."""
     robot: str = "robot"
     """Name of this robot in the zenoh keys hsslam/ROBOT/..."""
     zenoh_port: int = 7447

@@ -156,7 +156,7 @@ class _Run:
             if stage == RECORDER_STAGE:
                 self._one_shot(SAVER, _SAVER_TIMEOUT_S)
             self._stop_stage(stage)
-        if self._supervisor.signals < 2:
+        if self._info.options.evaluate:
             self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
         update_summary(self._info.path, section)

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
@@ -65,6 +65,8 @@ class _TrackerLoop:
         try:
             frame = frame_from_message(message)
             result = self._track(frame)
+        except OutOfMemoryError:
+            raise
         except UserError as error:
             self._worker.count("unusable frames")
             self._worker.event("warning", f"frame {message.index} dropped: {error}")

@@ -10,9 +10,12 @@ def rgbd_odometry(first: Frame, second: Frame) -> np.ndarray | None:
     """T_first_second [4, 4] by `cv2.Odometry` at half resolution, or None where it fails."""
     camera = first.camera.scaled(0.5)
     settings = cv2.OdometrySettings()
-    settings.setCameraMatrix(camera.K)
+    settings.setCameraMatrix(camera.K.astype(np.float32))
     odometry = cv2.Odometry(cv2.OdometryType_RGB_DEPTH, settings, cv2.OdometryAlgoType_FAST)
-    ok, T_second_first = odometry.compute(*_half(first), *_half(second))[:2]
+    try:
+        ok, T_second_first = odometry.compute(*_half(first), *_half(second))[:2]
+    except cv2.error:  # no pixel with depth
+        return None
     if not ok or T_second_first is None or not np.isfinite(T_second_first).all():
         return None
     T = np.asarray(T_second_first, np.float64)

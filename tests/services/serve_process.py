@@ -17,7 +17,7 @@ from hsslam_node.services.bus import Bus, free_endpoint
 SMALL_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "160", "--synth.height-px", "120"),
     *("--rate-hz", "15", "--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
-    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
 )
 
 

@@ -101,14 +101,20 @@ def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
     session, key = _outsider(run.endpoint), topics.FRAME.key("robot")
     good = encode(topics.FRAME, frame_message(frames[0], time.time_ns()))
     encoding = encoding_of(topics.FRAME)
-    session.put(key, good, encoding=encoding.replace(".v1", ".v2"))
-    session.put(key, good[: len(good) // 2], encoding=encoding)
-    session.put(key, bytes(65 * 2**20), encoding=encoding)
     fx = frames[0].camera.fx
     nan = good.replace(_packed("fx", fx), _packed("fx", float("nan")))
     assert nan != good
-    session.put(key, nan, encoding=encoding)
-    time.sleep(0.5)
+    bad = (
+        (good, encoding.replace(".v1", ".v2")),
+        (good[: len(good) // 2], encoding),
+        (nan, encoding),
+        (bytes(65 * 2**20), encoding),
+    )
+    for payload, sent_as in bad:
+        session.put(
+            key, payload, encoding=sent_as, congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        time.sleep(0.5)
     publisher = bus.publisher(topics.FRAME)
     publisher.put(frame_message(frames[0], time.time_ns()))
     run.wait_for_poses(1)

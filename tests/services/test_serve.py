@@ -14,7 +14,7 @@ pytestmark = pytest.mark.e2e
 
 
 def test_a_run_leaves_its_results_and_nothing_else(serve):
-    run = serve(*SMALL_ROOM, "--frames", "90")
+    run = serve(*SMALL_ROOM, "--frames", "90", "--evaluate")
     run.wait_for_poses(20)
     for spec in PROCESSES:
         assert run.pid_of(spec.name) is not None, spec.name
