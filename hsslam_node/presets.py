@@ -38,7 +38,9 @@ REALTIME: Final = replace(
         smoothness_every=8,
         smoothness_vertices=8,
     ),
-    ba=BundleAdjustmentConfig(rays=768, iterations=4, pose_rate=0.0, loss_threshold=0.2),
+    ba=BundleAdjustmentConfig(
+        rays=768, iterations=4, every_keyframes=8, pose_rate=1e-4, loss_threshold=0.2
+    ),
 )
 
 PRESETS: Final[dict[PresetName, SlamConfig]] = {"realtime": REALTIME, "paper": PAPER}

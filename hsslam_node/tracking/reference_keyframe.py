@@ -47,9 +47,10 @@ def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
         camera = frame.camera.scaled(factor)
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         if factor < 1.0:
-            size = camera.width_px, camera.height_px
-            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
             depth = _halved_depth(depth)
+            height, width = depth.shape  # an odd row or column is left out
+            even = grey[: 2 * height, : 2 * width]
+            grey = cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA)
         levels.append(PyramidLevel(grey, depth, K))
     return tuple(reversed(levels))
 
@@ -109,14 +110,15 @@ def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     camera = frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     depth = _halved_depth(frame.depth_m())
-    low = cv2.erode(depth, np.ones((3, 3), np.uint8))
+    outside = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 0}  # no depth there either
+    low = cv2.erode(depth, np.ones((3, 3), np.uint8), **outside)
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
     continuous = (low > 0) & (high - low < 0.05 * high)
     inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
     weight = cv2.GaussianBlur((depth > 0).astype(np.float32), (3, 3), 0.8)
     inverse_depth = cv2.GaussianBlur(inverse_depth, (3, 3), 0.8)
     z = np.divide(weight, inverse_depth, out=np.zeros_like(depth), where=continuous)
-    u, v = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+    u, v = np.meshgrid(np.arange(depth.shape[1]), np.arange(depth.shape[0]))
     points = np.stack([(u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z, z], axis=-1).astype(np.float32)
     du = np.zeros_like(points)
     dv = np.zeros_like(points)
@@ -124,5 +126,7 @@ def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     dv[1:-1] = points[2:] - points[:-2]
     normals = np.cross(dv, du)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    normals = np.where(continuous[..., None] & (length > 0), normals / np.maximum(length, 1e-12), 0)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    complete = cv2.erode(continuous.astype(np.uint8), cross)[..., None] > 0  # its four neighbours too
+    normals = np.where(complete & (length > 0), normals / np.maximum(length, 1e-12), 0)
     return points, normals.astype(np.float32), K

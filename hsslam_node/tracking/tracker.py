@@ -81,6 +81,7 @@ class Tracker:
         prediction = self._predict(frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
         good = self._is_good(best, prediction)
+        reference = self._reference
         if not good:
             for guess in self._other_guesses(frame):
                 best = self._try(points, levels, guess, view)
@@ -89,6 +90,7 @@ class Tracker:
                     break
         if good:
             return self._accept(frame, levels, best, view)
+        self._reference = reference  # not a keyframe that was tried in vain
         return self._lose(frame, prediction, view)
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
@@ -129,7 +131,7 @@ class Tracker:
         if before is None or last.frame.stamp_ns <= before.frame.stamp_ns:
             return T_last
         past_ns = last.frame.stamp_ns - before.frame.stamp_ns
-        share = min((stamp_ns - last.frame.stamp_ns) / past_ns, _LONGEST_EXTRAPOLATION)
+        share = np.clip((stamp_ns - last.frame.stamp_ns) / past_ns, 0.0, _LONGEST_EXTRAPOLATION)
         return T_last @ se3_exp(share * se3_log(inverse(before.pose(self._store)) @ T_last))
 
     def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
