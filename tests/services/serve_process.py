@@ -59,7 +59,7 @@ class ServeProcess:
             assert time.monotonic() < deadline, f"too late: {self.stderr}"
             time.sleep(0.02)
 
-    def wait_for_poses(self, count: int, timeout_s: float = 90) -> None:
+    def wait_for_poses(self, count: int, timeout_s: float = 180) -> None:
         """Return when so many more poses have been published."""
         assert self.bus
         wanted = len(self.poses) + count
@@ -90,7 +90,7 @@ class ServeProcess:
     def signal(self, number: signal.Signals = signal.SIGINT) -> None:
         self.process.send_signal(number)
 
-    def finish(self, timeout_s: float = 90) -> int:
+    def finish(self, timeout_s: float = 180) -> int:
         """Exit code of its end."""
         self.close_bus()
         try:

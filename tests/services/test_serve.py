@@ -14,7 +14,7 @@ pytestmark = pytest.mark.e2e
 
 
 def test_a_run_leaves_its_results_and_nothing_else(serve):
-    run = serve(*SMALL_ROOM, "--frames", "90", "--evaluate")
+    run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate")
     run.wait_for_poses(20)
     for spec in PROCESSES:
         assert run.pid_of(spec.name) is not None, spec.name
@@ -23,9 +23,9 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
 
     summary = run.summary()
     frames = summary["frames"]
-    assert frames["in"] == 90
-    assert frames["tracked"] + frames["lost"] + frames["dropped"] == 90
-    assert frames["tracked"] >= 30  # how many more is the benchmark's business
+    assert frames["in"] == 60
+    assert frames["tracked"] + frames["lost"] + frames["dropped"] == 60
+    assert frames["tracked"] >= 25  # how many more is the benchmark's business
     assert summary["latency_ms"]["p95"] > 0
     assert summary["evaluation"]
     assert summary["model_bytes"]
@@ -84,11 +84,11 @@ def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
 
 
 def test_lockstep_is_reproducible_bit_for_bit(serve):
-    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "30", "--noise", "kinect")
+    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "20", "--noise", "kinect")
     runs = [serve(*options, "--seed", "3") for _ in range(2)]
     for run in runs:
         assert run.finish(timeout_s=150) == 0, run.stderr
-        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 30, "dropped": 0}
+        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 20, "dropped": 0}
     for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
         assert (runs[0].out / name).read_bytes() == (runs[1].out / name).read_bytes()
 
