@@ -1,0 +1,85 @@
+"""One row of the benchmark: what is measured, the bound it has to meet, and what came out."""
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.bench.serve_run import RunFailedError
+from hsslam_node.services.bench.session import Session, Skipped
+
+Verdict = Literal["ok", "NOT MET", "measured", "skipped", "not measured"]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A result: as text, as raw values, and whether the bound is met (None: there is no bound)."""
+
+    text: str
+    ok: bool | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A row of the table. `measure` None: nobody has measured it, and the table says so."""
+
+    name: str  # for --only; parts before a colon select whole groups
+    what: str
+    bound: str  # "" without one
+    measure: Callable[[Session], Measured] | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A check with its result, as stored in the JSON file."""
+
+    name: str
+    what: str
+    bound: str
+    measured: str
+    verdict: Verdict
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def perform(check: Check, session: Session) -> Row:
+    """Measure one row; what is not on disk is skipped, a run that fails is a bound not met."""
+    if check.measure is None:
+        return unmeasured(check)
+    verdict: Verdict
+    try:
+        result = check.measure(session)
+    except Skipped as skipped:
+        return Row(check.name, check.what, check.bound, str(skipped), "skipped")
+    except RunFailedError as failure:
+        return Row(check.name, check.what, check.bound, str(failure), "NOT MET")
+    verdict = "measured" if result.ok is None else "ok" if result.ok else "NOT MET"
+    return Row(check.name, check.what, check.bound, result.text, verdict, dict(result.values))
+
+
+def unmeasured(check: Check) -> Row:
+    """The row of something that was not measured."""
+    return Row(check.name, check.what, check.bound, "", "not measured")
+
+
+def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
+    """The checks of these names or groups ("ate" has "ate:house"), in the table's order; no name: all.
+
+    Raises:
+        UserError: there is no such name; the nearest is suggested.
+    """
+    checks = list(checks)
+    known = {
+        ":".join(check.name.split(":")[:depth])
+        for check in checks
+        for depth in range(1, check.name.count(":") + 2)
+    }
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise UserError(f"--only {name}: no such row; {hint}--list has the names")
+    if not names:
+        return checks
+    return [c for c in checks if any(f"{c.name}:".startswith(f"{name}:") for name in names)]

@@ -1,0 +1,134 @@
+"""The result file of a benchmark: rows, and under what circumstances they were measured."""
+
+import importlib.metadata
+import os
+import platform
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import psutil
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.bench.check import Row
+from hsslam_node.services.bench.session import QUICK_FRAMES, Session
+from hsslam_node.services.run_info import write_atomically
+
+_PACKAGES = (
+    *("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh"),
+    *("mcap", "rerun-sdk"),
+)
+
+
+class Machine(msgspec.Struct, frozen=True):
+    """Where it ran, and what else ran there."""
+
+    cpu: str
+    cores: int
+    memory_bytes: int
+    system: str
+    load_before: float  # runnable processes, mean of the last minute
+
+
+class Report(msgspec.Struct, frozen=True):
+    """One result file."""
+
+    time: str  # UTC
+    commit: str  # "" where git does not know; ends with + where files had been changed
+    machine: Machine
+    versions: dict[str, str]
+    protocol: dict[str, Any]
+    rows: tuple[Row, ...]
+    runs: list[dict[str, Any]] = []
+
+
+def machine() -> Machine:
+    """This machine, now."""
+    return Machine(
+        cpu=_cpu_model(),
+        cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0,
+        memory_bytes=psutil.virtual_memory().total,
+        system=f"{platform.system()} {platform.release()}",
+        load_before=psutil.getloadavg()[0],
+    )
+
+
+def report(session: Session, on: Machine, rows: Sequence[Row]) -> Report:
+    """The result of a session on a machine."""
+    protocol = {
+        "quick": session.quick,
+        "extra_options": list(session.extra),
+        "seeds": list(session.seeds),
+        "frames": QUICK_FRAMES if session.quick else "all",
+        "ate": "RMSE over camera centres, SE(3) alignment without scale, 20 ms association",
+        "latency": "sensor stamp to published pose, without the first pose",
+        "first_pose": "from just before the command; of the first frame that is aligned to the map",
+        "kernels": "median of 7, float32, kernel and reference in turn in one process",
+    }
+    return Report(
+        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        commit=_commit(),
+        machine=on,
+        versions={
+            "python": platform.python_version(),
+            **{name: importlib.metadata.version(name) for name in _PACKAGES},
+        },
+        protocol=protocol,
+        rows=tuple(rows),
+        runs=[run.as_json() for run in session.runs.values()],
+    )
+
+
+def write_report(path: Path, result: Report) -> None:
+    """Store it as JSON; a figure that is not finite becomes null.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, msgspec.json.format(msgspec.json.encode(result)))
+    except OSError as error:
+        raise UserError(f"--out {path}: {error.strerror}: expected a file to write") from None
+
+
+def read_report(path: Path) -> Report:
+    """Read what `write_report` wrote.
+
+    Raises:
+        UserError: not there, or not a result file.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Report)
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: expected a result of the benchmark") from None
+    except msgspec.MsgspecError as error:
+        raise UserError(f"{path}: {error}: expected a result of the benchmark") from None
+
+
+def _cpu_model() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _commit() -> str:
+    """Commit of the source tree, with + if it has been changed since."""
+    here = Path(__file__).parent
+    try:
+        commit = _git(here, "rev-parse", "--short=12", "HEAD")
+        changed = _git(here, "status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return commit + ("+" if changed else "")
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

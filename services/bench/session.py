@@ -1,0 +1,117 @@
+"""One benchmark session: which runs of the service it needs, each made once."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_node.services.bench.serve_run import RunFailedError, ServeRun, serve
+from hsslam_node.services.process_table import WARM_UP, environment_of_threads
+
+QUICK_FRAMES = 40
+_COLD_FRAMES = 60
+_SEEDS = (0, 1, 2)
+_SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
+
+
+class Skipped(Exception):  # noqa: N818 - not an error
+    """What a check needs is not on disk."""
+
+
+@dataclass
+class Session:
+    """Runs of `hsslam-serve`, kept for all checks that look at them.
+
+    `quick`: one seed and a few frames, to see whether the benchmark itself works. `extra` options
+    are added to every run; the figures are then not those of the protocol.
+    """
+
+    data: Path
+    folder: Path  # of the runs
+    quick: bool = False
+    extra: Sequence[str] = ()
+    say: Callable[[str], None] = lambda _: None
+    runs: dict[str, ServeRun] = field(default_factory=dict)
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Seeds of the accuracy figures."""
+        return _SEEDS[:1] if self.quick else _SEEDS
+
+    def lockstep(self, sequence: str, seed: int = 0, take: int = 1) -> ServeRun:
+        """Every frame tracked and mapped; `sequence` as "house" or "house-kinect"."""
+        name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
+        return self._run(name, (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed)))
+
+    def realtime(self, sequence: str) -> ServeRun:
+        """On the clock of a 30 Hz sensor, recording on."""
+        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
+        return self._run(f"realtime-{sequence}", options)
+
+    def cold_start(self) -> ServeRun:
+        """A short real-time run of the built-in room with an empty cache of kernels."""
+        cache = self.folder / "empty-cache"
+        shutil.rmtree(cache, ignore_errors=True)
+        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        environment["XDG_CACHE_HOME"] = str(cache.absolute())
+        frames = min(_COLD_FRAMES, QUICK_FRAMES) if self.quick else _COLD_FRAMES
+        options = ("--source", "synth:room", "--frames", str(frames))
+        try:
+            return self._run("realtime-room-cold", options, environment)
+        finally:
+            shutil.rmtree(cache, ignore_errors=True)
+
+    def python(self, module: str, *arguments: str) -> str:
+        """What a module prints, run alone with one numeric thread and compiled kernels."""
+        self._warm_up()
+        self.say(module.rpartition(".")[2])
+        quick = ("--quick",) if self.quick else ()
+        return _python(module, *quick, *arguments)
+
+    def _run(
+        self, name: str, options: Sequence[str], environment: dict[str, str] | None = None
+    ) -> ServeRun:
+        if name not in self.runs:
+            if environment is None:
+                self._warm_up()
+            self.say(name)
+            arguments = (*options, *self.extra)
+            self.runs[name] = serve(name, self.folder / name, arguments, environment)
+        return self.runs[name]
+
+    def _source(self, sequence: str) -> tuple[str, ...]:
+        """Options of a sequence: a folder of the data, or the built-in room."""
+        place, _, noise = sequence.partition("-")
+        source = "synth:room"
+        if place != "room":
+            folder = (self.data / place).absolute()
+            if not folder.is_dir():
+                raise Skipped(f"{folder} is not on disk")
+            source = f"{_SOURCES[place]}:{folder}"
+        frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
+        return ("--source", source, "--noise", noise or "none", *frames)
+
+    def _warm_up(self) -> None:
+        """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
+        if not warm_stamp().exists():
+            self.say("compiling kernels")
+            _python(WARM_UP)
+
+
+def _python(module: str, *arguments: str) -> str:
+    """Output of a module, run with one numeric thread and the cache of kernels."""
+    cache = {"NUMBA_CACHE_DIR": str(kernel_cache_folder())}
+    result = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        env={**cache, **os.environ, **environment_of_threads(1)},
+        capture_output=True,
+        text=True,
+    )
+    if result.returncode:
+        lines = result.stderr.strip().splitlines()
+        raise RunFailedError(f"{module} ended with code {result.returncode}: {lines[-1:]}")
+    return result.stdout

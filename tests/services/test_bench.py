@@ -1,0 +1,150 @@
+"""The benchmark on runs that are too small to mean anything, and the table in the document."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.bench.catalogue import catalogue
+from hsslam_node.services.bench.check import Row, select
+from hsslam_node.services.bench.document import BEGIN, END, fill_document
+from hsslam_node.services.bench.report import machine, read_report, report, write_report
+from hsslam_node.services.bench.session import Session
+
+_TINY = (
+    *("--synth.width-px", "160", "--synth.height-px", "120", "--frames", "12"),
+    *("--slam.mapper.first-iterations", "20", "--slam.mapper.rays", "256"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08"),
+)
+
+
+@pytest.mark.e2e
+def test_figures_of_a_real_run_and_a_bound_that_is_not_met(tmp_path: Path):
+    names = ("log", "left-behind", "memory", "stages", "realtime:room:tracked")
+    nothing_is_good_enough = ("--slam.tracker.min-inlier-ratio", "1.0")
+    result = _bench(tmp_path, "--quick", "--only", *names, "--", *_TINY, *nothing_is_good_enough)
+    assert result.returncode == 1, result.stderr
+    stored = json.loads((tmp_path / "result.json").read_text())
+    verdicts = {row["name"]: (row["verdict"], row["measured"]) for row in stored["rows"]}
+    assert verdicts["realtime:room:tracked"][0] == "NOT MET"
+    assert {name: verdicts[name][0] for name in ("log:messages", "log:rerun", "left-behind")} == {
+        "log:messages": "ok",
+        "log:rerun": "ok",
+        "left-behind": "ok",
+    }, verdicts
+    for process in ("supervisor", "tracker", "mapper", "camera"):
+        assert process in verdicts["memory"][1]
+    assert "track" in verdicts["stages"][1]
+    assert "NOT MET" in result.stdout
+    assert stored["protocol"]["extra_options"] == [*_TINY, *nothing_is_good_enough]
+    assert stored["runs"][0]["summary"]["frames"]["in"] == 12
+    assert stored["machine"]["cores"] >= 1
+    assert not list((tmp_path / "result").glob("*/run.mcap"))
+
+
+def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
+    result = _bench(tmp_path, "--only", "ate:house", "mesh", "paper", "--data", str(tmp_path))
+    assert result.returncode == 0, result.stderr
+    assert f"skipped ate:house: {tmp_path / 'house'} is not on disk" in result.stdout
+    rows = read_report(tmp_path / "result.json").rows
+    assert [row.verdict for row in rows] == ["skipped"] * 3 + ["not measured"]
+
+
+def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
+    result = _bench(tmp_path, "--quick", "--only", "realtime:room:tracked", "--", "--seed", "-1")
+    assert result.returncode == 1
+    (row,) = read_report(tmp_path / "result.json").rows
+    assert row.verdict == "NOT MET"
+    assert row.measured.endswith("error: --seed -1: expected 0 or more")
+
+
+def test_unknown_row_is_one_line(tmp_path: Path):
+    result = _bench(tmp_path, "--only", "ate:hose")
+    assert result.returncode == 2
+    assert result.stderr.strip().startswith("error: --only ate:hose")
+    assert "ate:house" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_groups_select_their_rows():
+    names = [check.name for check in catalogue()]
+    assert len(set(names)) == len(names)
+    assert [c.name for c in select(catalogue(), [])] == names
+    chosen = [c.name for c in select(catalogue(), ["mesh", "realtime:kitchen"])]
+    assert chosen == [n for n in names if n.startswith(("mesh:", "realtime:kitchen:"))]
+    assert [c.name for c in select(catalogue(), ["ate:house"])] == ["ate:house"]
+
+
+def test_names_of_the_rows_are_listed():
+    listed = subprocess.run([*_COMMAND, "--list"], capture_output=True, text=True, check=True)
+    assert listed.stdout.split() == [check.name for check in catalogue()]
+
+
+def test_every_row_stands_in_the_results():
+    text = (Path(__file__).parents[2] / "docs/results.md").read_text()
+    table = text[text.index(BEGIN) : text.index(END)]
+    assert [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")] == [
+        check.name for check in catalogue()
+    ]
+
+
+def test_document_holds_what_was_measured_last(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text(f"before\n{BEGIN}\nan earlier table\n{END}\nafter\n")
+    first = _stored(tmp_path / "1.json", _row("ate:house", "0.70 cm", "NOT MET"), _row("memory"))
+    second = _stored(
+        tmp_path / "2.json",
+        _row("ate:house", "0.41 cm", "ok"),
+        _row("memory", "nothing on disk", "skipped"),
+    )
+    fill_document(document, [first])
+    assert "0.70 cm | **NOT MET** |" in document.read_text()
+    fill_document(document, [first, second])
+    text = document.read_text()
+    assert text.startswith(f"before\n{BEGIN}\n| name")
+    assert text.endswith(f"\n{END}\nafter\n")
+    assert "an earlier table" not in text
+    assert "| 0.41 cm | ok |" in text
+    assert "0.70" not in text
+    assert "nothing on disk" not in text
+    rows = [line for line in text.splitlines() if line.startswith("| `")]
+    assert len(rows) == len(catalogue())
+    assert sum("| not measured |" in row for row in rows) == len(rows) - 2
+    again = text
+    fill_document(document, [first, second])
+    assert document.read_text() == again
+
+
+def test_document_takes_no_try_outs(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text(f"{BEGIN}\n{END}\n")
+    quick = tmp_path / "quick.json"
+    write_report(quick, report(Session(tmp_path, tmp_path, quick=True), machine(), []))
+    with pytest.raises(UserError, match="--quick"):
+        fill_document(document, [quick])
+    with pytest.raises(UserError, match=r"missing\.json"):
+        fill_document(document, [tmp_path / "missing.json"])
+    document.write_text("no markers")
+    with pytest.raises(UserError, match="bench:begin"):
+        fill_document(document, [_stored(tmp_path / "1.json")])
+
+
+_COMMAND = [sys.executable, "-m", "hsslam_node.services.bench"]
+
+
+def _bench(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    out = ("--out", str(folder / "result.json"))
+    return subprocess.run([*_COMMAND, *out, *arguments], capture_output=True, text=True)
+
+
+def _row(name: str, measured: str = "12", verdict="measured") -> Row:
+    return Row(name, f"what {name} is", "", measured, verdict)
+
+
+def _stored(path: Path, *rows: Row) -> Path:
+    write_report(path, report(Session(path.parent, path.parent), machine(), rows))
+    assert read_report(path).rows == rows
+    return path
