@@ -46,6 +46,11 @@ class FieldConfig:
         _positive(self, "field", "hash_levels", "hash_base_resolution", "hash_finest_cell_m")
         _positive(self, "field", "truncation_m", "beta_init")
         _in_range(self, "field", "hash_table_log2", 8, 22)
+        _one_of(self, "field", "plane_channels", 16, 32)
+        _one_of(self, "field", "hash_features", 2)
+        _one_of(self, "field", "oneblob_bins", 16)
+        _one_of(self, "field", "hidden_width", 32)
+        _one_of(self, "field", "geometry_feature_width", 15)
         for name in ("geometry_fine_cell_m", "appearance_fine_cell_m"):
             ratio = self.coarse_cell_m / getattr(self, name)
             if abs(ratio - round(ratio)) > 1e-6:
@@ -157,7 +162,7 @@ class MapperConfig:
 class TrackerConfig:
     """Dense alignment of a frame to the map and to the last keyframe (algorithm notes, section 7)."""
 
-    points: int = 1200
+    points: int = 2000
     """Depth points aligned to the SDF."""
     border_px: int = 8
     """Image border that gives no points."""
@@ -186,11 +191,15 @@ class TrackerConfig:
     """Points farther than this from the keyframe's surface do not meet it, m."""
     reference_overlap: float = 0.7
     """A new reference keyframe is taken when a smaller share of its pixels is in view."""
+    reference_surface_agreement: float = 0.55
+    """Or when a smaller share of the depth points fits its surface."""
+    reference_image_agreement: float = 0.35
+    """Or when a smaller share of its pixels fits the image."""
     min_inlier_ratio: float = 0.4
     """Fewer SDF inliers than this: the frame is lost."""
-    max_step_m: float = 0.3
+    max_step_m: float = 0.15
     """A frame that moves farther than this against the prediction is lost, m."""
-    max_step_rad: float = 0.5
+    max_step_rad: float = 0.2
     """The same for rotation, rad."""
 
     def __post_init__(self) -> None:
@@ -201,7 +210,8 @@ class TrackerConfig:
         _not_negative(self, "tracker", "sdf_sigma_slope")
         _positive(self, "tracker", "surface_gate_m")
         _in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
-        _in_range(self, "tracker", "reference_overlap", 0.0, 1.0)
+        for name in ("overlap", "surface_agreement", "image_agreement"):
+            _in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -262,7 +272,11 @@ class BoundConfig:
     """Most reach, m."""
 
     def __post_init__(self) -> None:
-        _positive(self, "bound", "margin", "least_m", "most_m")
+        _positive(self, "bound", "margin", "least_m")
+        if not self.most_m >= self.least_m:
+            raise UserError(
+                f"bound.most_m = {self.most_m}: expected at least bound.least_m = {self.least_m}"
+            )
 
 
 @dataclass(frozen=True)
@@ -291,6 +305,12 @@ def _in_range(config: object, group: str, name: str, low: float, high: float) ->
     value = getattr(config, name)
     if not low <= value <= high:
         raise UserError(f"{group}.{name} = {value}: expected {low} to {high}")
+
+
+def _one_of(config: object, group: str, name: str, *known: int) -> None:
+    value = getattr(config, name)
+    if value not in known:
+        raise UserError(f"{group}.{name} = {value}: expected {' or '.join(map(str, known))}")
 
 
 def _not_negative(config: object, group: str, *names: str) -> None:

@@ -65,7 +65,7 @@ class KeyframeStore:
         """Add a keyframe and return its id.
 
         Raises:
-            UserError: the store is full, or the frame's depth scale is not the store's.
+            UserError: the store is full, or the frame's camera or depth scale is not the store's.
         """
         k = self.count
         if k >= self.capacity:
@@ -74,6 +74,12 @@ class KeyframeStore:
             raise UserError(
                 f"frame {frame.index}: depth_units_per_m = {frame.depth_units_per_m}: expected "
                 f"{self.depth_units_per_m} as in the first frame"
+            )
+        camera, own = frame.camera, self.camera
+        if (camera.width_px, camera.height_px) != (own.width_px, own.height_px):
+            raise UserError(
+                f"frame {frame.index}: {camera.width_px} x {camera.height_px} px: expected "
+                f"{own.width_px} x {own.height_px} as in the first frame"
             )
         color, depth_raw = self._slab(k // SLAB_KEYFRAMES, create=True)
         color[k % SLAB_KEYFRAMES] = frame.color

@@ -127,6 +127,8 @@ def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     normals = np.cross(dv, du)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    complete = cv2.erode(continuous.astype(np.uint8), cross)[..., None] > 0  # its four neighbours too
+    complete = (
+        cv2.erode(continuous.astype(np.uint8), cross)[..., None] > 0
+    )  # its four neighbours too
     normals = np.where(complete & (length > 0), normals / np.maximum(length, 1e-12), 0)
     return points, normals.astype(np.float32), K

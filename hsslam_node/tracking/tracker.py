@@ -167,12 +167,11 @@ class Tracker:
         return align(points, levels, T, view, self._reference, T_world_ref, self._config)
 
     def _score(self, alignment: Alignment | None) -> float:
-        """Quality 0..1: the smallest share of inliers among the terms that were used."""
+        """Quality 0..1: the share of depth points that fit the map; before there is one, the keyframe."""
         if alignment is None or not np.isfinite(alignment.T_world_cam).all():
             return 0.0
-        ratios = [alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio]
-        known = [r for r in ratios if np.isfinite(r)]
-        return float(min(known)) if known else 0.0
+        ratios = alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio
+        return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
 
     def _is_good(self, alignment: Alignment | None, prediction: np.ndarray) -> bool:
         if alignment is None or self._score(alignment) < self._config.min_inlier_ratio:
@@ -201,7 +200,7 @@ class Tracker:
         else:
             k = self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
-        if is_keyframe and self._overlap(T, frame) < self._config.reference_overlap:
+        if is_keyframe and self._is_outworn(alignment, T, frame):
             self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._before_last = self._last
         self._last = _Tracked(frame, k, T_keyframe_cam)
@@ -220,6 +219,16 @@ class Tracker:
         version = view.version if view else 0
         return TrackResult(
             frame.index, "lost", T, k, T_keyframe_cam, 0.0, float("nan"), version, False, 0
+        )
+
+    def _is_outworn(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
+        """Whether the reference keyframe shows too little of the frame, or disagrees with it."""
+        c = self._config
+        agreement = alignment.surface_inlier_ratio, alignment.photometric_inlier_ratio
+        return (
+            self._overlap(T, frame) < c.reference_overlap
+            or agreement[0] < c.reference_surface_agreement
+            or agreement[1] < c.reference_image_agreement
         )
 
     def _overlap(self, T_world_cam: np.ndarray, frame: Frame) -> float:
