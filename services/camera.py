@@ -13,7 +13,7 @@ from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import BadFrame
 
-_AHEAD = 4  # frames decoded in advance
+_AHEAD = 30  # frames decoded in advance: rides out a second of other load
 _FLUSH_S = 0.3  # for the last message to leave
 
 
