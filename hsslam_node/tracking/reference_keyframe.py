@@ -110,8 +110,9 @@ def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     camera = frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     depth = _halved_depth(frame.depth_m())
-    outside = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 0}  # no depth there either
-    low = cv2.erode(depth, np.ones((3, 3), np.uint8), **outside)
+    low = cv2.erode(  # nor is the image continuous at its border
+        depth, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)
+    )
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
     continuous = (low > 0) & (high - low < 0.05 * high)
     inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)

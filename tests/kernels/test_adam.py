@@ -35,6 +35,25 @@ def test_dense_gradients_give_adam():
     np.testing.assert_allclose(params, expected, atol=2e-6)
 
 
+def test_sparse_gradients_give_sparse_adam():
+    """Moments of what has no gradient rest, the bias correction goes on."""
+    params, grad, moments, stale = _state()
+    rows = torch.tensor(params.reshape(-1, 16), requires_grad=True)
+    adam = torch.optim.SparseAdam([rows], lr=1e-2, betas=(0.9, 0.99), eps=1e-15)
+    rates = np.array([[0, P, 1e-2]])
+    for step in range(1, 40):
+        rng = np.random.default_rng(step)
+        chunks = np.flatnonzero(rng.random(P // 16) < 0.3)
+        g = rng.normal(size=(len(chunks), 16)).astype(np.float32)
+        grad.values.reshape(-1, 16)[chunks], grad.touched[chunks] = g, 1
+        rows.grad = torch.sparse_coo_tensor(
+            torch.from_numpy(chunks)[None], torch.from_numpy(g), rows.shape, check_invariants=True
+        )
+        sparse_adam(params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stale)
+        adam.step()
+    np.testing.assert_allclose(params, rows.detach().numpy().ravel(), atol=1e-5)
+
+
 def test_untouched_chunks_stay_and_touched_ones_are_cleared():
     params, grad, moments, stale = _state()
     before = params.copy()

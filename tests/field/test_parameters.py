@@ -1,0 +1,113 @@
+"""Publication by stale chunks is a full copy; readers can tell when their slot was overwritten."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.field.initialisation import initial_parameters
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.allocator import MemoryAllocator
+
+
+@pytest.fixture
+def arrays() -> MemoryAllocator:
+    return MemoryAllocator()
+
+
+@pytest.fixture
+def parameters(arrays, layout) -> FieldParameters:
+    return FieldParameters.create(arrays, layout, 3)
+
+
+def _touch(parameters: FieldParameters, chunks: np.ndarray, value: float) -> None:
+    """What Adam does to the chunks it steps."""
+    parameters.params.reshape(-1, 16)[chunks] += value
+    parameters.stale[chunks] = 3
+
+
+def test_new_parameters(parameters: FieldParameters, layout: FieldLayout):
+    np.testing.assert_array_equal(parameters.params, initial_parameters(layout, 3))
+    assert parameters.version == 0 and parameters.step == 0
+    assert not parameters.first_moment.any() and not parameters.second_moment.any()
+    assert parameters.layout == layout
+
+
+touched = st.lists(st.lists(st.integers(0, 2**31), max_size=6), max_size=8)
+
+
+@given(rounds=touched)
+def test_publication_is_a_full_copy(layout, rounds):
+    """Whatever was touched between publications, also nothing, also the same chunk again."""
+    parameters = FieldParameters.create(MemoryAllocator(), layout, 0)
+    chunks = len(parameters.stale)
+    for version, picks in enumerate(rounds, start=1):
+        _touch(parameters, np.array(picks, np.int64) % chunks, 1.0)
+        assert parameters.publish() == version
+        now, published = parameters.published()
+        assert now == version
+        np.testing.assert_array_equal(published, parameters.params)
+
+
+def test_a_published_map_does_not_move_with_the_parameters(parameters: FieldParameters):
+    parameters.publish()
+    _, published = parameters.published()
+    before = published.copy()
+    _touch(parameters, np.arange(10), 1.0)
+    np.testing.assert_array_equal(published, before)
+    parameters.publish()  # into the other slot
+    np.testing.assert_array_equal(published, before)
+
+
+def test_a_slot_is_intact_until_the_second_publication_after_it(parameters: FieldParameters):
+    first = parameters.publish()
+    assert parameters.is_intact(first)
+    second = parameters.publish()
+    assert parameters.is_intact(first) and parameters.is_intact(second)
+    parameters.publish()
+    assert not parameters.is_intact(first) and parameters.is_intact(second)
+
+
+def test_a_publication_that_died_half_way_is_not_intact_and_heals(arrays, parameters):
+    """The writer announced version 3 and died while it wrote into the slot of version 1."""
+    parameters.publish()
+    parameters.publish()
+    state = arrays.open("field_state")
+    begun = int(np.flatnonzero(state[:4] == 2)[-1])  # version and begun are both 2
+    state[begun] = 3
+    _touch(parameters, np.arange(5), 1.0)
+    assert not parameters.is_intact(1) and parameters.is_intact(2)
+    assert parameters.version == 2
+    assert parameters.publish() == 3
+    np.testing.assert_array_equal(parameters.published()[1], parameters.params)
+
+
+def test_attachment_keeps_step_and_state(arrays, parameters: FieldParameters, layout):
+    for step in range(1, 6):
+        assert parameters.count_step() == step
+    _touch(parameters, np.array([1, 7]), 2.0)
+    parameters.first_moment[5] = 4.0
+    parameters.publish()
+    for other in (
+        FieldParameters(arrays, layout.config),
+        FieldParameters.create(arrays, layout, seed=99),  # a restarted mapper: not initialised anew
+    ):
+        assert other.step == 5 and other.version == 1 and other.layout == layout
+        assert other.first_moment[5] == 4.0
+        np.testing.assert_array_equal(other.params, parameters.params)
+        np.testing.assert_array_equal(other.published()[1], parameters.params)
+    assert FieldParameters(arrays, layout.config).count_step() == 6
+
+
+def test_parameters_whose_maker_died_are_not_there_and_can_be_made_again(layout):
+    arrays = MemoryAllocator()
+    with pytest.raises(KeyError):
+        FieldParameters(arrays, layout.config)
+    arrays.create("field_state", (16,), np.int64)
+    half = arrays.create("params", (layout.parameter_count,), np.float32)
+    half[:100] = 7.0
+    with pytest.raises(KeyError):
+        FieldParameters(arrays, layout.config)
+    parameters = FieldParameters.create(arrays, layout, 3)
+    np.testing.assert_array_equal(parameters.params, initial_parameters(layout, 3))

@@ -1,0 +1,59 @@
+"""The first bound holds what the first frame sees, within its limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.config import BoundConfig
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.mapping.initial_bound import initial_bound
+from tests.small_room import room_frames, with_black
+
+
+def _wall(depth_m: float) -> Frame:
+    camera = Camera(160, 120, 140.0, 140.0, 79.5, 59.5)
+    depth = np.full((120, 160), round(depth_m * 1000), np.uint16)
+    return Frame(0, 0, camera, np.zeros((120, 160, 3), np.uint8), depth, 1000.0)
+
+
+def test_every_point_of_the_first_frame_lies_inside():
+    frame = room_frames()[0]
+    bound = initial_bound(frame, BoundConfig(), 8.0)
+    v, u = np.mgrid[:120, :160]
+    camera, z = frame.camera, frame.depth_m()
+    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
+    assert bound.contains(points[z > 0]).all()
+    np.testing.assert_allclose(np.add(bound.low, bound.high), 0)  # the room goes on behind
+
+
+def test_reach_is_margin_times_the_farthest_distance():
+    bound = initial_bound(_wall(4.0), BoundConfig(margin=1.5), 8.0)
+    corner = 4.0 * np.linalg.norm([79.5 / 140, 59.5 / 140, 1.0])
+    assert bound.high[0] == pytest.approx(1.5 * corner, rel=0.02)
+    assert bound.high[2] == bound.high[0] and bound.high[1] == pytest.approx(0.6 * bound.high[0])
+
+
+@pytest.mark.parametrize(("depth_m", "reach"), [(0.5, 3.0), (7.9, 10.0)])
+def test_limits(depth_m, reach):
+    bound = initial_bound(_wall(depth_m), BoundConfig(margin=2.0), 8.0)
+    assert bound.high == (reach, max(0.6 * reach, 3.0), reach)
+
+
+def test_a_few_far_outliers_do_not_widen_it():
+    frame = _wall(3.0)
+    depth = frame.depth_raw.copy()
+    depth[0, 0] = 7900
+    outlier = replace(frame, depth_raw=depth)
+    plain = initial_bound(frame, BoundConfig(), 8.0)
+    np.testing.assert_allclose(
+        initial_bound(outlier, BoundConfig(), 8.0).high, plain.high, rtol=0.03
+    )
+
+
+@pytest.mark.parametrize("frame", [with_black(_wall(3.0)), _wall(9.0)])
+def test_a_frame_without_depth_is_told(frame):
+    with pytest.raises(UserError, match="frame 0: no depth within 8"):
+        initial_bound(frame, BoundConfig(), 8.0)

@@ -1,0 +1,113 @@
+"""Mapping lowers the loss, repeats to the bit, and goes on after a restart as if nothing was."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from tests.small_room import SMALL, MappedRoom, empty_room, mapped_room
+
+
+def _surface_sdf(room: MappedRoom, offset_m: float) -> np.ndarray:
+    """SDF, in metres, of points this far in front of the surface that keyframe 5 sees."""
+    frame, T = room.store.frame(5), room.store.pose(5)
+    z = frame.depth_m()[20:100:3, 20:140:3].astype(np.float64)
+    v, u = np.mgrid[20:100:3, 20:140:3]
+    camera = frame.camera
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(z)], -1)
+    points = (rays * (z - offset_m)[..., None])[z > 0] @ T[:3, :3].T + T[:3, 3]
+    n = len(points)
+    sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
+    query_sdf(
+        room.parameters.params, kernel_layout(room.parameters.layout), points.astype(np.float32),
+        sdf, inside, np.empty((n, 3), np.float32), False,
+    )  # fmt: skip
+    assert inside.all()
+    return sdf * SMALL.field.truncation_m
+
+
+def test_the_loss_falls():
+    room = empty_room()
+    mapper = Mapper(SMALL, room.parameters, 0)
+    reports = [mapper.initialise(room.store) for _ in range(60)]
+    losses = [r.loss for r in reports]
+    assert np.isfinite(losses).all() and np.mean(losses[-5:]) < 0.1 * np.mean(losses[:5])
+    assert all(r.rays == SMALL.mapper.rays for r in reports)
+    assert room.parameters.step == 60
+
+
+def test_the_trained_map_knows_the_surface():
+    room = mapped_room()
+    assert np.median(np.abs(_surface_sdf(room, 0.0))) < 0.006
+    before, behind = _surface_sdf(room, 0.03), _surface_sdf(room, -0.03)
+    assert (before > 0).mean() > 0.95 and (behind < 0).mean() > 0.9
+    assert np.median(_surface_sdf(room, 0.3)) > 0.9 * SMALL.field.truncation_m  # free space
+
+
+def test_the_same_seed_gives_the_same_parameters_to_the_bit():
+    rooms = []
+    for seed in (0, 0, 1):
+        room = empty_room()
+        mapper = Mapper(SMALL, room.parameters, seed)
+        for _ in range(4):
+            mapper.iterate(room.store)
+        rooms.append(room)
+    first, second, third = (room.parameters for room in rooms)
+    np.testing.assert_array_equal(first.params, second.params)
+    np.testing.assert_array_equal(first.second_moment, second.second_moment)
+    assert (first.params != third.params).any()
+
+
+def test_a_restarted_mapper_goes_on_with_the_same_numbers():
+    through, restarted = empty_room(), empty_room()
+    mapper = Mapper(SMALL, through.parameters, 0)
+    for _ in range(4):
+        mapper.iterate(through.store)
+    for _ in range(2):
+        mapper = Mapper(SMALL, restarted.parameters, 0)
+        for _ in range(2):
+            mapper.iterate(restarted.store)
+    np.testing.assert_array_equal(through.parameters.params, restarted.parameters.params)
+
+
+def test_published_parameters_follow_the_steps():
+    room = empty_room()
+    mapper = Mapper(SMALL, room.parameters, 0)
+    for _ in range(3):
+        mapper.iterate(room.store)
+        room.parameters.publish()
+        _, published = room.parameters.published()
+        np.testing.assert_array_equal(published, room.parameters.params)
+
+
+def test_any_number_of_keyframes_makes_a_window():
+    for window in (1, 2, 3, 20):
+        config = replace(SMALL, mapper=replace(SMALL.mapper, window_keyframes=window))
+        for count in (1, 2, 3, 10):
+            room = empty_room(config)
+            room.store._header[0] = count  # as it was when there were so many
+            report = Mapper(config, room.parameters, 0).iterate(room.store)
+            n = min(window, count)
+            assert len(report.keyframe_loss) == n
+            assert SMALL.mapper.rays - n - 1 <= report.rays <= SMALL.mapper.rays
+            assert (report.keyframe_loss > 0).all()
+
+
+def test_rays_are_drawn_where_there_is_depth():
+    store = empty_room().store
+    batch = ray_batch(300)
+    n = draw_rays(
+        batch, store, np.array([3, 7]), np.array([100, 200]), 8.0, np.random.default_rng(0)
+    )
+    assert n == 300 and np.bincount(batch.slot).tolist() == [100, 200]
+    camera = store.camera
+    u = np.rint(batch.direction[:, 0] * camera.fx + camera.cx).astype(int)
+    v = np.rint(batch.direction[:, 1] * camera.fy + camera.cy).astype(int)
+    for slot, k in enumerate((3, 7)):
+        frame, mine = store.frame(k), batch.slot == slot
+        np.testing.assert_allclose(batch.depth[mine], frame.depth_m()[v[mine], u[mine]], rtol=1e-6)
+        color = frame.color[v[mine], u[mine]] / 255
+        np.testing.assert_allclose(batch.color[mine], color, atol=1e-6)

@@ -1,0 +1,57 @@
+"""The whole algorithm on forty small frames: accurate, and the same to the bit with one seed."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from hsslam_node.evaluation.ate import ate
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.presets import REALTIME
+from hsslam_node.slam import Slam
+from hsslam_node.tracking.tracker import TrackResult
+from tests.small_room import SMALL, room_frames, room_poses, with_black
+
+CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))
+
+
+@cache
+def _run(seed: int) -> tuple[Slam, list[TrackResult]]:
+    slam = Slam(CONFIG, seed)
+    return slam, list(slam.run(room_frames()))
+
+
+def test_accuracy():
+    slam, results = _run(0)
+    assert [r.status for r in results] == ["initial"] + 39 * ["tracked"]
+    stamps = np.array([f.stamp_ns for f in room_frames()])
+    estimate = Trajectory(stamps, np.stack([r.T_world_cam for r in results]))
+    result = ate(estimate, Trajectory(stamps, room_poses()))
+    assert result.scored == 40 and result.rmse_m < 0.01
+    assert slam.store and slam.store.count == 10
+    assert all(r.map_version > 0 and r.residual_m < 0.01 for r in results[1:])
+
+
+def test_bundle_adjustment_takes_part():
+    slam, _ = _run(0)
+    assert slam.store and slam.store.pose_version > 0
+
+
+def test_one_seed_gives_the_same_run_to_the_bit():
+    slam, results = _run(0)
+    again = Slam(CONFIG, 0)
+    for result, frame in zip(results, room_frames(), strict=True):
+        np.testing.assert_array_equal(again.process(frame).T_world_cam, result.T_world_cam)
+    assert slam.parameters and again.parameters and slam.store and again.store
+    np.testing.assert_array_equal(again.parameters.params, slam.parameters.params)
+    np.testing.assert_array_equal(again.store.poses(), slam.store.poses())
+
+
+def test_frames_without_depth_at_the_start_are_waited_out():
+    config = replace(CONFIG, mapper=replace(CONFIG.mapper, first_iterations=2))
+    slam = Slam(config)
+    frames = room_frames()
+    assert slam.process(with_black(frames[0])).status == "lost"
+    assert slam.parameters is None
+    assert slam.process(frames[1]).status == "initial"
+    assert slam.parameters is not None and slam.parameters.version == 1

@@ -1,0 +1,114 @@
+"""Alignment takes a displaced start to the true pose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.kernels.alignment import sample_points
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.tracking.alignment import Alignment, MapView, align
+from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe
+from tests.small_room import MappedRoom, displaced, mapped_room, pose_error, room_frames, room_poses
+
+FRAME, KEYFRAME = 9, 1  # keyframe 1 is frame 4
+
+
+@pytest.fixture(scope="module")
+def room() -> MappedRoom:
+    return mapped_room()
+
+
+def _points(frame) -> np.ndarray:
+    rows, columns = 30, 40
+    jitter = np.random.default_rng(0).random((rows * columns, 2))
+    points = np.empty((rows * columns, 3), np.float32)
+    camera = frame.camera
+    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    n = sample_points(frame.depth_m(), K, jitter, columns, rows, 8, np.float32(6.0), points)
+    return points[:n]
+
+
+def _aligned(
+    room: MappedRoom, start: np.ndarray, *, with_map: bool, with_keyframe: bool, world=None, **terms
+) -> Alignment:
+    config = replace(room.config.tracker, **terms)
+    key, frame = room.store.frame(KEYFRAME), room_frames()[FRAME]
+    version, params = room.parameters.published()
+    layout = kernel_layout(room.parameters.layout)
+    view = MapView(version, layout, params, room.config.field.truncation_m) if with_map else None
+    reference = (
+        reference_keyframe(KEYFRAME, key, grey_pyramid(key), config.photometric_pixels)
+        if with_keyframe
+        else None
+    )
+    T_world_ref = room.store.pose(KEYFRAME) if world is None else world @ room.store.pose(KEYFRAME)
+    levels = grey_pyramid(frame)
+    return align(_points(frame), levels, start, view, reference, T_world_ref, config)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("with_map", [False, True], ids=["keyframe", "keyframe and map"])
+def test_two_centimetres_and_a_degree_are_recovered(room, with_map, seed):
+    truth = room_poses()[FRAME]
+    start = displaced(truth, 0.02, 1.0, seed)
+    result = _aligned(room, start, with_map=with_map, with_keyframe=True)
+    distance_m, angle_deg = pose_error(result.T_world_cam, truth)
+    assert distance_m < 0.003 and angle_deg < 0.15
+    assert result.surface_inlier_ratio > 0.8 and result.photometric_inlier_ratio > 0.5
+    assert np.isfinite(result.sdf_inlier_ratio) == with_map
+    if with_map:
+        assert result.sdf_inlier_ratio > 0.8 and result.sdf_rms_m < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_map_alone_recovers_it_too(room, seed):
+    truth = room_poses()[FRAME]
+    start = displaced(truth, 0.02, 1.0, seed)
+    result = _aligned(room, start, with_map=True, with_keyframe=False, iterations=8)
+    distance_m, angle_deg = pose_error(result.T_world_cam, truth)
+    assert distance_m < 0.01 and angle_deg < 0.4  # from 2 cm and 1 degree
+    assert np.isnan(result.surface_inlier_ratio) and np.isnan(result.photometric_inlier_ratio)
+
+
+def test_the_photometric_term_can_be_left_out(room):
+    truth = room_poses()[FRAME]
+    start = displaced(truth, 0.02, 1.0)
+    terms = {"iterations": 8, "photometric_pixels": 0}
+    result = _aligned(room, start, with_map=False, with_keyframe=True, **terms)
+    assert pose_error(result.T_world_cam, truth)[0] < 0.01
+    assert np.isnan(result.photometric_inlier_ratio)
+
+
+def test_the_world_has_no_preferred_place(room):
+    """Alignment to a keyframe turns and moves with the world."""
+    truth = room_poses()[FRAME]
+    world = se3_exp(np.array([4.0, -7.0, 2.0, 0.8, -1.1, 0.5]))
+    start = displaced(truth, 0.02, 1.0)
+    here = _aligned(room, start, with_map=False, with_keyframe=True)
+    there = _aligned(room, world @ start, with_map=False, with_keyframe=True, world=world)
+    distance_m, angle_deg = pose_error(there.T_world_cam, world @ here.T_world_cam)
+    assert distance_m < 2e-4 and angle_deg < 0.01
+
+
+def test_a_change_of_exposure_does_not_move_the_camera(room):
+    truth = room_poses()[FRAME]
+    frame = room_frames()[FRAME]
+    brighter = replace(frame, color=np.clip(frame.color.astype(int) + 25, 0, 255).astype(np.uint8))
+    key = room.store.frame(KEYFRAME)
+    reference = reference_keyframe(KEYFRAME, key, grey_pyramid(key), 1500)
+    result = align(
+        _points(frame), grey_pyramid(brighter), displaced(truth, 0.02, 1.0), None, reference,
+        room.store.pose(KEYFRAME), room.config.tracker,
+    )  # fmt: skip
+    distance_m, angle_deg = pose_error(result.T_world_cam, truth)
+    assert distance_m < 0.004 and angle_deg < 0.15
+
+
+def test_points_outside_the_bound_are_counted(room):
+    away = room_poses()[FRAME].copy()
+    away[:3, 3] += 100.0
+    result = _aligned(room, away, with_map=True, with_keyframe=False)
+    assert result.outside > 500 and result.sdf_inlier_ratio == 0
+    np.testing.assert_allclose(result.T_world_cam, away, atol=1e-9)

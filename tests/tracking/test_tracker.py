@@ -1,0 +1,183 @@
+"""The tracker frame by frame: start, loss and return, restart, odd stamps, keyframes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.keyframes.allocator import MemoryAllocator
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.tracking.tracker import Tracker, TrackResult
+from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
+
+
+def _store(capacity: int = 64) -> KeyframeStore:
+    first = room_frames()[0]
+    return KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, capacity)
+
+
+def _tracked(store: KeyframeStore, frames) -> tuple[Tracker, list[TrackResult]]:
+    tracker = Tracker(SMALL, store, 0)
+    return tracker, [tracker.track(frame, None) for frame in frames]
+
+
+def _is_right(result: TrackResult, index: int | None = None) -> bool:
+    truth = room_poses()[result.frame_index if index is None else index]
+    distance_m, angle_deg = pose_error(result.T_world_cam, truth)
+    return result.status == "tracked" and distance_m < 0.005 and angle_deg < 0.3
+
+
+def test_the_first_frame_with_depth_starts_the_world():
+    store = _store()
+    frames = room_frames()
+    tracker, (first, second) = _tracked(store, [with_black(frames[0]), frames[1]])
+    assert first.status == "lost" and first.keyframe == -1 and not first.is_keyframe
+    assert second.status == "initial" and second.is_keyframe and second.quality == 1
+    assert store.count == 1 and store.frame_indices().tolist() == [1]
+    np.testing.assert_array_equal(second.T_world_cam, np.eye(4))
+    third = tracker.track(frames[2], None)
+    truth = inverse(room_poses()[1]) @ room_poses()[2]
+    assert third.status == "tracked" and pose_error(third.T_world_cam, truth)[0] < 0.005
+
+
+def test_frames_are_tracked_and_every_fourth_becomes_a_keyframe():
+    store = _store()
+    _, results = _tracked(store, room_frames()[:14])
+    assert all(map(_is_right, results[1:]))
+    assert [r.frame_index for r in results if r.is_keyframe] == [0, 4, 8, 12]
+    assert [r.keyframe for r in results] == [0] * 4 + [1] * 4 + [2] * 4 + [3] * 2
+    assert store.frame_indices().tolist() == [0, 4, 8, 12]
+    for r in results:
+        np.testing.assert_allclose(
+            store.pose(r.keyframe) @ r.T_keyframe_cam, r.T_world_cam, atol=1e-9
+        )
+        R = r.T_world_cam[:3, :3]
+        np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+        assert 0.5 < r.quality <= 1 and np.isnan(r.residual_m) and r.map_version == 0
+
+
+def test_the_same_frames_give_the_same_poses_to_the_bit():
+    runs = [_tracked(_store(), room_frames()[:6])[1] for _ in range(2)]
+    for a, b in zip(*runs, strict=True):
+        np.testing.assert_array_equal(a.T_world_cam, b.T_world_cam)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_blacked_out_frames_are_lost_and_the_next_is_tracked(count):
+    store = _store()
+    frames = list(room_frames()[:10])
+    frames[5 : 5 + count] = [with_black(f) for f in frames[5 : 5 + count]]
+    _, results = _tracked(store, frames)
+    lost = [r for r in results if r.status == "lost"]
+    assert [r.frame_index for r in lost] == list(range(5, 5 + count))
+    assert all(r.quality == 0 and not r.is_keyframe for r in lost)
+    assert all(_is_right(r) for r in results[1:] if r.status != "lost")
+
+
+def test_colour_alone_going_dark_does_not_lose_the_camera():
+    frames = list(room_frames()[:8])
+    frames[5] = replace(frames[5], color=np.zeros_like(frames[5].color))
+    _, results = _tracked(_store(), frames)
+    assert all(_is_right(r) for r in results[1:5] + results[6:])
+
+
+def test_a_lost_camera_is_found_again_at_a_keyframe():
+    """It comes back where it was 24 frames ago, too far for the last good pose."""
+    store = _store()
+    frames = room_frames()
+    tracker, _ = _tracked(store, frames[:30])
+    stamp_ns = frames[29].stamp_ns
+    lost = [
+        tracker.track(with_black(frames[29], stamp_ns=stamp_ns + k * 33_000_000), None)
+        for k in (1, 2)
+    ]
+    assert [r.status for r in lost] == ["lost", "lost"]
+    back = [
+        tracker.track(replace(frames[5 + k], stamp_ns=stamp_ns + (3 + k) * 33_000_000), None)
+        for k in range(4)
+    ]
+    assert all(map(_is_right, back))
+
+
+def test_a_frame_of_another_place_is_lost_and_changes_nothing():
+    """A view of the wrong surroundings: no alignment is believed, and tracking goes on after it."""
+    store = _store()
+    frames = room_frames()
+    tracker, _ = _tracked(store, frames[:6])
+    other = replace(
+        frames[6], color=frames[6].color[::-1].copy(), depth_raw=frames[6].depth_raw[::-1].copy()
+    )
+    for _ in range(3):
+        assert tracker.track(other, None).status == "lost"
+    assert store.count == 2
+    assert _is_right(tracker.track(frames[7], None))
+
+
+def test_keyframes_tried_in_vain_leave_no_trace():
+    """Frames that look like a keyframe but give no points end like frames that show nothing."""
+    frames = room_frames()
+    noise = np.random.default_rng(0).uniform(0.9, 1.1, frames[0].depth_raw.shape)
+    poses = []
+    for is_black in (True, False):
+        tracker, _ = _tracked(_store(), frames[:34])
+        for k in range(3):
+            look, stamp_ns = frames[16 + k], frames[33].stamp_ns
+            rough = (look.depth_raw * noise).astype(np.uint16)
+            frame = replace(look, stamp_ns=stamp_ns, depth_raw=rough)
+            if is_black:
+                frame = with_black(frame)
+            assert tracker.track(frame, None).status == "lost"
+        result = tracker.track(frames[34], None)
+        assert _is_right(result)
+        poses.append(result.T_world_cam)
+    np.testing.assert_array_equal(*poses)
+
+
+def test_resume_goes_on_from_the_newest_keyframe():
+    store = _store()
+    frames = room_frames()
+    _tracked(store, frames[:9])
+    successor = Tracker(SMALL, store, 0)
+    successor.resume()
+    results = [successor.track(frame, None) for frame in frames[9:20]]
+    assert all(map(_is_right, results))
+    assert store.frame_indices().tolist() == [0, 4, 8, 12, 16]
+
+
+def test_poses_follow_corrected_keyframes():
+    store = _store()
+    frames = room_frames()
+    tracker, _ = _tracked(store, frames[:7])
+    world = se3_exp(np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.3]))
+    store.correct_poses(np.arange(2), world @ store.poses())
+    result = tracker.track(frames[7], None)
+    assert _is_right(replace(result, T_world_cam=inverse(world) @ result.T_world_cam))
+
+
+def test_a_stamp_twice_and_a_long_pause_do_no_harm():
+    frames = room_frames()
+    again = replace(frames[5], index=6)
+    late = replace(frames[6], index=7, stamp_ns=frames[6].stamp_ns + 10_000_000_000)
+    after = replace(frames[7], index=8, stamp_ns=late.stamp_ns + 33_333_333)
+    _, results = _tracked(_store(), [*frames[:6], again, late, after])
+    assert _is_right(results[6], 5) and _is_right(results[7], 6) and _is_right(results[8], 7)
+
+
+@pytest.mark.parametrize("gap_ns", [0, 33_333_333, 10**10, -(10**10)])
+def test_extrapolation_is_limited(gap_ns):
+    """A lost frame's pose is the prediction: at most four times the last motion, never backwards."""
+    frames = room_frames()
+    tracker, results = _tracked(_store(), frames[:6])
+    dark = with_black(frames[6], stamp_ns=frames[5].stamp_ns + gap_ns)
+    prediction = tracker.track(dark, None).T_world_cam
+    motion = se3_log(inverse(results[4].T_world_cam) @ results[5].T_world_cam)
+    share = np.clip(gap_ns / (frames[5].stamp_ns - frames[4].stamp_ns), 0, 4)
+    expected = results[5].T_world_cam @ se3_exp(share * motion)
+    np.testing.assert_allclose(prediction, expected, atol=1e-8)
+
+
+def test_a_full_store_is_told():
+    with pytest.raises(UserError, match=r"keyframes\.capacity = 2"):
+        _tracked(_store(capacity=2), room_frames()[:12])
