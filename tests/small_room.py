@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from hsslam_node.config import FieldConfig, SlamConfig
+from hsslam_node.config import BoundConfig, FieldConfig, SlamConfig
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
@@ -24,6 +24,7 @@ SMALL = replace(
     REALTIME,
     field=FieldConfig(plane_channels=16, hash_table_log2=13),
     keyframes=replace(REALTIME.keyframes, capacity=128),
+    bound=BoundConfig(margin=1.3, least_m=3.0, most_m=8.0),
 )
 
 
