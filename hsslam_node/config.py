@@ -133,7 +133,7 @@ class MapperConfig:
     """Adam step of decoders and beta."""
     depth_noise_m: float = 0.0
     """Depth noise at 1 m, growing with z^2: depth and SDF terms weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
-    max_depth_m: float = 8.0
+    max_depth_m: float = 12.0
     """Farther measurements are ignored, m."""
     patch_repeats: int = 10
     """Random patches M of the structural loss."""
@@ -250,7 +250,7 @@ class MesherConfig:
 
     voxel_m: float = 0.03
     """Voxel of the live mesh, m."""
-    final_voxel_m: float = 0.02
+    final_voxel_m: float = 0.03
     """Voxel of the mesh that is saved, m."""
     every_s: float = 5.0
     """Time between live meshes, s; 0: no live mesh."""
@@ -264,11 +264,11 @@ class MesherConfig:
 class BoundConfig:
     """The box that the map covers, derived from the first frame (world = first camera)."""
 
-    margin: float = 1.3
+    margin: float = 1.6
     """Reach of the box beyond the farthest depth of the first frame, times that depth."""
     least_m: float = 3.0
     """Least reach, m."""
-    most_m: float = 10.0
+    most_m: float = 12.0
     """Most reach, m."""
 
     def __post_init__(self) -> None:

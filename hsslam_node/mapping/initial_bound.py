@@ -13,7 +13,7 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
 
     The room goes on behind the camera, so the reach is the same in all directions but up and down,
     where rooms are lower: `margin` times the 99th percentile of the distance of the measured
-    points, within `least_m` and `most_m`; along y 0.6 of that.
+    points, within `least_m` and `most_m`; along y 0.4 of that, but no less than `least_m`.
 
     Raises:
         UserError: the frame has no depth.
@@ -31,5 +31,5 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     reach = float(
         np.clip(config.margin * np.quantile(distance, 0.99), config.least_m, config.most_m)
     )
-    low = max(0.6 * reach, config.least_m)
+    low = max(0.4 * reach, config.least_m)
     return Bound((-reach, -low, -reach), (reach, low, reach))

@@ -8,6 +8,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 
 CLOSE_CELLS = 2  # marks grow by this many cells, then shrink by one: gaps close, no second skin
+CONTINUOUS = 0.04  # neighbouring pixels whose depth differs by a smaller share lie on one surface
 _HALO = CLOSE_CELLS + 1
 
 
@@ -43,11 +44,14 @@ class ObservedSpace:
     ) -> None:
         """Mark the vertices nearest to every stride-th depth pixel; their blocks become dirty.
 
+        Between neighbouring pixels on one surface the marks are joined: a floor seen at a flat
+        angle has pixels many voxels apart.
+
         Args:
             depth_m: [H, W] float32 m, planar, 0 = no measurement.
             camera: undistorted.
             T_world_cam: [4, 4].
-            stride_px: step between pixels, both ways; marks more than 3 voxels apart leave holes.
+            stride_px: step between pixels, both ways.
         """
         T = np.array(T_world_cam, np.float64)
         T[:3, 3] -= self.bound.low
@@ -101,36 +105,64 @@ class ObservedSpace:
         return i, j, k
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_cells):
-    """Mark nearest vertices of back-projected pixels and the blocks whose cells they change."""
+    """Mark the vertices nearest to back-projected pixels and to the surface between neighbours."""
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
-    lowest = np.empty(3, np.int64)
-    highest = np.empty(3, np.int64)
-    vertex = np.empty(3, np.int64)
+    p = np.empty(3)
+    q = np.empty(3)
     for row in range(stride // 2, height, stride):
         for column in range(stride // 2, width, stride):
             z = depth[row, column]
             if not (z > 0.0 and z < 1e4):
                 continue
-            x = (column - cx) / fx * z
-            y = (row - cy) / fy * z
-            outside = False
-            for a in range(3):
-                p = T_grid_cam[a, 0] * x + T_grid_cam[a, 1] * y + T_grid_cam[a, 2] * z
-                vertex[a] = int(np.floor(p + T_grid_cam[a, 3] + 0.5))
-                outside |= vertex[a] < 0 or vertex[a] > limit[a]
-            if outside:
-                continue
-            surface[vertex[0] + _HALO, vertex[1] + _HALO, vertex[2] + _HALO] = 1
-            for a in range(3):
-                lowest[a] = max((vertex[a] - _HALO) // block_cells, 0)
-                highest[a] = min((vertex[a] + CLOSE_CELLS) // block_cells, dirty.shape[a] - 1)
-            for i in range(lowest[0], highest[0] + 1):
-                for j in range(lowest[1], highest[1] + 1):
-                    for k in range(lowest[2], highest[2] + 1):
-                        dirty[i, j, k] = True
+            _to_grid(T_grid_cam, (column - cx) / fx * z, (row - cy) / fy * z, z, p)
+            _mark_vertex(p, surface, limit, dirty, block_cells)
+            for right, down in ((stride, 0), (0, stride)):
+                u, v = column + right, row + down
+                if u >= width or v >= height:
+                    continue
+                other = depth[v, u]
+                if not abs(other - z) < CONTINUOUS * z:
+                    continue
+                _to_grid(T_grid_cam, (u - cx) / fx * other, (v - cy) / fy * other, other, q)
+                steps = int(max(abs(q[0] - p[0]), abs(q[1] - p[1]), abs(q[2] - p[2])))
+                for step in range(1, steps + 1):
+                    share = step / (steps + 1)
+                    between = p + share * (q - p)
+                    _mark_vertex(between, surface, limit, dirty, block_cells)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_grid(T_grid_cam, x, y, z, out):
+    for a in range(3):
+        out[a] = T_grid_cam[a, 0] * x + T_grid_cam[a, 1] * y + T_grid_cam[a, 2] * z
+        out[a] += T_grid_cam[a, 3]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mark_vertex(p, surface, limit, dirty, block_cells):
+    """Mark the vertex nearest to a grid position and the blocks whose cells it changes."""
+    i0 = int(np.floor(p[0] + 0.5))
+    i1 = int(np.floor(p[1] + 0.5))
+    i2 = int(np.floor(p[2] + 0.5))
+    if i0 < 0 or i1 < 0 or i2 < 0 or i0 > limit[0] or i1 > limit[1] or i2 > limit[2]:
+        return
+    surface[i0 + _HALO, i1 + _HALO, i2 + _HALO] = 1
+    for i in range(
+        max((i0 - _HALO) // block_cells, 0),
+        min((i0 + CLOSE_CELLS) // block_cells, dirty.shape[0] - 1) + 1,
+    ):
+        for j in range(
+            max((i1 - _HALO) // block_cells, 0),
+            min((i1 + CLOSE_CELLS) // block_cells, dirty.shape[1] - 1) + 1,
+        ):
+            for k in range(
+                max((i2 - _HALO) // block_cells, 0),
+                min((i2 + CLOSE_CELLS) // block_cells, dirty.shape[2] - 1) + 1,
+            ):
+                dirty[i, j, k] = True
 
 
 @njit(cache=True, nogil=True)
