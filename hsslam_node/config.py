@@ -119,6 +119,8 @@ class MapperConfig:
     """Iterations per keyframe in lockstep; in real time the mapper iterates as time permits."""
     first_iterations: int = 1000
     """Iterations on the first frame."""
+    last_iterations: int = 0
+    """Iterations over all keyframes alike when the source has ended."""
     first_rate_factor: float = 5.0
     """Learning rates on the first frame, times the usual ones."""
     window_keyframes: int = 20
@@ -153,6 +155,7 @@ class MapperConfig:
         _positive(self, "mapper", "plane_rate", "hash_rate", "decoder_rate", "smoothness_every")
         _positive(self, "mapper", "smoothness_cell_m", "patch_kernel_px", "patch_stride_px")
         _not_negative(self, "mapper", "iterations", "first_iterations", "depth_noise_m")
+        _not_negative(self, "mapper", "last_iterations")
         _not_negative(self, "mapper", "patch_repeats")
         _in_range(self, "mapper", "newest_share", 0.0, 1.0)
         _in_range(self, "mapper", "smoothness_vertices", 2, 64)

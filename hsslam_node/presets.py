@@ -28,6 +28,7 @@ REALTIME: Final = replace(
         rays=768,
         iterations=4,
         first_iterations=150,
+        last_iterations=400,
         first_rate_factor=1.0,
         window_keyframes=20,
         newest_share=0.15,

@@ -46,6 +46,13 @@ class Slam:
         for frame in frames:
             yield self.process(frame)
 
+    def finish(self) -> None:
+        """The last iterations, when no more frames come."""
+        if self._mapper and self.store and self.parameters:
+            for _ in range(self.config.mapper.last_iterations):
+                self._mapper.polish(self.store)
+            self.parameters.publish()
+
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
         if self._tracker is None:

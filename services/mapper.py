@@ -24,6 +24,11 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
+    _follow_keyframes(worker, loop)
+    loop.polish()
+
+
+def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
     if worker.options.pace == "lockstep":
         poses = worker.bus.subscribe(topics.POSE, depth=64, history=True)
         steps = worker.bus.publisher(topics.STEP)
@@ -95,6 +100,20 @@ class _MapperLoop:
                     report = self._mapper.iterate(store)
             self._parameters.publish()
         self._due -= n
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def polish(self) -> None:
+        """The last iterations, over all keyframes alike; then publish."""
+        store = self._link.store()
+        n = self._slam.mapper.last_iterations
+        if store is None or self._mapper is None or self._parameters is None or n == 0:
+            return
+        start = time.perf_counter()
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            for _ in range(n):
+                report = self._mapper.polish(store)
+            self._parameters.publish()
         self._iterations += n
         self._publish(report, store, start)
 

@@ -43,7 +43,14 @@ SAVER, EVALUATOR, WATCHDOG = (f"{_PACKAGE}.{name}" for name in ("saver", "evalua
 PROCESSES: tuple[ProcessSpec, ...] = (
     _row("recorder", "writes run.mcap and feeds rerun", nice=5, stop_stage=RECORDER_STAGE),
     _row("tracker", "poses and keyframes", nice=0, stop_stage=TRACKER_STAGE, ends_run=True),
-    _row("mapper", "steps the scene model", nice=10, stop_stage=MAP_STAGE, ends_run=True),
+    _row(
+        "mapper",
+        "steps the scene model",
+        nice=10,
+        stop_stage=MAP_STAGE,
+        ends_run=True,
+        stop_timeout_s=120.0,  # its last iterations
+    ),
     _row("global_ba", "refines keyframe poses", nice=10, stop_stage=MAP_STAGE),
     _row("mesher", "extracts the mesh", nice=19, stop_stage=MAP_STAGE),
     _row("camera", "publishes the source", nice=0, stop_stage=CAMERA_STAGE, may_finish=True),

@@ -28,7 +28,7 @@ ABOVE_ZERO = {
 }
 ZERO_OR_MORE = {
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
-    "mapper": "iterations first_iterations depth_noise_m patch_repeats",
+    "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats",
     "tracker": "border_px photometric_pixels surface_weight sdf_sigma_slope",
     "ba": "pose_rate cooldown_rounds",
     "mesher": "every_s",

@@ -30,9 +30,16 @@ class Mapper:
         others = generator.choice(newest - 1, size - 2, replace=False) if size > 2 else []
         return self._step(store, np.array([*recent, *others], np.int64), 1.0)
 
+    def polish(self, store: KeyframeStore) -> StepReport:
+        """One iteration over random keyframes alike, for when no more frames come."""
+        size = min(self._config.window_keyframes, store.count)
+        keyframes = self._generator(0).choice(store.count, size, replace=False)
+        return self._step(store, keyframes, 1.0)
+
     def _step(self, store: KeyframeStore, keyframes: np.ndarray, factor: float) -> StepReport:
         n = len(keyframes)
-        extra = int(self._config.rays * self._config.newest_share) if n > 2 else 0
+        newest_first = keyframes[0] == store.count - 1
+        extra = int(self._config.rays * self._config.newest_share) if newest_first and n > 2 else 0
         counts = np.full(n, (self._config.rays - extra) // n)
         counts[:2] += extra // 2
         poses = store.poses()[keyframes]
