@@ -120,7 +120,7 @@ class MapperConfig:
     first_iterations: int = 1000
     """Iterations on the first frame."""
     last_iterations: int = 0
-    """Iterations over all keyframes alike when the source has ended."""
+    """Iterations per keyframe, over all keyframes alike, when the source has ended."""
     first_rate_factor: float = 5.0
     """Learning rates on the first frame, times the usual ones."""
     window_keyframes: int = 20

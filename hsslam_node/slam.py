@@ -49,7 +49,7 @@ class Slam:
     def finish(self) -> None:
         """The last iterations, when no more frames come."""
         if self._mapper and self.store and self.parameters:
-            for _ in range(self.config.mapper.last_iterations):
+            for _ in range(self.config.mapper.last_iterations * self.store.count):
                 self._mapper.polish(self.store)
             self.parameters.publish()
 

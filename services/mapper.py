@@ -106,9 +106,12 @@ class _MapperLoop:
     def polish(self) -> None:
         """The last iterations, over all keyframes alike; then publish."""
         store = self._link.store()
-        n = self._slam.mapper.last_iterations
-        if store is None or self._mapper is None or self._parameters is None or n == 0:
+        if store is None or self._mapper is None or self._parameters is None:
             return
+        n = self._slam.mapper.last_iterations * store.count
+        if n == 0:
+            return
+        self._worker.event("info", f"the source has ended: {n} last iterations of the map")
         start = time.perf_counter()
         with self._worker.arena.lease(PARAMETERS_LEASE):
             for _ in range(n):

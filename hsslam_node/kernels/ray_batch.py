@@ -5,8 +5,12 @@ from numba import njit
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def gather_pixels(color, depth_raw, metres_per_unit, max_depth_m, K, uv, slot, rays, first, wanted):
-    """Take the first `wanted` candidates uv [N, 2] (px) that have depth; returns how many were found.
+def gather_pixels(
+    color, depth_raw, metres_per_unit, max_depth_m, K, uv, reach_m, slot, rays, first, wanted
+):  # fmt: skip
+    """Take the first `wanted` candidates that have depth; returns how many were found.
+
+    uv [N, 2] px; reach_m [N]: a candidate farther than its reach is always taken, a nearer one not.
 
     color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy. Writes into `rays`
     (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R]) from
@@ -19,7 +23,7 @@ def gather_pixels(color, depth_raw, metres_per_unit, max_depth_m, K, uv, slot, r
         u = uv[k, 0]
         v = uv[k, 1]
         d = np.float32(depth_raw[v, u]) * np.float32(metres_per_unit)
-        if d <= 0.0 or d > max_depth_m:
+        if d <= 0.0 or d > max_depth_m or d < reach_m[k]:
             continue
         r = first + found
         rays.direction[r, 0] = (np.float32(u) - K[2]) / K[0]

@@ -77,13 +77,17 @@ class MapOptimiser:
         rate_factor: float = 1.0,
         with_poses: bool = False,
         update: bool = True,
+        even_area: bool = False,
     ) -> StepReport:
         """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses` [n, 4, 4].
 
-        `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe).
+        `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe);
+        `even_area`: see `draw_rays`.
         """
         m, sampling = self._config.mapper, self._config.sampling
-        R = draw_rays(self._batch, store, keyframes, counts, m.max_depth_m, generator)
+        R = draw_rays(
+            self._batch, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area
+        )
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
         S = sampling.count

@@ -31,12 +31,14 @@ class Mapper:
         return self._step(store, np.array([*recent, *others], np.int64), 1.0)
 
     def polish(self, store: KeyframeStore) -> StepReport:
-        """One iteration over random keyframes alike, for when no more frames come."""
+        """One iteration over random keyframes and surfaces alike, for when no more frames come."""
         size = min(self._config.window_keyframes, store.count)
         keyframes = self._generator(0).choice(store.count, size, replace=False)
-        return self._step(store, keyframes, 1.0)
+        return self._step(store, keyframes, 1.0, even_area=True)
 
-    def _step(self, store: KeyframeStore, keyframes: np.ndarray, factor: float) -> StepReport:
+    def _step(
+        self, store: KeyframeStore, keyframes: np.ndarray, factor: float, *, even_area: bool = False
+    ) -> StepReport:
         n = len(keyframes)
         newest_first = keyframes[0] == store.count - 1
         extra = int(self._config.rays * self._config.newest_share) if newest_first and n > 2 else 0
@@ -44,7 +46,9 @@ class Mapper:
         counts[:2] += extra // 2
         poses = store.poses()[keyframes]
         generator = self._generator(1)
-        return self._optimiser.step(store, keyframes, counts, poses, generator, rate_factor=factor)
+        return self._optimiser.step(
+            store, keyframes, counts, poses, generator, rate_factor=factor, even_area=even_area
+        )
 
     def _generator(self, stream: int) -> np.random.Generator:
         """Depends on the step alone, so a restarted mapper goes on with the same numbers."""

@@ -7,6 +7,8 @@ import numpy as np
 from hsslam_node.kernels.ray_batch import gather_pixels
 from hsslam_node.keyframes.store import KeyframeStore
 
+EVEN_AREA_M = 6.0
+
 
 class RayBatch(NamedTuple):
     """Arrays for up to R rays; `slot` numbers the keyframes of the batch."""
@@ -34,8 +36,13 @@ def draw_rays(
     counts: np.ndarray,
     max_depth_m: float,
     generator: np.random.Generator,
+    *,
+    even_area: bool = False,
 ) -> int:
     """Fill the batch with random pixels that have depth; returns the number of rays.
+
+    A pixel of a far surface covers more of it: with `even_area` pixels are drawn in proportion to
+    their squared depth, so that each piece of surface gets its share, up to EVEN_AREA_M.
 
     Args:
         keyframes: [n] ids; the rays of keyframes[k] get slot k.
@@ -46,12 +53,15 @@ def draw_rays(
     filled = 0
     for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
         color, depth_raw = store.pixels(int(k))
-        candidates = 2 * int(wanted) + 16
+        candidates = (8 if even_area else 2) * int(wanted) + 16
         uv = np.empty((candidates, 2), np.int64)
         uv[:, 0] = generator.integers(0, camera.width_px, candidates)
         uv[:, 1] = generator.integers(0, camera.height_px, candidates)
+        reach_m = np.zeros(candidates)
+        if even_area:
+            reach_m = EVEN_AREA_M * np.sqrt(generator.random(candidates))
         filled += gather_pixels(
-            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv, slot, batch,
+            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv, reach_m, slot, batch,
             filled, int(wanted),
         )  # fmt: skip
     return filled

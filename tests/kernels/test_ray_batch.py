@@ -87,7 +87,7 @@ def test_pixels_without_depth_are_passed_over():
     uv = np.stack([rng.integers(0, 30, 200), rng.integers(0, 20, 200)], axis=1)
     rays = ray_batch(40)
     K = np.array([25.0, 26.0, 14.5, 9.5], np.float32)
-    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, 3, rays, 10, 25)
+    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, np.zeros(len(uv)), 3, rays, 10, 25)
     assert found == 25 and (rays.slot[10:35] == 3).all() and not rays.depth[35:].any()
     d = rays.direction[10:35]
     u = np.rint(d[:, 0] * 25 + 14.5).astype(int)
