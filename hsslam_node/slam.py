@@ -17,7 +17,8 @@ from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.tracking.alignment import MapView
-from hsslam_node.tracking.tracker import Tracker, TrackResult
+from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracker import Tracker
 
 
 class Slam:

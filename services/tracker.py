@@ -15,7 +15,8 @@ from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
-from hsslam_node.tracking.tracker import Status, Tracker, TrackResult
+from hsslam_node.tracking.track_result import Status, TrackResult
+from hsslam_node.tracking.tracker import Tracker
 
 _POLL_S = 0.1
 _STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}

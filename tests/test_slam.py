@@ -9,7 +9,7 @@ from hsslam_node.evaluation.ate import ate
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
-from hsslam_node.tracking.tracker import TrackResult
+from hsslam_node.tracking.track_result import TrackResult
 from tests.small_room import SMALL, room_frames, room_poses, with_black
 
 CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))

@@ -10,8 +10,8 @@ from hsslam_node.kernels.alignment import (
     add_keyframe_surface_term,
     add_photometric_term,
     add_sdf_term,
-    transform_points,
 )
+from hsslam_node.kernels.depth_points import transform_points
 from hsslam_node.kernels.kernel_layout import KernelLayout
 from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.alignment import halve_depth
+from hsslam_node.kernels.depth_points import halve_depth
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel

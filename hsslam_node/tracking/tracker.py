@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.alignment import sample_points
+from hsslam_node.kernels.depth_points import sample_points
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.alignment import Alignment, MapView, align
 from hsslam_node.tracking.odometry import rgbd_odometry
@@ -20,27 +19,11 @@ from hsslam_node.tracking.reference_keyframe import (
     grey_pyramid,
     reference_keyframe,
 )
+from hsslam_node.tracking.track_result import TrackResult
 
-Status = Literal["initial", "tracked", "lost"]
 _FEWEST_POINTS = 100
 _SIMILAR_KEYFRAMES = 3  # tried when the camera is lost
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
-
-
-@dataclass(frozen=True)
-class TrackResult:
-    """Where a frame was, and how sure that is."""
-
-    frame_index: int
-    status: Status
-    T_world_cam: np.ndarray  # [4, 4]; of a lost frame the prediction, not to be trusted
-    keyframe: int  # id of the reference keyframe
-    T_keyframe_cam: np.ndarray  # [4, 4]
-    quality: float  # 0..1
-    residual_m: float  # RMS of the SDF inliers; nan where there was no map
-    map_version: int  # 0: no map
-    is_keyframe: bool
-    outside: int  # depth points outside the bound
 
 
 class Tracker:

@@ -10,8 +10,8 @@ from hsslam_node.kernels.alignment import (
     add_keyframe_surface_term,
     add_photometric_term,
     add_sdf_term,
-    transform_points,
 )
+from hsslam_node.kernels.depth_points import transform_points
 
 TRUNCATION_M = 0.06
 POSE = se3_exp(np.array([0.3, -0.2, 0.5, 0.2, -0.4, 0.1]))

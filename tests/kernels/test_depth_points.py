@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.kernels.alignment import halve_depth, sample_points
+from hsslam_node.kernels.depth_points import halve_depth, sample_points
 
 HEIGHT, WIDTH = 60, 80
 K = np.array([70.0, 72.0, 39.0, 30.5])

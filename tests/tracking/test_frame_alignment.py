@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.kernels.alignment import sample_points
+from hsslam_node.kernels.depth_points import sample_points
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.tracking.alignment import Alignment, MapView, align
 from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe

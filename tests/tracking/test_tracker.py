@@ -9,7 +9,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.keyframes.allocator import MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.tracking.tracker import Tracker, TrackResult
+from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
 
 

@@ -1,0 +1,79 @@
+"""The scene model."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from hsslam_node.config.checks import expect_in_range, expect_one_of, expect_positive
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """Scene model (paper III-A; widths from the parents' code, see docs/architecture.md)."""
+
+    plane_channels: Literal[16, 32] = 32
+    """Features per plane vertex."""
+    coarse_cell_m: float = 0.24
+    """Cell of the coarse geometry and appearance planes, m."""
+    geometry_fine_cell_m: float = 0.06
+    """Cell of the fine geometry planes, m."""
+    appearance_fine_cell_m: float = 0.03
+    """Cell of the fine appearance planes, m."""
+    hash_levels: int = 16
+    """Levels of the hash grid."""
+    hash_features: Literal[2] = 2
+    """Features per hash entry."""
+    hash_table_log2: int = 16
+    """log2 of the entries per level."""
+    hash_base_resolution: int = 16
+    """Cells along the longest side at the coarsest level."""
+    hash_finest_cell_m: float = 0.02
+    """Cell of the finest level, m."""
+    oneblob_bins: Literal[16] = 16
+    """Bins per axis of the one-blob encoding."""
+    hidden_width: Literal[32] = 32
+    """Hidden units of both decoders."""
+    geometry_feature_width: Literal[15] = 15
+    """Width of the feature that the geometry decoder hands to the colour decoder."""
+    truncation_m: float = 0.06
+    """Truncation T of the signed distance, m; the network's SDF is in units of T."""
+    beta_init: float = 10.0
+    """Initial sharpness beta of the SDF-to-density conversion."""
+
+    def __post_init__(self) -> None:
+        expect_positive(
+            self, "field", "coarse_cell_m", "geometry_fine_cell_m", "appearance_fine_cell_m"
+        )
+        expect_positive(self, "field", "hash_levels", "hash_base_resolution", "hash_finest_cell_m")
+        expect_positive(self, "field", "truncation_m", "beta_init")
+        expect_in_range(self, "field", "hash_table_log2", 8, 22)
+        expect_one_of(self, "field", "plane_channels", 16, 32)
+        expect_one_of(self, "field", "hash_features", 2)
+        expect_one_of(self, "field", "oneblob_bins", 16)
+        expect_one_of(self, "field", "hidden_width", 32)
+        expect_one_of(self, "field", "geometry_feature_width", 15)
+        for name in ("geometry_fine_cell_m", "appearance_fine_cell_m"):
+            ratio = self.coarse_cell_m / getattr(self, name)
+            if abs(ratio - round(ratio)) > 1e-6:
+                raise UserError(
+                    f"field.{name} = {getattr(self, name)}: expected a whole fraction of "
+                    f"field.coarse_cell_m = {self.coarse_cell_m}"
+                )
+
+    @property
+    def hash_width(self) -> int:
+        return self.hash_levels * self.hash_features
+
+    @property
+    def oneblob_width(self) -> int:
+        return 3 * self.oneblob_bins
+
+    @property
+    def geometry_input_width(self) -> int:
+        """Rows of the geometry decoder: hash, coarse + fine planes, one-blob, in this order."""
+        return self.hash_width + 2 * self.plane_channels + self.oneblob_width
+
+    @property
+    def color_input_width(self) -> int:
+        """Rows of the colour decoder: coarse + fine planes, one-blob, geometry feature, in this order."""
+        return 2 * self.plane_channels + self.oneblob_width + self.geometry_feature_width

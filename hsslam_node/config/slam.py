@@ -1,0 +1,30 @@
+"""All parameters of the algorithm."""
+
+import dataclasses
+from dataclasses import dataclass
+
+from hsslam_node.config.field import FieldConfig
+from hsslam_node.config.mapping import (
+    BundleAdjustmentConfig,
+    KeyframeConfig,
+    LossWeights,
+    MapperConfig,
+)
+from hsslam_node.config.meshing import BoundConfig, MesherConfig
+from hsslam_node.config.tracking import TrackerConfig
+from hsslam_node.rendering.ray_sampling import SamplingPattern
+
+
+@dataclass(frozen=True)
+class SlamConfig:
+    """All parameters of the algorithm; see `hsslam_node.presets`."""
+
+    field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
+    sampling: SamplingPattern = dataclasses.field(default_factory=SamplingPattern)
+    weights: LossWeights = dataclasses.field(default_factory=LossWeights)
+    keyframes: KeyframeConfig = dataclasses.field(default_factory=KeyframeConfig)
+    mapper: MapperConfig = dataclasses.field(default_factory=MapperConfig)
+    tracker: TrackerConfig = dataclasses.field(default_factory=TrackerConfig)
+    ba: BundleAdjustmentConfig = dataclasses.field(default_factory=BundleAdjustmentConfig)
+    mesher: MesherConfig = dataclasses.field(default_factory=MesherConfig)
+    bound: BoundConfig = dataclasses.field(default_factory=BoundConfig)

@@ -1,0 +1,61 @@
+"""The tracker."""
+
+from dataclasses import dataclass
+
+from hsslam_node.config.checks import expect_in_range, expect_not_negative, expect_positive
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Dense alignment of a frame to the map and to the last keyframe (algorithm notes, section 7)."""
+
+    points: int = 2000
+    """Depth points aligned to the SDF."""
+    border_px: int = 8
+    """Image border that gives no points."""
+    max_depth_m: float = 6.0
+    """Farther measurements are not aligned, m."""
+    iterations: int = 4
+    """Most Gauss-Newton steps at each level of the image pyramid."""
+    stop_step: float = 2e-4
+    """A step below this (m, rad) ends the alignment."""
+    sdf_huber_m: float = 0.02
+    """Huber threshold of the SDF residual, m."""
+    sdf_sigma_m: float = 0.005
+    """Standard deviation of the SDF residual at 1 m, m."""
+    sdf_sigma_slope: float = 0.0019
+    """Growth of that deviation with (z - 0.4 m)^2, 1/m."""
+    photometric_pixels: int = 1500
+    """High-gradient pixels of the last keyframe; 0 leaves the photometric term out."""
+    photometric_sigma: float = 8.0
+    """Standard deviation of a grey-level difference, 0..255."""
+    photometric_huber: float = 10.0
+    """Huber threshold of a grey-level difference, 0..255."""
+    surface_weight: float = 1.0
+    """Weight of the depth points' distance to the keyframe's surface, against that to the SDF; 0
+    leaves it out."""
+    surface_gate_m: float = 0.05
+    """Points farther than this from the keyframe's surface do not meet it, m."""
+    reference_overlap: float = 0.7
+    """A new reference keyframe is taken when a smaller share of its pixels is in view."""
+    reference_surface_agreement: float = 0.55
+    """Or when a smaller share of the depth points fits its surface."""
+    reference_image_agreement: float = 0.35
+    """Or when a smaller share of its pixels fits the image."""
+    min_inlier_ratio: float = 0.4
+    """Fewer SDF inliers than this: the frame is lost."""
+    max_step_m: float = 0.15
+    """A frame that moves farther than this against the prediction is lost, m."""
+    max_step_rad: float = 0.2
+    """The same for rotation, rad."""
+
+    def __post_init__(self) -> None:
+        expect_positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
+        expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
+        expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
+        expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
+        expect_not_negative(self, "tracker", "sdf_sigma_slope")
+        expect_positive(self, "tracker", "surface_gate_m")
+        expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
+        for name in ("overlap", "surface_agreement", "image_agreement"):
+            expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)
