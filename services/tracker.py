@@ -15,6 +15,7 @@ from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.rehearsal import rehearse
 from hsslam_node.tracking.track_result import Status, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
@@ -31,6 +32,7 @@ def _run(worker: Worker) -> None:
     is_lockstep = worker.options.pace == "lockstep"
     frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
     loop = _TrackerLoop(worker)
+    rehearse(worker.options.slam)
     worker.ready()
     while not worker.should_stop():
         message = frames.wait(_POLL_S)

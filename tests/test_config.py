@@ -21,7 +21,7 @@ ABOVE_ZERO = {
     "mapper": "rays first_rate_factor window_keyframes max_depth_m plane_rate hash_rate "
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
-    "photometric_huber max_step_m max_step_rad surface_gate_m",
+    "photometric_huber max_step_m max_step_rad surface_gate_m longest_gap_s",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "mesher": "voxel_m final_voxel_m",
     "bound": "margin least_m most_m",
@@ -49,6 +49,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("mapper", "smoothness_vertices", 65, 64),
     ("tracker", "min_inlier_ratio", 1.1, 1.0),
     ("tracker", "reference_overlap", -0.1, 0.0),
+    ("tracker", "relocalisation_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
     ("tracker", "reference_image_agreement", 1.1, 1.0),
     ("bound", "most_m", 2.9, 3.0),

@@ -6,11 +6,15 @@ from functools import cache
 import numpy as np
 
 from hsslam_node.evaluation.ate import ate
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.tracking.track_result import TrackResult
-from tests.small_room import SMALL, room_frames, room_poses, with_black
+from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 
 CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))
 
@@ -55,3 +59,18 @@ def test_frames_without_depth_at_the_start_are_waited_out():
     assert slam.parameters is None
     assert slam.process(frames[1]).status == "initial"
     assert slam.parameters is not None and slam.parameters.version == 1
+
+
+def test_a_camera_that_moved_unseen_is_lost_or_right():
+    """Places the map says nothing of must not be taken for places it knows."""
+    options = replace(OPTIONS, frames=6, stride=45)
+    truth = open_ground_truth("synth:room", options)
+    assert truth
+    poses = inverse(truth.T_world_cam[0]) @ truth.T_world_cam
+    frames = [f for f in open_source("synth:room", options).frames() if isinstance(f, Frame)]
+    results = list(Slam(SMALL).run(frames))
+    assert any(result.status == "lost" for result in results)
+    for result, pose in zip(results, poses, strict=True):
+        if result.status != "lost":
+            distance_m, angle_deg = pose_error(result.T_world_cam, pose)
+            assert distance_m < 0.1 and angle_deg < 5.0

@@ -42,8 +42,12 @@ class TrackerConfig:
     """Or when a smaller share of the depth points fits its surface."""
     reference_image_agreement: float = 0.35
     """Or when a smaller share of its pixels fits the image."""
-    min_inlier_ratio: float = 0.4
+    min_inlier_ratio: float = 0.7
     """Fewer SDF inliers than this: the frame is lost."""
+    longest_gap_s: float = 0.5
+    """After a longer gap, and when lost, a pose must also fit the reference keyframe, s."""
+    relocalisation_coverage: float = 0.3
+    """Then this share of the depth points must meet the keyframe's surface."""
     max_step_m: float = 0.15
     """A frame that moves farther than this against the prediction is lost, m."""
     max_step_rad: float = 0.2
@@ -57,5 +61,7 @@ class TrackerConfig:
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
         expect_positive(self, "tracker", "surface_gate_m")
         expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
+        expect_positive(self, "tracker", "longest_gap_s")
+        expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
         for name in ("overlap", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)

@@ -40,6 +40,7 @@ class Alignment:
     sdf_inlier_ratio: float  # inliers over points in the bound; nan without a map
     sdf_rms_m: float  # of the inliers; nan without a map
     surface_inlier_ratio: float  # nan without the term
+    surface_coverage: float  # share of the points that met the keyframe's surface
     photometric_inlier_ratio: float  # nan without the term
     outside: int  # points outside the bound
     information: np.ndarray  # [6, 6] normal matrix of the last step
@@ -87,6 +88,7 @@ def align(
         sdf_inlier_ratio=system.sdf_inliers / max(system.sdf_seen, 1) if view else nan,
         sdf_rms_m=float(np.sqrt(system.sdf_squares / max(system.sdf_inliers, 1))) if view else nan,
         surface_inlier_ratio=_ratio(system.surface_inliers, system.surface_met),
+        surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
         information=system.H[:6, :6],

@@ -63,12 +63,12 @@ class Tracker:
             return self._start(frame, levels, len(points))
         prediction = self._predict(frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
-        good = self._is_good(best, prediction)
+        good = self._is_good(best, prediction, frame.stamp_ns)
         reference = self._reference
         if not good:
             for guess in self._other_guesses(frame):
                 best = self._try(points, levels, guess, view)
-                good = self._is_good(best, guess)
+                good = self._is_good(best, guess, frame.stamp_ns)
                 if good:
                     break
         if good:
@@ -156,8 +156,21 @@ class Tracker:
         ratios = alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio
         return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
 
-    def _is_good(self, alignment: Alignment | None, prediction: np.ndarray) -> bool:
-        if alignment is None or self._score(alignment) < self._config.min_inlier_ratio:
+    def _is_good(self, alignment: Alignment | None, prediction: np.ndarray, stamp_ns: int) -> bool:
+        """Whether the pose can be published; after a gap it must also fit the reference keyframe.
+
+        A camera that moved unseen may face a place that the map says nothing of: there, few points
+        contradict it.
+        """
+        c = self._config
+        if alignment is None or self._score(alignment) < c.min_inlier_ratio:
+            return False
+        assert self._last is not None
+        gap_s = 1e-9 * (stamp_ns - self._last.frame.stamp_ns)
+        if (self._lost_frames > 0 or gap_s > c.longest_gap_s) and not (
+            alignment.surface_coverage > c.relocalisation_coverage
+            and alignment.surface_inlier_ratio > c.reference_surface_agreement
+        ):
             return False
         step = se3_log(inverse(prediction) @ alignment.T_world_cam)
         return bool(

@@ -1,0 +1,29 @@
+"""A tiny alignment, so that machine code is loaded before the first frame waits for it."""
+
+import dataclasses
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.slam import Slam
+
+_WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
+
+
+def rehearse(config: SlamConfig) -> None:
+    """Track and map three frames of a textured wall with the field of `config`, then forget them."""
+    small = dataclasses.replace(
+        config,
+        keyframes=dataclasses.replace(config.keyframes, every_frames=1, capacity=8),
+        mapper=dataclasses.replace(config.mapper, rays=64, first_iterations=1, iterations=1),
+        ba=dataclasses.replace(config.ba, enabled=False),
+    )
+    slam = Slam(small)
+    camera = Camera(_WIDTH_PX, _HEIGHT_PX, 130.0, 130.0, 79.5, 59.5)
+    texture = np.random.default_rng(0).integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
+    color = np.kron(texture, np.ones((8, 8, 1))).astype(np.uint8)
+    depth = np.full((_HEIGHT_PX, _WIDTH_PX), 2000, np.uint16)
+    for index in range(3):
+        slam.process(Frame(index, index * 33_000_000, camera, color, depth, _UNITS_PER_M))
