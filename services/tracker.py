@@ -10,12 +10,12 @@ from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.frame_codec import frame_from_message
+from hsslam_node.rehearsal import rehearse
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
-from hsslam_node.rehearsal import rehearse
 from hsslam_node.tracking.track_result import Status, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
