@@ -1,26 +1,23 @@
 """The saver: once at the end of a run, writes from the arena what the run is kept for."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import trimesh
 
 from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.map_queries import MapQueries
 from hsslam_node.proto import topics
-from hsslam_node.proto.messages import Mesh
+from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.arena import Arena
+from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.summary import pose_section, update_summary
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, online_trajectory
-
-T = TypeVar("T")
 
 
 def main() -> None:
@@ -29,8 +26,8 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     arena, run_dir = worker.arena, worker.run.path
-    store = _attached(lambda: KeyframeStore(arena))
-    parameters = _attached(lambda: FieldParameters(arena, worker.options.slam.field))
+    link = MapLink(arena, worker.options.slam)
+    store, parameters = link.store(), link.parameters()
     save_trajectories(run_dir, arena, store)
     if store is None or parameters is None or store.count == 0:
         return  # stopped before there was a map
@@ -75,34 +72,15 @@ def final_mesh(checkpoint: MapCheckpoint, store: KeyframeStore, voxel_m: float) 
     )
 
 
-def _attached(attach: Callable[[], T]) -> T | None:
-    """What `attach` finds in the arena; None if the run ended before it was made."""
-    try:
-        return attach()
-    except KeyError:
-        return None
-
-
 def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:
     """For the log and the viewer; a mesh above the topic's size limit is told and not sent."""
     visual: Any = mesh.visual
-    message = Mesh(
-        map_version=version,
-        vertex_count=len(mesh.vertices),
-        face_count=len(mesh.faces),
-        vertices=_bytes(mesh.vertices, np.float32),
-        faces=_bytes(mesh.faces, np.uint32),
-        colors=_bytes(visual.vertex_colors[:, :3], np.uint8),
-        final=True,
-    )
+    colors = visual.vertex_colors[:, :3]
+    message = mesh_message(mesh.vertices, mesh.faces, colors, version, final=True)
     try:
         worker.bus.publisher(topics.MESH).put(message)
     except ValueError as error:
         worker.event("warning", f"final mesh not logged: {error}")
-
-
-def _bytes(array: Any, dtype: type) -> memoryview:
-    return np.ascontiguousarray(array, dtype).data.cast("B")
 
 
 if __name__ == "__main__":
