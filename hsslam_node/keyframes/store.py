@@ -27,6 +27,8 @@ class KeyframeStore:
         self._meta = arrays.open("keyframe_meta")  # [capacity, 2] int64
         self._poses = arrays.open("keyframe_poses")  # [2, capacity, 4, 4] float64, T_world_cam
         width, height, fx, fy, cx, cy, units = arrays.open("keyframe_camera")
+        if width == 0:  # the width is written last: its maker is still at it
+            raise KeyError("keyframe_camera")
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
         self._slabs: list[tuple[np.ndarray, np.ndarray]] = []
@@ -40,10 +42,8 @@ class KeyframeStore:
         arrays.create("keyframe_meta", (capacity, 2), np.int64)
         arrays.create("keyframe_poses", (2, capacity, 4, 4), np.float64)
         row = arrays.create("keyframe_camera", (7,), np.float64)
-        row[:] = (
-            camera.width_px, camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy,
-            depth_units_per_m,
-        )  # fmt: skip
+        row[1:] = camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy, depth_units_per_m
+        row[0] = camera.width_px  # last: it says that the row is complete
         return cls(arrays)
 
     @property

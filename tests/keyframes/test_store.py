@@ -147,3 +147,11 @@ def test_readers_never_see_a_mixture_of_poses():
         thread.join()
     assert not mixed and reads > 20
     np.testing.assert_array_equal(store.poses()[50:], np.full((200, 4, 4), -1.0))
+
+
+def test_a_store_that_is_being_made_is_not_there_yet():
+    arrays = MemoryAllocator()
+    KeyframeStore.create(arrays, CAMERA, 5000.0, 16)
+    arrays.open("keyframe_camera")[0] = 0  # as between making the array and filling it
+    with pytest.raises(KeyError):
+        KeyframeStore(arrays)
