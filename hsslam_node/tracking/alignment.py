@@ -43,7 +43,6 @@ class Alignment:
     surface_coverage: float  # share of the points that met the keyframe's surface
     photometric_inlier_ratio: float  # nan without the term
     outside: int  # points outside the bound
-    information: np.ndarray  # [6, 6] normal matrix of the last step
 
 
 def align(
@@ -91,7 +90,6 @@ def align(
         surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
-        information=system.H[:6, :6],
     )
 
 
@@ -99,7 +97,6 @@ def align(
 class _System:
     H: np.ndarray
     b: np.ndarray
-    cost: float = 0.0
     sdf_inliers: int = 0
     sdf_seen: int = 0
     sdf_squares: float = 0.0
@@ -161,29 +158,26 @@ class _Problem:
                 not (fine and self._has_gradient),
             )  # fmt: skip
             self._has_gradient = fine
-            cost, system.sdf_inliers, system.sdf_seen, system.sdf_squares = add_sdf_term(
+            _, system.sdf_inliers, system.sdf_seen, system.sdf_squares = add_sdf_term(
                 sdf, gradient, inside, world, z, centre, self._view.truncation_m,
                 c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, system.H, system.b,
             )  # fmt: skip
-            system.cost += cost
             system.outside = n - system.sdf_seen
         if self._reference and c.surface_weight > 0:
             k = c.surface_weight**-0.5
-            cost, system.surface_inliers, system.surface_met = add_keyframe_surface_term(
+            _, system.surface_inliers, system.surface_met = add_keyframe_surface_term(
                 points, world, centre, self._T_ref_world, self._reference.surface_points,
                 self._reference.surface_normals, self._reference.surface_K,
                 k * c.sdf_sigma_m, k * c.sdf_sigma_slope, c.sdf_huber_m, c.surface_gate_m,
                 system.H, system.b,
             )  # fmt: skip
-            system.cost += cost
         if self._reference and c.photometric_pixels:
             image = self._levels[level]
-            cost, system.photo_inliers, system.photo_seen = add_photometric_term(
+            _, system.photo_inliers, system.photo_seen = add_photometric_term(
                 image.grey, image.depth, image.K, self._key_world[level],
                 self._reference.grey[level], T, self.bias, c.photometric_sigma,
                 c.photometric_huber, system.H, system.b,
             )  # fmt: skip
-            system.cost += cost
         lower = np.tril_indices(7, -1)
         system.H[lower] = system.H.T[lower]
         return system
