@@ -9,7 +9,7 @@ from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.allocator import ArrayAllocator
 
-_STEP, _VERSION, _BEGUN, _READY = 0, 1, 2, 3  # fields of the state
+_STEP, _VERSION, _BEGUN, _READY, _SLOT_STEP = 0, 1, 2, 3, 4  # fields of the state; the last twice
 
 
 class FieldParameters:
@@ -30,7 +30,8 @@ class FieldParameters:
         self.params = arrays.open("params")  # [P] float32
         self.first_moment = arrays.open("adam_first")  # [P]
         self.second_moment = arrays.open("adam_second")  # [P]
-        self.stale = arrays.open("params_stale")  # [P / 16] uint8, bit s: slot s lacks the chunk
+        # [P / 16] int32: the Adam step that last moved each chunk; copies ask it what they lack
+        self.stepped_at = arrays.open("params_stepped_at")
         self._slots = arrays.open("published")  # [2, P]
 
     @classmethod
@@ -42,12 +43,13 @@ class FieldParameters:
             params = arrays.create("params", (P,), np.float32)
             arrays.create("adam_first", (P,), np.float32)[:] = 0
             arrays.create("adam_second", (P,), np.float32)[:] = 0
-            arrays.create("params_stale", (P // 16,), np.uint8)[:] = 3
+            arrays.create("params_stepped_at", (P // 16,), np.int32)[:] = 0
             arrays.create("published", (2, P), np.float32)
             bound = arrays.create("field_bound", (2, 3), np.float64)
             bound[:] = layout.bound.low, layout.bound.high
             params[:] = initial_parameters(layout, seed)
             state[_STEP] = 0
+            state[_SLOT_STEP : _SLOT_STEP + 2] = -1  # nothing is in the slots
             state[_READY] = 1
         return cls(arrays, layout.config)
 
@@ -69,8 +71,11 @@ class FieldParameters:
     def publish(self) -> int:
         """Writer: bring the free slot up to date and make it current; returns the new version."""
         version = self.version + 1
+        slot = version % 2
         self._state[_BEGUN] = version
-        _copy_stale(self.params, self._slots[version % 2], self.stale, 1 << (version % 2))
+        since = self._state[_SLOT_STEP + slot]
+        _copy_stepped(self.params, self._slots[slot], self.stepped_at, since)
+        self._state[_SLOT_STEP + slot] = self.step
         self._state[_VERSION] = version
         return version
 
@@ -79,15 +84,18 @@ class FieldParameters:
         version = self.version
         return version, self._slots[version % 2]
 
+    def published_step(self, version: int) -> int:
+        """Reader: the Adam step after which `version` was published; as `published`, check it."""
+        return int(self._state[_SLOT_STEP + version % 2])
+
     def is_intact(self, version: int) -> bool:
         """Reader: whether the slot of `version` has not been written to since it was current."""
         return int(self._state[_BEGUN]) < version + 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _copy_stale(params, slot, stale, bit):
-    for chunk in range(stale.shape[0]):
-        if stale[chunk] & bit:
+def _copy_stepped(params, slot, stepped_at, since):
+    for chunk in range(stepped_at.shape[0]):
+        if stepped_at[chunk] > since:
             for k in range(16 * chunk, 16 * chunk + 16):
                 slot[k] = params[k]
-            stale[chunk] &= ~bit

@@ -5,13 +5,15 @@ from numba import njit
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def sparse_adam(params, first_moment, second_moment, grad, step, rates, eps, beta1, beta2, stale):
+def sparse_adam(
+    params, first_moment, second_moment, grad, step, rates, eps, beta1, beta2, stepped_at
+):  # fmt: skip
     """One step over the touched 16-float chunks, in memory order, clearing their gradient.
 
     Lazy semantics (those of torch.optim.SparseAdam): a chunk without gradient is not moved and its
     moments do not decay; the bias correction uses the global `step` (from 1). `rates` [K, 3] are
-    regions (first float, last float + 1, learning rate), multiples of 16. Stepped chunks become 3 in
-    `stale` [P / 16] (both published slots lack them).
+    regions (first float, last float + 1, learning rate), multiples of 16. `stepped_at`
+    [P / 16] int32 becomes `step` for the chunks that moved, which copies of the parameters lack then.
     """
     correction1 = 1.0 - beta1**step
     correction2 = np.float32(1.0 / np.sqrt(1.0 - beta2**step))
@@ -40,4 +42,4 @@ def sparse_adam(params, first_moment, second_moment, grad, step, rates, eps, bet
                     params[k] -= rate * m / (np.sqrt(v) * correction2 + e)
                     g[k] = np.float32(0.0)
                 grad.touched[chunk] = 0
-                stale[chunk] = 3
+                stepped_at[chunk] = step

@@ -185,5 +185,5 @@ class MapOptimiser:
         )
         sparse_adam(
             p.params, p.first_moment, p.second_moment, self._gradient, p.count_step(), rates,
-            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stale,
+            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at,
         )  # fmt: skip

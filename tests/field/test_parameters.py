@@ -1,4 +1,4 @@
-"""Publication by stale chunks is a full copy; readers can tell when their slot was overwritten."""
+"""Publication by stepped chunks is a full copy; readers can tell when their slot was overwritten."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def parameters(arrays, layout) -> FieldParameters:
 def _touch(parameters: FieldParameters, chunks: np.ndarray, value: float) -> None:
     """What Adam does to the chunks it steps."""
     parameters.params.reshape(-1, 16)[chunks] += value
-    parameters.stale[chunks] = 3
+    parameters.stepped_at[chunks] = parameters.count_step()
 
 
 def test_new_parameters(parameters: FieldParameters, layout: FieldLayout):
@@ -41,7 +41,7 @@ touched = st.lists(st.lists(st.integers(0, 2**31), max_size=6), max_size=8)
 def test_publication_is_a_full_copy(layout, rounds):
     """Whatever was touched between publications, also nothing, also the same chunk again."""
     parameters = FieldParameters.create(MemoryAllocator(), layout, 0)
-    chunks = len(parameters.stale)
+    chunks = len(parameters.stepped_at)
     for version, picks in enumerate(rounds, start=1):
         _touch(parameters, np.array(picks, np.int64) % chunks, 1.0)
         assert parameters.publish() == version
@@ -93,11 +93,11 @@ def test_attachment_keeps_step_and_state(arrays, parameters: FieldParameters, la
         FieldParameters(arrays, layout.config),
         FieldParameters.create(arrays, layout, seed=99),  # a restarted mapper: not initialised anew
     ):
-        assert other.step == 5 and other.version == 1 and other.layout == layout
+        assert other.step == 6 and other.version == 1 and other.layout == layout
         assert other.first_moment[5] == 4.0
         np.testing.assert_array_equal(other.params, parameters.params)
         np.testing.assert_array_equal(other.published()[1], parameters.params)
-    assert FieldParameters(arrays, layout.config).count_step() == 6
+    assert FieldParameters(arrays, layout.config).count_step() == 7
 
 
 def test_parameters_whose_maker_died_are_not_there_and_can_be_made_again(layout):
