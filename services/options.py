@@ -49,6 +49,8 @@ class ServeOptions:
     """Use every n-th frame of the source."""
     frames: int | None = None
     """Use at most so many frames (none: all)."""
+    downscale: int = 1
+    """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     evaluate: bool = True
     """Compare with ground truth at the end, where the source has it."""
@@ -76,6 +78,8 @@ class ServeOptions:
             raise UserError(f"--stride {self.stride}: expected 1 or more")
         if self.frames is not None and self.frames < 1:
             raise UserError(f"--frames {self.frames}: expected 1 or more")
+        if not 1 <= self.downscale <= 16:
+            raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
         if self.device == "cuda":
             raise UserError("--device cuda: there are no GPU kernels yet: expected auto or cpu")
 
@@ -87,6 +91,7 @@ class ServeOptions:
             seed=self.seed,
             stride=self.stride,
             frames=self.frames,
+            downscale=self.downscale,
             synth=self.synth,
         )
 

@@ -3,6 +3,7 @@
 import difflib
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.downscaled import Downscaled
 from hsslam_node.sources.noise import KinectNoise
 from hsslam_node.sources.replica import ReplicaSource
 from hsslam_node.sources.source import Source, SourceOptions
@@ -38,7 +39,9 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")
     else:
         raise unknown_source(spec)
-    return KinectNoise(source, options.seed) if options.noise == "kinect" else source
+    if options.noise == "kinect":
+        source = KinectNoise(source, options.seed)
+    return Downscaled(source, options.downscale) if options.downscale > 1 else source
 
 
 def unknown_source(spec: str) -> UserError:

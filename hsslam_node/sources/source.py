@@ -52,11 +52,11 @@ class SynthOptions:
     """Frames per second."""
 
     def __post_init__(self) -> None:
-        limits = ((4.0, 10.0), (4.0, 10.0), (2.4, 4.0))
+        limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))
         for value, (low, high) in zip(self.size_m, limits, strict=True):
             if not low <= value <= high:
                 raise UserError(
-                    f"--synth.size-m {self.size_m}: expected 4 to 10, 4 to 10 and 2.4 to 4 m"
+                    f"--synth.size-m {self.size_m}: expected 4 to 16, 4 to 16 and 2.4 to 4 m"
                 )
         _expect_range("synth.length", self.length, 2, 1_000_000)
         _expect_range("synth.seed", self.seed, 0, 2**31 - 1)
@@ -77,6 +77,8 @@ class SourceOptions:
     """Use every n-th frame."""
     frames: int | None = None
     """Use at most this many frames."""
+    downscale: int = 1
+    """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
 
     def __post_init__(self) -> None:
@@ -84,6 +86,7 @@ class SourceOptions:
             raise UserError(f"--noise {self.noise!r}: expected none or kinect")
         _expect_range("seed", self.seed, 0, 2**31 - 1)
         _expect_range("stride", self.stride, 1, 1_000_000)
+        _expect_range("downscale", self.downscale, 1, 16)
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
 

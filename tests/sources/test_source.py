@@ -19,6 +19,7 @@ def test_selected_takes_every_nth_up_to_a_limit():
         (lambda: SourceOptions(stride=0), "stride"),
         (lambda: SourceOptions(frames=0), "frames"),
         (lambda: SourceOptions(seed=-1), "seed"),
+        (lambda: SourceOptions(downscale=0), "downscale"),
         (lambda: SynthOptions(size_m=(1.0, 4.0, 2.5)), "size-m"),
         (lambda: SynthOptions(length=1), "length"),
         (lambda: SynthOptions(rate_hz=float("nan")), "rate-hz"),

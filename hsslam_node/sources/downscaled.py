@@ -1,0 +1,55 @@
+"""Frames at a whole fraction of their size."""
+
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, Source
+
+
+class Downscaled:
+    """A source whose images are `factor` times smaller along each side.
+
+    Colour is averaged over the area of a pixel. Depth is not, since a mean across an edge lies on
+    neither surface: a pixel keeps the measurement nearest to its centre.
+
+    Raises:
+        UserError: the size of the images is not a multiple of the factor.
+    """
+
+    def __init__(self, source: Source, factor: int) -> None:
+        camera = source.camera
+        if camera.width_px % factor or camera.height_px % factor:
+            raise UserError(
+                f"--downscale {factor}: images are {camera.width_px}x{camera.height_px}: "
+                "expected a factor that divides both sides"
+            )
+        self._source = source
+        self._factor = factor
+        self.name = f"{source.name} at 1/{factor} size"
+        self.camera = camera.scaled(1.0 / factor)
+        self.rate_hz = source.rate_hz
+        self.frame_count = source.frame_count
+        self.depth_units_per_m = source.depth_units_per_m
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """The frames of the wrapped source, smaller."""
+        for frame in self._source.frames():
+            yield frame if isinstance(frame, BadFrame) else self._small(frame)
+
+    def _small(self, frame: Frame) -> Frame:
+        size = (self.camera.width_px, self.camera.height_px)
+        color = cv2.resize(frame.color, size, interpolation=cv2.INTER_AREA)
+        first = (self._factor - 1) // 2
+        depth = np.ascontiguousarray(frame.depth_raw[first :: self._factor, first :: self._factor])
+        return Frame(
+            frame.index,
+            frame.stamp_ns,
+            self.camera,
+            np.asarray(color, np.uint8),
+            depth,
+            frame.depth_units_per_m,
+        )
