@@ -14,7 +14,7 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.services.command_line import parse_command_line
 
 ABOVE_ZERO = {
-    "field": "coarse_cell_m geometry_fine_cell_m appearance_fine_cell_m hash_levels "
+    "field": "coarse_cell_m geometry_fine_cell_m appearance_fine_cell_m "
     "hash_base_resolution hash_finest_cell_m truncation_m beta_init",
     "sampling": "free_reach surface_reach",
     "keyframes": "every_frames capacity",
@@ -27,6 +27,7 @@ ABOVE_ZERO = {
     "bound": "margin least_m most_m",
 }
 ZERO_OR_MORE = {
+    "field": "hash_levels",
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats",
     "tracker": "border_px photometric_pixels surface_weight sdf_sigma_slope",
@@ -86,6 +87,12 @@ def test_limits(group, name, bad, good):
     _with(group, name, good)
     with pytest.raises(UserError, match=rf"^{group}\.{name} = {bad}: expected \S"):
         _with(group, name, bad)
+
+
+def test_a_field_needs_planes_or_hash_grid():
+    _with("field", "plane_channels", 0)
+    with pytest.raises(UserError, match=r"^field\.hash_levels = 0: expected 1 or more where"):
+        replace(SlamConfig().field, plane_channels=0, hash_levels=0)
 
 
 @pytest.mark.parametrize("samples", [(0, 0), (-1, 4), (4, -1)])

@@ -3,7 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from hsslam_node.config.checks import expect_in_range, expect_one_of, expect_positive
+from hsslam_node.config.checks import (
+    expect_in_range,
+    expect_not_negative,
+    expect_one_of,
+    expect_positive,
+)
 from hsslam_node.errors import UserError
 
 
@@ -11,8 +16,8 @@ from hsslam_node.errors import UserError
 class FieldConfig:
     """Scene model (paper III-A; widths from the parents' code, see docs/architecture.md)."""
 
-    plane_channels: Literal[16, 32] = 32
-    """Features per plane vertex."""
+    plane_channels: Literal[0, 16, 32] = 32
+    """Features per plane vertex; 0 leaves the planes out."""
     coarse_cell_m: float = 0.24
     """Cell of the coarse geometry and appearance planes, m."""
     geometry_fine_cell_m: float = 0.06
@@ -20,7 +25,7 @@ class FieldConfig:
     appearance_fine_cell_m: float = 0.03
     """Cell of the fine appearance planes, m."""
     hash_levels: int = 16
-    """Levels of the hash grid."""
+    """Levels of the hash grid; 0 leaves it out."""
     hash_features: Literal[2] = 2
     """Features per hash entry."""
     hash_table_log2: int = 16
@@ -29,8 +34,8 @@ class FieldConfig:
     """Cells along the longest side at the coarsest level."""
     hash_finest_cell_m: float = 0.02
     """Cell of the finest level, m."""
-    oneblob_bins: Literal[16] = 16
-    """Bins per axis of the one-blob encoding."""
+    oneblob_bins: Literal[0, 16] = 16
+    """Bins per axis of the one-blob encoding; 0 leaves it out."""
     hidden_width: Literal[32] = 32
     """Hidden units of both decoders."""
     geometry_feature_width: Literal[15] = 15
@@ -44,14 +49,17 @@ class FieldConfig:
         expect_positive(
             self, "field", "coarse_cell_m", "geometry_fine_cell_m", "appearance_fine_cell_m"
         )
-        expect_positive(self, "field", "hash_levels", "hash_base_resolution", "hash_finest_cell_m")
+        expect_positive(self, "field", "hash_base_resolution", "hash_finest_cell_m")
+        expect_not_negative(self, "field", "hash_levels")
         expect_positive(self, "field", "truncation_m", "beta_init")
         expect_in_range(self, "field", "hash_table_log2", 8, 22)
-        expect_one_of(self, "field", "plane_channels", 16, 32)
+        expect_one_of(self, "field", "plane_channels", 0, 16, 32)
         expect_one_of(self, "field", "hash_features", 2)
-        expect_one_of(self, "field", "oneblob_bins", 16)
+        expect_one_of(self, "field", "oneblob_bins", 0, 16)
         expect_one_of(self, "field", "hidden_width", 32)
         expect_one_of(self, "field", "geometry_feature_width", 15)
+        if self.plane_channels == 0 and self.hash_levels == 0:
+            raise UserError("field.hash_levels = 0: expected 1 or more where there are no planes")
         for name in ("geometry_fine_cell_m", "appearance_fine_cell_m"):
             ratio = self.coarse_cell_m / getattr(self, name)
             if abs(ratio - round(ratio)) > 1e-6:

@@ -35,7 +35,7 @@ def hash_grid_features(layout: FieldLayout, tables: Sequence[Tensor], points: Te
             tables, layout.hash_resolutions, layout.hash_is_dense, strict=True
         )
     ]
-    return torch.cat(levels, dim=-1)
+    return torch.cat(levels, dim=-1) if levels else points.new_zeros((len(points), 0))
 
 
 def entry_index(vertex: Tensor, resolution: int, dense: bool, entries: int) -> Tensor:

@@ -47,7 +47,7 @@ class HybridField(nn.Module):
     def forward(self, points: Tensor) -> FieldOutput:
         """Signed distance and colour of points [N, 3] m, world."""
         hash_feature = self.hash_feature(points)
-        blob = oneblob_of_points(points, self._corner("low"), self._corner("high"))
+        blob = self._blob(points)
         sdf, g = self._geometry(points, hash_feature, blob)
         fine_m = self.layout.config.appearance_fine_cell_m
         appearance = self._planes("appearance", points, fine_m)
@@ -59,8 +59,7 @@ class HybridField(nn.Module):
 
     def sdf(self, points: Tensor) -> Tensor:
         """Signed distance [N], units of the truncation, of points [N, 3] m; no colour."""
-        blob = oneblob_of_points(points, self._corner("low"), self._corner("high"))
-        return self._geometry(points, self.hash_feature(points), blob)[0]
+        return self._geometry(points, self.hash_feature(points), self._blob(points))[0]
 
     def hash_feature(self, points: Tensor) -> Tensor:
         """Hash-grid feature [N, levels * 2] of points [N, 3] m (the smoothness loss acts on it)."""
@@ -82,6 +81,12 @@ class HybridField(nn.Module):
         """One block of the parameters as a differentiable view."""
         block = self.layout.blocks[name]
         return self.params[block.offset : block.offset + block.size].view(block.shape)
+
+    def _blob(self, points: Tensor) -> Tensor:
+        """One-blob encoding [N, 48]; [N, 0] where it is switched off."""
+        if self.layout.config.oneblob_bins == 0:
+            return points.new_zeros((len(points), 0))
+        return oneblob_of_points(points, self._corner("low"), self._corner("high"))
 
     def _geometry(
         self, points: Tensor, hash_feature: Tensor, blob: Tensor

@@ -34,6 +34,8 @@ class Block:
 class FieldLayout:
     """The blocks of a scene model over a bound; geometry first, so a tracker can copy a prefix.
 
+    An encoding that is switched off has planes without channels, no hash levels, or no one-blob rows.
+
     Order: geometry planes (coarse xy xz yz, fine xy xz yz), hash levels, decoders, log_beta,
     appearance planes (coarse, fine). Planes are [n_v, n_u, C], vertex (0, 0) at the low corner.
     `bound` must be snapped to the coarse cell (`FieldLayout.over` does it).
@@ -113,6 +115,12 @@ class FieldLayout:
         return last.offset + -(-last.size // ALIGNMENT) * ALIGNMENT
 
     @cached_property
+    def hash_first(self) -> int:
+        """Where the hash levels begin; without any, where the decoders do."""
+        first = self.blocks.get("hash.00", self.blocks["geometry_decoder.W1"])
+        return first.offset
+
+    @cached_property
     def geometry_count(self) -> int:
         """Length of the prefix that answers SDF queries (planes, hash, decoders, log_beta)."""
         return self.blocks["appearance_coarse.xy"].offset
@@ -121,6 +129,8 @@ class FieldLayout:
         """Model size per part (float32), for the summary."""
         sizes: dict[str, int] = {}
         for block in self.blocks.values():
+            if block.size == 0:
+                continue
             part = block.name.split(".")[0]
             sizes[part] = sizes.get(part, 0) + 4 * block.size
         return sizes

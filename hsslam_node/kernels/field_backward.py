@@ -36,7 +36,8 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
     C = layout.channels
     width = L2 + 2 * C
     g = grad.values
-    rows = width + 3 * BINS
+    blobs = layout.blob_rows
+    rows = width + blobs
     W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
     W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
     V1, blob_V1 = color_first_layer(params, layout)
@@ -48,7 +49,7 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
 
     dW1 = g[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
     dW2 = g[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
-    c_rows = 2 * C + 3 * BINS + 15
+    c_rows = 2 * C + blobs + 15
     dV = g[layout.color_W1 : layout.color_W1 + c_rows * HIDDEN].reshape(c_rows, HIDDEN)
     dV2 = g[layout.color_W2 : layout.color_W2 + HIDDEN * 3].reshape(HIDDEN, 3)
 
@@ -78,9 +79,9 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
         np.dot(d_color_hidden[:m], V1_T, d_color_in[:m])
         np.dot(acts.color_in[start:stop].T, d_color_hidden[:m], product_V1)
         dV[: 2 * C] += product_V1[: 2 * C]
-        dV[2 * C + 3 * BINS :] += product_V1[2 * C + 1 :]
+        dV[2 * C + blobs :] += product_V1[2 * C + 1 :]
         _scatter_one_blob(
-            layout, acts.position[start:stop], d_color_hidden[:m], dV[2 * C : 2 * C + 3 * BINS]
+            layout, acts.position[start:stop], d_color_hidden[:m], dV[2 * C : 2 * C + blobs]
         )
         for k in range(m):
             for c in range(1, 16):
@@ -122,6 +123,8 @@ def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_p
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_position_gradient(layout, position, rows, d_hidden, d_position):
     """Add the derivative by position [n, 3] of the one-blob contribution to a hidden layer [n, 32]."""
+    if rows.shape[0] == 0:
+        return
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)
     for k in range(position.shape[0]):
@@ -158,6 +161,8 @@ def _mask_relu(hidden, d_hidden):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _scatter_one_blob(layout, position, d_hidden, d_rows):
+    if d_rows.shape[0] == 0:
+        return
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)
     for k in range(position.shape[0]):

@@ -54,8 +54,8 @@ def field_forward(params, layout, points, n, acts):
     L2 = 2 * layout.hash_offset.shape[0]
     C = layout.channels
     width = L2 + 2 * C
-    W1 = params[layout.geometry_W1 : layout.geometry_W1 + (width + 3 * BINS) * HIDDEN]
-    W1 = W1.reshape(width + 3 * BINS, HIDDEN)
+    rows = width + layout.blob_rows
+    W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
     W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
     V1, blob_V1 = color_first_layer(params, layout)
     V2 = params[layout.color_W2 : layout.color_W2 + HIDDEN * 3].reshape(HIDDEN, 3)
@@ -90,14 +90,15 @@ def field_forward(params, layout, points, n, acts):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def color_first_layer(params, layout):
-    """First colour layer for `color_in` ([2 C + 16, 32], row 2 C zero) and its one-blob rows [48, 32]."""
+    """First colour layer for `color_in` ([2 C + 16, 32], row 2 C zero); one-blob rows [48 or 0, 32]."""
     C2 = 2 * layout.channels
-    rows = C2 + 3 * BINS + 15
+    blobs = layout.blob_rows
+    rows = C2 + blobs + 15
     V = params[layout.color_W1 : layout.color_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
     dense = np.zeros((C2 + 16, HIDDEN), np.float32)
     dense[:C2] = V[:C2]
-    dense[C2 + 1 :] = V[C2 + 3 * BINS :]
-    return dense, V[C2 : C2 + 3 * BINS]
+    dense[C2 + 1 :] = V[C2 + blobs :]
+    return dense, V[C2 : C2 + blobs]
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -115,7 +116,9 @@ def relative_position(layout, point, p):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_one_blob(layout, position, rows, hidden):
-    """hidden [n, 32] += one-blob encoding of position [n, 3] times its weight rows [48, 32]."""
+    """hidden [n, 32] += one-blob encoding of position [n, 3] times its rows [48 or 0, 32]."""
+    if rows.shape[0] == 0:
+        return
     weight = np.empty(3, np.float32)
     slope = np.empty(3, np.float32)
     for k in range(position.shape[0]):

@@ -14,16 +14,17 @@ class KernelLayout(NamedTuple):
 
     low: np.ndarray  # [3] float32 m, world
     high: np.ndarray  # [3] float32 m, world
-    channels: int
+    channels: int  # of the planes; 0: none
     plane_axes: np.ndarray  # [3, 2] int64, world axes (u, v) of xy, xz, yz
     plane_offset: np.ndarray  # [4, 3] int64
     plane_resolution: np.ndarray  # [4, 3, 2] int64, vertices (u, v)
     plane_inv_cell: np.ndarray  # [4] float32 1/m
-    hash_offset: np.ndarray  # [L] int64
+    hash_offset: np.ndarray  # [L] int64; no level: no hash grid
     hash_resolution: np.ndarray  # [L] int64
     hash_scale: np.ndarray  # [L] float32 cells per m
     hash_mask: np.ndarray  # [L] int64, entries - 1; 0 where the level is dense
     inv_extent: np.ndarray  # [3] float32 1/m, one-blob normalisation
+    blob_rows: int  # rows of the one-blob encoding in the decoders' first layers: 48, or 0
     geometry_W1: int
     geometry_W2: int
     color_W1: int
@@ -70,6 +71,7 @@ def kernel_layout(layout: FieldLayout) -> KernelLayout:
             np.int64,
         ),
         inv_extent=(1.0 / layout.bound.extent_m).astype(np.float32),
+        blob_rows=config.oneblob_width,
         geometry_W1=blocks["geometry_decoder.W1"].offset,
         geometry_W2=blocks["geometry_decoder.W2"].offset,
         color_W1=blocks["color_decoder.W1"].offset,

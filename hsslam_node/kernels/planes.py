@@ -2,7 +2,8 @@
 
 All take a block of positions [n, 3] (m, relative to the low corner) and C columns of a feature
 matrix [n, W] from column `first` on. Channels are innermost and a multiple of 16, so each corner is
-one or two vector operations; planes are the outer loop, so their rows stay in the cache.
+one or two vector operations; planes are the outer loop, so their rows stay in the cache. Without
+channels nothing is done.
 """
 
 import numpy as np
@@ -13,6 +14,8 @@ from numba import njit
 def gather_planes(params, layout, plane_set, position, features, first):
     """Sum of the three planes' features."""
     C = layout.channels
+    if C == 0:
+        return
     inv_cell = layout.plane_inv_cell[plane_set]
     for plane in range(3):
         u, v, n_u, n_v, offset = _plane(layout, plane_set, plane)
@@ -40,6 +43,8 @@ def gather_planes(params, layout, plane_set, position, features, first):
 def scatter_planes(grad, touched, layout, plane_set, position, d_features, first):
     """Add the gradient of `gather_planes` and mark the 16-float chunks it lies in."""
     C = layout.channels
+    if C == 0:
+        return
     inv_cell = layout.plane_inv_cell[plane_set]
     chunks = 2 * (C >> 4)
     for plane in range(3):
@@ -76,6 +81,8 @@ def scatter_planes(grad, touched, layout, plane_set, position, d_features, first
 def plane_position_gradient(params, layout, plane_set, position, d_features, first, d_position):
     """Add d(loss)/d(position) to d_position [n, 3] (1/m); zero across a clamped border."""
     C = layout.channels
+    if C == 0:
+        return
     inv_cell = layout.plane_inv_cell[plane_set]
     for plane in range(3):
         u, v, n_u, n_v, offset = _plane(layout, plane_set, plane)

@@ -6,7 +6,6 @@ from numba import njit
 from hsslam_node.kernels.field_backward import one_blob_position_gradient
 from hsslam_node.kernels.field_forward import BLOCK, HIDDEN, add_one_blob, relative_position, relu
 from hsslam_node.kernels.hash_grid import gather_hash, hash_position_gradient
-from hsslam_node.kernels.one_blob import BINS
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient
 
 
@@ -19,7 +18,7 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
     L2 = 2 * layout.hash_offset.shape[0]
     C = layout.channels
     width = L2 + 2 * C
-    rows = width + 3 * BINS
+    rows = width + layout.blob_rows
     W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
     W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
     W1_T = W1[:width].T.copy()

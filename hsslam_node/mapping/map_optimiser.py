@@ -172,7 +172,7 @@ class MapOptimiser:
 
     def _adam(self, factor: float) -> None:
         m, p, blocks = self._config.mapper, self._parameters, self._parameters.layout.blocks
-        hashes = blocks["hash.00"].offset
+        hashes = p.layout.hash_first
         decoders = blocks["geometry_decoder.W1"].offset
         appearance = blocks["appearance_coarse.xy"].offset
         rates = np.array(

@@ -40,11 +40,9 @@ class Field:
         return kept[:count]
 
 
-@pytest.fixture(scope="session", params=[16, 32], ids=["16 channels", "32 channels"])
-def field(request) -> Field:
-    config = FieldConfig(plane_channels=request.param, hash_table_log2=13)
+def field_of(config: FieldConfig) -> Field:
+    """A field of this configuration over a small room, every block filled with noise."""
     layout = FieldLayout.over(config, Bound((-1.0, -0.5, 0.2), (0.9, 0.7, 1.3)))
-    assert layout.hash_is_dense[0] and not layout.hash_is_dense[-1]
     params = initial_parameters(layout, 0)
     noise = np.random.default_rng(0).normal(0, 0.1, layout.parameter_count).astype(np.float32)
     for block in layout.blocks.values():
@@ -52,6 +50,13 @@ def field(request) -> Field:
             block.view(params)[...] += block.view(noise)
     reference = HybridField(layout, torch.from_numpy(params.astype(np.float64)))
     return Field(layout, kernel_layout(layout), params, reference)
+
+
+@pytest.fixture(scope="session", params=[16, 32], ids=["16 channels", "32 channels"])
+def field(request) -> Field:
+    field = field_of(FieldConfig(plane_channels=request.param, hash_table_log2=13))
+    assert field.layout.hash_is_dense[0] and not field.layout.hash_is_dense[-1]
+    return field
 
 
 @pytest.fixture(scope="session")
