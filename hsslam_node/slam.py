@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
@@ -31,10 +32,15 @@ class Slam:
     """
 
     def __init__(
-        self, config: SlamConfig, seed: int = 0, arrays: ArrayAllocator | None = None
+        self,
+        config: SlamConfig,
+        seed: int = 0,
+        arrays: ArrayAllocator | None = None,
+        device: Device = CPU,
     ) -> None:
         self.config = config
         self.seed = seed
+        self._device = device
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
         self.parameters: FieldParameters | None = None
@@ -52,7 +58,7 @@ class Slam:
         if self._mapper and self.store and self.parameters:
             for _ in range(self.config.mapper.last_iterations * self.store.count):
                 self._mapper.polish(self.store)
-            self.parameters.publish()
+            self._mapper.publish()
 
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
@@ -67,11 +73,11 @@ class Slam:
         if result.status == "initial":
             for _ in range(self.config.mapper.first_iterations):
                 self._mapper.initialise(self.store)
-            self.parameters.publish()
+            self._mapper.publish()
         elif result.is_keyframe:
             for _ in range(self.config.mapper.iterations):
                 self._mapper.iterate(self.store)
-            self.parameters.publish()
+            self._mapper.publish()
             if self._ba and self._ba.is_due(self.store):
                 report = self._ba.round(self.store)
                 if report.moved:
@@ -88,9 +94,9 @@ class Slam:
         c = self.config
         layout = FieldLayout.over(c.field, initial_bound(frame, c.bound, c.mapper.max_depth_m))
         self.parameters = FieldParameters.create(self._arrays, layout, self.seed)
-        self._mapper = Mapper(c, self.parameters, self.seed)
+        self._mapper = Mapper(c, self.parameters, self.seed, self._device)
         if c.ba.enabled:
-            self._ba = GlobalBundleAdjustment(c, self.parameters, self.seed)
+            self._ba = GlobalBundleAdjustment(c, self.parameters, self.seed, self._device)
 
     def _view(self) -> MapView | None:
         if self.parameters is None:

@@ -7,6 +7,7 @@ from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.mapper import PARAMETERS_LEASE
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.services.worker_device import worker_device
 
 _POLL_S = 0.1
 
@@ -37,6 +38,7 @@ def _run(worker: Worker) -> None:
 class _BaLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
+        self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._corrections = worker.bus.publisher(topics.CORRECTION)
         self._ba: GlobalBundleAdjustment | None = None
@@ -50,7 +52,7 @@ class _BaLoop:
         if parameters.version == 0:
             return
         if self._ba is None:
-            self._ba = GlobalBundleAdjustment(options.slam, parameters, options.seed)
+            self._ba = GlobalBundleAdjustment(options.slam, parameters, options.seed, self._device)
         if not self._ba.is_due(store):
             return
         with self._worker.timed("round"), self._worker.arena.lease(PARAMETERS_LEASE):

@@ -12,6 +12,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import MapVersion, Step
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.services.worker_device import tell_device, worker_device
 
 PARAMETERS_LEASE = "params"
 _POLL_S = 0.05
@@ -56,6 +57,8 @@ class _MapperLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._slam = worker.options.slam
+        self._device = worker_device(worker)
+        tell_device(worker, self._device)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._maps = worker.bus.publisher(topics.MAP)
         self._mapper: Mapper | None = None
@@ -98,7 +101,7 @@ class _MapperLoop:
             for _ in range(n):
                 with self._worker.timed("iteration"):
                     report = self._mapper.iterate(store)
-            self._parameters.publish()
+            self._mapper.publish()
         self._due -= n
         self._iterations += n
         self._publish(report, store, start)
@@ -116,7 +119,7 @@ class _MapperLoop:
         with self._worker.arena.lease(PARAMETERS_LEASE):
             for _ in range(n):
                 report = self._mapper.polish(store)
-            self._parameters.publish()
+            self._mapper.publish()
         self._iterations += n
         self._publish(report, store, start)
 
@@ -132,14 +135,14 @@ class _MapperLoop:
                 if self._worker.should_stop():
                     break
                 report = self._mapper.initialise(store)
-            self._parameters.publish()
+            self._mapper.publish()
         self._keyframes_seen = 1
         self._iterations += n
         self._publish(report, store, start)
 
     def _open(self, parameters: FieldParameters) -> None:
         self._parameters = parameters
-        self._mapper = Mapper(self._slam, parameters, self._worker.options.seed)
+        self._mapper = Mapper(self._slam, parameters, self._worker.options.seed, self._device)
 
     def _publish(self, report: StepReport, store: KeyframeStore, start: float) -> None:
         assert self._parameters is not None

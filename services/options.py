@@ -34,7 +34,8 @@ class ServeOptions:
     preset: Literal["realtime", "paper"] = "realtime"
     """Defaults of all --slam options: for 30 Hz on two CPU cores, or the paper's."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where the scene model is computed (auto: the CPU, until there are GPU kernels)."""
+    """Where the scene model is computed (auto: an NVIDIA GPU if one works, else the CPU; the reason is
+    told)."""
     viewer: str = "auto"
     """auto | none | web | spawn | connect:URL (auto: spawn where there is a display, else none)."""
     out: str = ""
@@ -80,8 +81,6 @@ class ServeOptions:
             raise UserError(f"--frames {self.frames}: expected 1 or more")
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
-        if self.device == "cuda":
-            raise UserError("--device cuda: there are no GPU kernels yet: expected auto or cpu")
 
     @property
     def source_options(self) -> SourceOptions:

@@ -7,10 +7,12 @@ import numpy as np
 
 from hsslam_node.bundle_adjustment.loss_table import LossTable
 from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.map_optimiser import ADAM_BETA1, MapOptimiser
+from hsslam_node.mapping.map_optimiser import ADAM_BETA1
+from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 
 _POSE_BETA2, _POSE_EPS = 0.999, 1e-8
 
@@ -33,10 +35,12 @@ class GlobalBundleAdjustment:
     from round to round. The caller holds the parameters' lease and writes the poses back.
     """
 
-    def __init__(self, config: SlamConfig, parameters: FieldParameters, seed: int) -> None:
+    def __init__(
+        self, config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
+    ) -> None:
         self._config = config.ba
         rays = max(config.ba.rays, config.ba.probe_rays * config.ba.probe_keyframes)
-        self._optimiser = MapOptimiser(config, parameters, rays)
+        self._optimiser = open_map_optimiser(config, parameters, rays, device)
         self._table = LossTable(config.ba)
         self._seed = seed
         self._rounds = 0
@@ -70,6 +74,7 @@ class GlobalBundleAdjustment:
                         moments = self._moments.setdefault(int(k), _PoseMoments())
                         step = moments.step(report.pose_gradient[slot], self._config.pose_rate)
                         poses[slot] = moved_about_camera(poses[slot], step)
+        self._optimiser.push()
         self._table.rest(chosen)
         moved = free and bool((poses != all_poses[chosen]).any())
         return BaReport(chosen, poses, before, self._table.mean(chosen), moved)

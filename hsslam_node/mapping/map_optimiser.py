@@ -141,6 +141,9 @@ class MapOptimiser:
         outside = R * S - int(np.count_nonzero(inside))
         return StepReport(R, outside, loss, per_keyframe, d_twist.astype(np.float64))
 
+    def push(self) -> None:
+        """Nothing: the parameters in host memory are the ones that are stepped."""
+
     def _ray_weight(self, R: int) -> np.ndarray:
         noise = self._config.mapper.depth_noise_m
         z = self._batch.depth[:R]

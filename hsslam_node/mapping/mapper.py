@@ -3,17 +3,21 @@
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
+from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 
 
 class Mapper:
     """Iterates over a window: the newest keyframe, the one before it, random others (paper III-B)."""
 
-    def __init__(self, config: SlamConfig, parameters: FieldParameters, seed: int) -> None:
+    def __init__(
+        self, config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
+    ) -> None:
         self._config = config.mapper
-        self._optimiser = MapOptimiser(config, parameters, config.mapper.rays)
+        self._optimiser = open_map_optimiser(config, parameters, config.mapper.rays, device)
         self._parameters = parameters
         self._seed = seed
 
@@ -35,6 +39,11 @@ class Mapper:
         size = min(self._config.window_keyframes, store.count)
         keyframes = self._generator(0).choice(store.count, size, replace=False)
         return self._step(store, keyframes, 1.0, even_area=True)
+
+    def publish(self) -> int:
+        """Make the map as it is now the newest version; returns its number."""
+        self._optimiser.push()
+        return self._parameters.publish()
 
     def _step(
         self, store: KeyframeStore, keyframes: np.ndarray, factor: float, *, even_area: bool = False

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 import zenoh
 
 from hsslam_node.geometry.trajectory import read_tum
@@ -48,6 +49,13 @@ def test_busy_port(serve):
         assert run.finish(60) == 2
         assert run.stderr.startswith(f"error: zenoh endpoint tcp/127.0.0.1:{port}")
         assert not run.out.exists()
+
+
+def test_cuda_that_does_not_work(serve):
+    if torch.cuda.is_available():
+        pytest.skip("this machine has CUDA")
+    run = serve(*SMALL_ROOM, "--device", "cuda")
+    _expect_one_line(run, "--device cuda", torch.__version__, "--device cpu")
 
 
 def test_out_folder_that_cannot_be_written(serve, tmp_path: Path):

@@ -1,0 +1,60 @@
+"""The choice of the device: CUDA if it really works, else the CPU with the reason."""
+
+import importlib.util
+import os
+from typing import Literal
+
+from hsslam_node.device.device import Device
+from hsslam_node.errors import UserError
+
+DeviceWish = Literal["auto", "cpu", "cuda"]
+
+_LARGEST_ERROR = 1e-4
+_REMEDY = "choose --device cpu or auto, or install PyTorch for CUDA beside an NVIDIA driver"
+
+
+def choose_device(wish: DeviceWish) -> Device:
+    """The device to compute with, tried out. Imports torch unless the wish is the CPU.
+
+    `cuda` under TRITON_INTERPRET=1 is Triton's interpreter: the same code, slowly, without a GPU.
+
+    Raises:
+        UserError: `cuda` is asked for and does not work.
+    """
+    if wish == "cpu":
+        return Device("cpu", "CPU", "asked for")
+    if wish == "cuda" and os.environ.get("TRITON_INTERPRET") == "1":
+        return Device("interpreter", "Triton's interpreter", "TRITON_INTERPRET=1 is set")
+    missing = _what_is_missing()
+    if missing is None:
+        import torch
+
+        reason = "asked for" if wish == "cuda" else "CUDA works"
+        return Device("cuda", torch.cuda.get_device_name(), reason)
+    if wish == "cuda":
+        raise UserError(f"--device cuda: {missing}: {_REMEDY}")
+    return Device("cpu", "CPU", f"no CUDA: {missing}")
+
+
+def _what_is_missing() -> str | None:
+    """Why the GPU cannot be used, in one line; None where a kernel ran and gave the right numbers."""
+    import torch
+
+    if torch.version.cuda is None:
+        return f"this PyTorch ({torch.__version__}) is built without it"
+    if not torch.cuda.is_available():
+        return f"PyTorch {torch.__version__} finds no usable NVIDIA GPU or driver"
+    if importlib.util.find_spec("triton") is None:
+        return "Triton is not installed"
+    if os.environ.get("TRITON_INTERPRET") == "1":
+        return "TRITON_INTERPRET=1 is set, so that kernels would be interpreted"
+    try:
+        from hsslam_node.device.trial_kernel import trial_error
+
+        error = trial_error("cuda")
+    except Exception as failure:  # driver, compiler and Triton raise errors of many types
+        text = " ".join(str(failure).split())[:200]
+        return f"a trial kernel fails: {type(failure).__name__}: {text}"
+    if not error < _LARGEST_ERROR:
+        return f"a trial kernel is wrong by {error:.1g}"
+    return None

@@ -1,0 +1,46 @@
+"""The optimiser of the scene model, wherever it is computed: one interface for CPU and GPU."""
+
+from typing import Protocol
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import Device
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
+
+
+class Optimiser(Protocol):
+    """Steps the parameters of a map under the writer's lease; see `MapOptimiser`, its CPU twin.
+
+    A device may step a copy of its own: it follows what others have stepped by itself, and `push`
+    brings what it stepped to host memory, before the map is published or the lease is given back.
+    """
+
+    def step(
+        self,
+        store: KeyframeStore,
+        keyframes: np.ndarray,
+        counts: np.ndarray,
+        poses: np.ndarray,
+        generator: np.random.Generator,
+        *,
+        rate_factor: float = 1.0,
+        with_poses: bool = False,
+        update: bool = True,
+        even_area: bool = False,
+    ) -> StepReport: ...
+
+    def push(self) -> None: ...
+
+
+def open_map_optimiser(
+    config: SlamConfig, parameters: FieldParameters, rays: int, device: Device
+) -> Optimiser:
+    """An optimiser for batches of up to `rays` rays on the device."""
+    if device.uses_triton:
+        from hsslam_node.mapping.gpu_map_optimiser import GpuMapOptimiser
+
+        return GpuMapOptimiser(config, parameters, rays, device)
+    return MapOptimiser(config, parameters, rays)
