@@ -60,4 +60,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
 def environment_of_threads(threads: int) -> dict[str, str]:
     """Variables that keep numeric libraries to so many threads; set before any import."""
     names = ("OMP", "OPENBLAS", "MKL", "NUMBA")
-    return {f"{name}_NUM_THREADS": str(threads) for name in names}
+    return {
+        **{f"{name}_NUM_THREADS": str(threads) for name in names},
+        "OPENCV_FOR_THREADS_NUM": str(threads),
+    }

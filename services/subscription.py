@@ -70,15 +70,23 @@ class Subscription(Generic[M]):
 
     def wait(self, timeout_s: float) -> M | None:
         """The oldest waiting message; waits up to `timeout_s` for one."""
+        arrived = self.wait_received(timeout_s)
+        return None if arrived is None else arrived[0]
+
+    def wait_received(self, timeout_s: float) -> tuple[M, Received] | None:
+        """As `wait`, with how and when the message came."""
         deadline = time.monotonic() + timeout_s
-        while (message := self.poll()) is None:
+        while True:
+            while (received := self.poll_raw()) is not None:
+                message = self.decode(received)
+                if message is not None:
+                    return message, received
             with self._arrivals:
                 left_s = deadline - time.monotonic()
                 if left_s <= 0:
                     return None
                 if not self._waiting:
                     self._arrivals.wait(left_s)
-        return message
 
     def drain(self) -> list[M]:
         """All waiting messages, oldest first."""

@@ -1,6 +1,7 @@
 """The tracker process: frames in, poses and keyframes out."""
 
 import time
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from hsslam_node.tracking.track_result import Status, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
 _POLL_S = 0.1
+_STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
 _STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _STATUS_NAMES: dict[int, Status] = {code: name for name, code in _STATUS.items()}
 
@@ -35,9 +37,10 @@ def _run(worker: Worker) -> None:
     rehearse(worker.options.slam)
     worker.ready()
     while not worker.should_stop():
-        message = frames.wait(_POLL_S)
-        if message is not None:
-            loop.take(message)
+        arrived = frames.wait_received(_POLL_S)
+        if arrived is not None:
+            message, received = arrived
+            loop.take(message, received.arrival_ns)
 
 
 class _TrackerLoop:
@@ -60,13 +63,15 @@ class _TrackerLoop:
             self._tracker.resume()
             worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
 
-    def take(self, message: messages.Frame) -> None:
+    def take(self, message: messages.Frame, arrival_ns: int) -> None:
         """Track and publish; a frame that was answered before is answered again."""
         if message.index <= self._last_index:
             self._answer_again(message)
             return
+        taken_ns = time.time_ns()
         try:
             frame = frame_from_message(message)
+            decoded_ns = time.time_ns()
             result = self._track(frame)
         except OutOfMemoryError:
             raise
@@ -75,22 +80,28 @@ class _TrackerLoop:
             self._worker.event("warning", f"frame {message.index} dropped: {error}")
             return
         publish_ns = time.time_ns()
-        self._log.append(
-            pose_row(
-                index=frame.index,
-                source_stamp_ns=frame.stamp_ns,
-                stamp_ns=message.stamp_ns,
-                publish_ns=publish_ns,
-                status=_STATUS[result.status],
-                keyframe=result.keyframe,
-                T_world_cam=result.T_world_cam,
-                T_keyframe_cam=result.T_keyframe_cam,
-                quality=result.quality,
-                map_version=result.map_version,
-            )
+        row = pose_row(
+            index=frame.index,
+            source_stamp_ns=frame.stamp_ns,
+            stamp_ns=message.stamp_ns,
+            publish_ns=publish_ns,
+            status=_STATUS[result.status],
+            keyframe=result.keyframe,
+            T_world_cam=result.T_world_cam,
+            T_keyframe_cam=result.T_keyframe_cam,
+            quality=result.quality,
+            map_version=result.map_version,
         )
+        self._log.append(row)
         self._last_index = frame.index
-        self._publish(result, message, publish_ns)
+        stamps_ns = (message.stamp_ns, arrival_ns, taken_ns, decoded_ns, publish_ns)
+        stages_ms = {
+            stage: (end - begin) / 1e6
+            for stage, (begin, end) in zip(_STAGES, pairwise(stamps_ns), strict=True)
+        }
+        self._poses.put(_pose_message(row, result.residual_m, stages_ms))
+        if result.is_keyframe:
+            self._announce_keyframe(result, message)
         self._account(result)
 
     def _track(self, frame: Frame) -> TrackResult:
@@ -122,35 +133,17 @@ class _TrackerLoop:
             self._view = MapView(version, layout, params, truncation_m)
         return self._view
 
-    def _publish(self, result: TrackResult, message: messages.Frame, publish_ns: int) -> None:
+    def _announce_keyframe(self, result: TrackResult, message: messages.Frame) -> None:
         t, q = wire_pose(result.T_world_cam)
-        self._poses.put(
-            messages.Pose(
-                index=message.index,
-                stamp_ns=message.stamp_ns,
+        self._keyframes.put(
+            messages.Keyframe(
+                id=result.keyframe,
+                frame_index=message.index,
                 source_stamp_ns=message.source_stamp_ns,
-                publish_ns=publish_ns,
-                status=result.status,
                 t=t,
                 q=q,
-                quality=result.quality,
-                inlier_ratio=result.quality,
-                residual_mm=1e3 * result.residual_m if np.isfinite(result.residual_m) else 0.0,
-                map_version=result.map_version,
-                keyframe=result.keyframe,
-                stage_ms=dict(self._worker.stage_ms),
             )
         )
-        if result.is_keyframe:
-            self._keyframes.put(
-                messages.Keyframe(
-                    id=result.keyframe,
-                    frame_index=message.index,
-                    source_stamp_ns=message.source_stamp_ns,
-                    t=t,
-                    q=q,
-                )
-            )
 
     def _account(self, result: TrackResult) -> None:
         self._worker.count(result.status)
@@ -165,23 +158,28 @@ class _TrackerLoop:
     def _answer_again(self, message: messages.Frame) -> None:
         rows = self._log.rows()
         for row in rows[rows["index"] == message.index]:
-            t, q = wire_pose(row["T_world_cam"])
-            self._poses.put(
-                messages.Pose(
-                    index=message.index,
-                    stamp_ns=message.stamp_ns,
-                    source_stamp_ns=message.source_stamp_ns,
-                    publish_ns=int(row["publish_ns"]),
-                    status=_STATUS_NAMES[int(row["status"])],
-                    t=t,
-                    q=q,
-                    quality=float(row["quality"]),
-                    inlier_ratio=float(row["quality"]),
-                    residual_mm=0.0,
-                    map_version=int(row["map_version"]),
-                    keyframe=int(row["keyframe"]),
-                )
-            )
+            self._poses.put(_pose_message(row, float("nan"), {}))
+
+
+def _pose_message(
+    row: np.ndarray | np.void, residual_m: float, stages_ms: dict[str, float]
+) -> messages.Pose:
+    t, q = wire_pose(row["T_world_cam"])
+    return messages.Pose(
+        index=int(row["index"]),
+        stamp_ns=int(row["stamp_ns"]),
+        source_stamp_ns=int(row["source_stamp_ns"]),
+        publish_ns=int(row["publish_ns"]),
+        status=_STATUS_NAMES[int(row["status"])],
+        t=t,
+        q=q,
+        quality=float(row["quality"]),
+        inlier_ratio=float(row["quality"]),
+        residual_mm=1e3 * residual_m if np.isfinite(residual_m) else 0.0,
+        map_version=int(row["map_version"]),
+        keyframe=int(row["keyframe"]),
+        stage_ms=stages_ms,
+    )
 
 
 if __name__ == "__main__":

@@ -48,6 +48,9 @@ class TrackerConfig:
     """After a longer gap, and when lost, a pose must also fit the reference keyframe, s."""
     relocalisation_coverage: float = 0.3
     """Then this share of the depth points must meet the keyframe's surface."""
+    lag_coverage: float = 0.5
+    """Where the map does not fit, as it lags behind, a pose that fits the reference keyframe is good
+    if this share of the depth points meets the keyframe's surface."""
     max_step_m: float = 0.15
     """A frame that moves farther than this against the prediction is lost, m."""
     max_step_rad: float = 0.2
@@ -63,5 +66,6 @@ class TrackerConfig:
         expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
         expect_positive(self, "tracker", "longest_gap_s")
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
+        expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
         for name in ("overlap", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)

@@ -10,6 +10,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.depth_points import sample_points
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.tracking.acceptance import is_acceptable, quality
 from hsslam_node.tracking.alignment import Alignment, MapView, align
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.place_recognition import PlaceRecognition
@@ -22,7 +23,8 @@ from hsslam_node.tracking.reference_keyframe import (
 from hsslam_node.tracking.track_result import TrackResult
 
 _FEWEST_POINTS = 100
-_SIMILAR_KEYFRAMES = 3  # tried when the camera is lost
+_SIMILAR_KEYFRAMES = 3  # tried in turn, one a frame, when the camera is lost
+_FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
 
@@ -118,24 +120,29 @@ class Tracker:
         return T_last @ se3_exp(share * se3_log(inverse(before.pose(self._store)) @ T_last))
 
     def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
-        """At rest; OpenCV's RGB-D odometry from the last good frame; from keyframes that look alike."""
+        """At rest; then one by OpenCV's RGB-D odometry, which costs more than all the rest.
+
+        First from the last good frame; later from the keyframes that look most alike, one a frame,
+        so that a lost camera does not fall behind its sensor.
+        """
         assert self._last is not None
         T_last = self._last.pose(self._store)
         yield T_last
-        T_last_cam = rgbd_odometry(self._last.frame, frame)
-        if T_last_cam is not None:
-            yield T_last @ T_last_cam
+        if self._lost_frames < _FOLLOWED_FRAMES:
+            T_last_cam = rgbd_odometry(self._last.frame, frame)
+            if T_last_cam is not None:
+                yield T_last @ T_last_cam
         if self._lost_frames == 0:
             return
-        for k in self._places.nearest(frame.color, _SIMILAR_KEYFRAMES):
-            keyframe = self._store.frame(k)
-            T_world_key = self._store.pose(k)
-            T_key_cam = rgbd_odometry(keyframe, frame)
-            if T_key_cam is not None:
-                self._reference = reference_keyframe(
-                    k, keyframe, grey_pyramid(keyframe), self._config.photometric_pixels
-                )
-                yield T_world_key @ T_key_cam
+        alike = self._places.nearest(frame.color, _SIMILAR_KEYFRAMES)
+        k = alike[(self._lost_frames - 1) % len(alike)]
+        keyframe = self._store.frame(k)
+        T_key_cam = rgbd_odometry(keyframe, frame)
+        if T_key_cam is not None:
+            self._reference = reference_keyframe(
+                k, keyframe, grey_pyramid(keyframe), self._config.photometric_pixels
+            )
+            yield self._store.pose(k) @ T_key_cam
 
     def _try(
         self,
@@ -149,34 +156,11 @@ class Tracker:
         T_world_ref = self._store.pose(self._reference.id)
         return align(points, levels, T, view, self._reference, T_world_ref, self._config)
 
-    def _score(self, alignment: Alignment | None) -> float:
-        """Quality 0..1: the share of depth points that fit the map; before there is one, the keyframe."""
-        if alignment is None or not np.isfinite(alignment.T_world_cam).all():
-            return 0.0
-        ratios = alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio
-        return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
-
     def _is_good(self, alignment: Alignment | None, prediction: np.ndarray, stamp_ns: int) -> bool:
-        """Whether the pose can be published; after a gap it must also fit the reference keyframe.
-
-        A camera that moved unseen may face a place that the map says nothing of: there, few points
-        contradict it.
-        """
-        c = self._config
-        if alignment is None or self._score(alignment) < c.min_inlier_ratio:
-            return False
         assert self._last is not None
         gap_s = 1e-9 * (stamp_ns - self._last.frame.stamp_ns)
-        if (self._lost_frames > 0 or gap_s > c.longest_gap_s) and not (
-            alignment.surface_coverage > c.relocalisation_coverage
-            and alignment.surface_inlier_ratio > c.reference_surface_agreement
-        ):
-            return False
-        step = se3_log(inverse(prediction) @ alignment.T_world_cam)
-        return bool(
-            np.linalg.norm(step[:3]) < self._config.max_step_m
-            and np.linalg.norm(step[3:]) < self._config.max_step_rad
-        )
+        after_gap = self._lost_frames > 0 or gap_s > self._config.longest_gap_s
+        return is_acceptable(alignment, prediction, after_gap=after_gap, config=self._config)
 
     def _accept(
         self,
@@ -202,7 +186,7 @@ class Tracker:
         self._last = _Tracked(frame, k, T_keyframe_cam)
         self._lost_frames = 0
         return TrackResult(
-            frame.index, "tracked", T, k, T_keyframe_cam, self._score(alignment),
+            frame.index, "tracked", T, k, T_keyframe_cam, quality(alignment),
             alignment.sdf_rms_m, view.version if view else 0, is_keyframe, alignment.outside,
         )  # fmt: skip
 

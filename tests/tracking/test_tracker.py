@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.allocator import MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
@@ -182,3 +187,22 @@ def test_extrapolation_is_limited(gap_ns):
 def test_a_full_store_is_told():
     with pytest.raises(UserError, match=r"keyframes\.capacity = 2"):
         _tracked(_store(capacity=2), room_frames()[:12])
+
+
+def test_a_map_that_lags_behind_does_not_lose_the_camera():
+    frames = room_frames()[:10]
+    tracker = Tracker(SMALL, _store(), 0)
+    view = _all_free(frames[0])
+    results = [tracker.track(frame, view) for frame in frames]
+    assert max(r.quality for r in results[1:]) < SMALL.tracker.min_inlier_ratio
+    assert all(map(_is_right, results[1:]))
+
+
+def _all_free(frame: Frame) -> MapView:
+    """A map to which all space is free, as it is to one that has not seen the place."""
+    layout = FieldLayout.over(SMALL.field, initial_bound(frame, SMALL.bound, 12.0))
+    params = np.zeros(layout.parameter_count, np.float32)
+    W1 = layout.blocks["geometry_decoder.W1"].view(params)
+    W1[-SMALL.field.oneblob_width :, 0] = 10
+    layout.blocks["geometry_decoder.W2"].view(params)[0, 0] = 10
+    return MapView(1, kernel_layout(layout), params, SMALL.field.truncation_m)

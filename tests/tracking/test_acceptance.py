@@ -1,0 +1,64 @@
+"""When a pose is published: fit to map or keyframe, and distance from the prediction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.tracking.acceptance import is_acceptable, quality
+from hsslam_node.tracking.alignment import Alignment
+
+_CONFIG = TrackerConfig()
+_GOOD = Alignment(
+    T_world_cam=np.eye(4),
+    iterations=3,
+    sdf_inlier_ratio=0.95,
+    sdf_rms_m=0.003,
+    surface_inlier_ratio=0.9,
+    surface_coverage=0.8,
+    photometric_inlier_ratio=0.8,
+    outside=0,
+)
+_NAN = float("nan")
+
+
+def _ok(alignment: Alignment | None, *, after_gap: bool = False) -> bool:
+    return is_acceptable(alignment, np.eye(4), after_gap=after_gap, config=_CONFIG)
+
+
+def test_a_pose_that_fits_everything_is_accepted():
+    assert _ok(_GOOD) and _ok(_GOOD, after_gap=True)
+    assert quality(_GOOD) == 0.95
+    assert not _ok(None)
+    assert not _ok(replace(_GOOD, T_world_cam=np.full((4, 4), _NAN)))
+
+
+def test_without_a_map_the_keyframe_decides():
+    early = replace(_GOOD, sdf_inlier_ratio=_NAN)
+    assert quality(early) == 0.9 and _ok(early)
+    assert not _ok(replace(early, surface_inlier_ratio=0.3))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("surface_coverage", 0.3), ("surface_inlier_ratio", 0.4), ("photometric_inlier_ratio", 0.2)],
+)
+def test_where_the_map_lags_the_keyframe_must_fit_in_all(field, value):
+    lagging = replace(_GOOD, sdf_inlier_ratio=0.4)
+    assert _ok(lagging) and quality(lagging) == 0.4
+    assert not _ok(replace(lagging, **{field: value}))
+    assert _ok(replace(_GOOD, **{field: value}))  # the map fits
+
+
+def test_after_a_gap_the_map_alone_is_not_enough():
+    assert not _ok(replace(_GOOD, surface_coverage=0.1), after_gap=True)
+    assert not _ok(replace(_GOOD, surface_inlier_ratio=0.5), after_gap=True)
+
+
+@pytest.mark.parametrize("twist", [(0.16, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.21, 0)])
+def test_a_jump_is_refused(twist):
+    jumped = replace(_GOOD, T_world_cam=se3_exp(np.array(twist, float)))
+    assert not _ok(jumped)
+    assert _ok(replace(_GOOD, T_world_cam=se3_exp(0.5 * np.array(twist, float))))
