@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.field.parameters import FieldParameters
@@ -16,9 +15,10 @@ from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
 from hsslam_node.kernels.rendering import losses_backward, render_forward
 from hsslam_node.kernels.smoothness import smoothness_backward
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.losses.patch import random_patches, window_rays, window_weights
+from hsslam_node.losses.patch import window_weights
 from hsslam_node.losses.smoothness import smoothness_cube
 from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
 
 ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
 
@@ -115,7 +115,7 @@ class MapOptimiser:
         if update and self._config.weights.patch > 0:
             patch = self._patch_term(R, d_color, generator)
         terms = np.zeros(5)
-        ray_weight = self._ray_weight(R)
+        ray_weight = ray_weights(self._batch.depth[:R], m)
         d_log_beta = losses_backward(
             sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._batch.color[:R],
             self._batch.depth[:R], ray_weight, self._loss_weight, T, d_color,
@@ -144,19 +144,10 @@ class MapOptimiser:
     def push(self) -> None:
         """Nothing: the parameters in host memory are the ones that are stepped."""
 
-    def _ray_weight(self, R: int) -> np.ndarray:
-        noise = self._config.mapper.depth_noise_m
-        z = self._batch.depth[:R]
-        return (1.0 / (1.0 + (noise * z * z / 0.01) ** 2)).astype(np.float32)
-
     def _patch_term(self, R: int, d_color: np.ndarray, generator: np.random.Generator) -> float:
-        m = self._config.mapper
-        patches = random_patches(R, m.patch_repeats, generator)
-        if len(patches) == 0:
+        windows = patch_windows(R, self._config.mapper, generator)
+        if len(windows) == 0:
             return 0.0
-        windows = window_rays(
-            torch.from_numpy(patches), m.patch_kernel_px, m.patch_stride_px
-        ).numpy()
         return patch_ssim_backward(
             self._color[:R], self._batch.color[:R], windows, self._window_weight,
             self._config.weights.patch, d_color,
@@ -174,18 +165,8 @@ class MapOptimiser:
         )
 
     def _adam(self, factor: float) -> None:
-        m, p, blocks = self._config.mapper, self._parameters, self._parameters.layout.blocks
-        hashes = p.layout.hash_first
-        decoders = blocks["geometry_decoder.W1"].offset
-        appearance = blocks["appearance_coarse.xy"].offset
-        rates = np.array(
-            [
-                [0, hashes, m.plane_rate * factor],
-                [hashes, decoders, m.hash_rate * factor],
-                [decoders, appearance, m.decoder_rate * factor],
-                [appearance, len(p.params), m.plane_rate * factor],
-            ]
-        )
+        p = self._parameters
+        rates = learning_rates(p.layout, self._config.mapper, factor)
         sparse_adam(
             p.params, p.first_moment, p.second_moment, self._gradient, p.count_step(), rates,
             ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at,
