@@ -18,6 +18,7 @@ def rehearse(config: SlamConfig) -> None:
         config,
         keyframes=dataclasses.replace(config.keyframes, every_frames=1, capacity=8),
         mapper=dataclasses.replace(config.mapper, rays=64, first_iterations=1, iterations=1),
+        rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
         ba=dataclasses.replace(config.ba, enabled=False),
     )
     slam = Slam(small)

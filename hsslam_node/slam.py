@@ -18,8 +18,8 @@ from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.track_result import TrackResult
-from hsslam_node.tracking.tracker import Tracker
 
 
 class Slam:
@@ -44,7 +44,7 @@ class Slam:
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
         self.parameters: FieldParameters | None = None
-        self._tracker: Tracker | None = None
+        self._tracker: FrameTracker | None = None
         self._mapper: Mapper | None = None
         self._ba: GlobalBundleAdjustment | None = None
 
@@ -84,11 +84,11 @@ class Slam:
                     self.store.correct_poses(report.keyframes, report.T_world_cam)
         return result
 
-    def _open_tracker(self, frame: Frame) -> Tracker:
+    def _open_tracker(self, frame: Frame) -> FrameTracker:
         self.store = KeyframeStore.create(
             self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
         )
-        return Tracker(self.config, self.store, self.seed)
+        return open_tracker(self.config, self.store, self.seed)
 
     def _open_map(self, frame: Frame) -> None:
         c = self.config

@@ -31,8 +31,9 @@ class ServeOptions:
     pace: Literal["realtime", "lockstep"] = "realtime"
     """realtime: the sensor's clock rules, late frames are dropped; lockstep: every frame is tracked
     and mapped before the next is sent, which is reproducible bit for bit."""
-    preset: Literal["realtime", "paper"] = "realtime"
-    """Defaults of all --slam options: for 30 Hz on two CPU cores, or the paper's."""
+    preset: Literal["realtime", "paper", "eslam", "co-slam"] = "realtime"
+    """Defaults of all --slam options: for 30 Hz on two CPU cores; the paper's; those of the methods it is
+    compared with."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the scene model is computed (auto: an NVIDIA GPU if one works, else the CPU; the reason is
     told)."""

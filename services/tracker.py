@@ -16,9 +16,9 @@ from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.tracking.track_result import Status, TrackResult
-from hsslam_node.tracking.tracker import Tracker
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
@@ -52,14 +52,14 @@ class _TrackerLoop:
         self._log = PoseLog(worker.arena)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
-        self._tracker: Tracker | None = None
+        self._tracker: FrameTracker | None = None
         self._view: MapView | None = None
         last = self._log.last()
         self._last_index = -1 if last is None else int(last["index"])
         self._was_lost = False
         store = self._link.store()
         if store is not None and store.count > 0:
-            self._tracker = Tracker(worker.options.slam, store, worker.options.seed)
+            self._tracker = open_tracker(worker.options.slam, store, worker.options.seed)
             self._tracker.resume()
             worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
 
@@ -113,7 +113,7 @@ class _TrackerLoop:
                 frame.depth_units_per_m,
                 options.slam.keyframes.capacity,
             )
-            self._tracker = Tracker(options.slam, store, options.seed)
+            self._tracker = open_tracker(options.slam, store, options.seed)
         view = self._current_view()
         with self._worker.timed("track"):
             result = self._tracker.track(frame, view)

@@ -22,6 +22,7 @@ ABOVE_ZERO = {
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
     "photometric_huber max_step_m max_step_rad surface_gate_m longest_gap_s",
+    "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "mesher": "voxel_m final_voxel_m",
     "bound": "margin least_m most_m",
@@ -31,6 +32,7 @@ ZERO_OR_MORE = {
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats",
     "tracker": "border_px photometric_pixels surface_weight sdf_sigma_slope",
+    "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "mesher": "every_s",
 }
@@ -53,6 +55,10 @@ OTHERS = [  # value, and the nearest one that is good
     ("tracker", "relocalisation_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
     ("tracker", "reference_image_agreement", 1.1, 1.0),
+    ("tracker", "method", "guess", "alignment"),
+    ("rendering_tracker", "adam_beta1", 1.0, 0.9),
+    ("rendering_tracker", "border", 0.31, 0.3),
+    ("ba", "selection", "best", "uniform"),
     ("bound", "most_m", 2.9, 3.0),
 ]
 

@@ -1,6 +1,5 @@
 """Rounds of active global bundle adjustment."""
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +8,11 @@ from hsslam_node.bundle_adjustment.loss_table import LossTable
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.pose_adam import PoseAdam
+from hsslam_node.geometry.se3 import moved_about_camera
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
-
-_POSE_BETA2, _POSE_EPS = 0.999, 1e-8
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,8 @@ class BaReport:
 class GlobalBundleAdjustment:
     """Measures random keyframes, refines the worst together with the map (paper III-C).
 
+    With uniform selection nothing is measured, and random keyframes are refined (Co-SLAM).
+
     All poses of the chosen keyframes are free but that of keyframe 0; their Adam moments are kept
     from round to round. The caller holds the parameters' lease and writes the poses back.
     """
@@ -45,7 +45,7 @@ class GlobalBundleAdjustment:
         self._seed = seed
         self._rounds = 0
         self._keyframes_at_round = 1
-        self._moments: dict[int, _PoseMoments] = {}
+        self._moments: dict[int, PoseAdam] = {}
 
     def is_due(self, store: KeyframeStore) -> bool:
         """Whether enough keyframes have come since the last round."""
@@ -56,28 +56,36 @@ class GlobalBundleAdjustment:
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
-        self._probe(store, generator)
-        chosen = self._table.select()
+        chosen = self._select(store, generator)
         if len(chosen) == 0:
             return BaReport(chosen, np.zeros((0, 4, 4)), 0.0, 0.0, False)
-        before = self._table.mean(chosen)
+        measured = self._config.selection == "active"
+        losses = [self._table.mean(chosen)] if measured else []
         all_poses = store.poses()
         poses = all_poses[chosen]
         counts = np.full(len(chosen), self._config.rays // len(chosen))
         free = self._config.pose_rate > 0
         for _ in range(self._config.iterations):
             report = self._optimiser.step(store, chosen, counts, poses, generator, with_poses=free)
+            losses.append(float(report.keyframe_loss.mean()))
             self._table.update(chosen, report.keyframe_loss)
             if free:
                 for slot, k in enumerate(chosen):
                     if k != 0:
-                        moments = self._moments.setdefault(int(k), _PoseMoments())
+                        moments = self._moments.setdefault(int(k), PoseAdam(ADAM_BETA1))
                         step = moments.step(report.pose_gradient[slot], self._config.pose_rate)
                         poses[slot] = moved_about_camera(poses[slot], step)
         self._optimiser.push()
         self._table.rest(chosen)
         moved = free and bool((poses != all_poses[chosen]).any())
-        return BaReport(chosen, poses, before, self._table.mean(chosen), moved)
+        return BaReport(chosen, poses, losses[0], losses[-1], moved)
+
+    def _select(self, store: KeyframeStore, generator: np.random.Generator) -> np.ndarray:
+        if self._config.selection == "uniform":
+            size = min(self._config.top_keyframes, store.count)
+            return np.sort(generator.choice(store.count, size, replace=False))
+        self._probe(store, generator)
+        return self._table.select()
 
     def _probe(self, store: KeyframeStore, generator: np.random.Generator) -> None:
         n = min(self._config.probe_keyframes, store.count)
@@ -86,28 +94,3 @@ class GlobalBundleAdjustment:
         poses = store.poses()[keyframes]
         report = self._optimiser.step(store, keyframes, counts, poses, generator, update=False)
         self._table.update(keyframes, report.keyframe_loss)
-
-
-def moved_about_camera(T_world_cam: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """The pose moved by a twist [6] (m, rad) in world axes, rotation about the camera's centre."""
-    out = T_world_cam.copy()
-    out[:3, :3] = se3_exp(np.array([0.0, 0.0, 0.0, *step[3:]]))[:3, :3] @ T_world_cam[:3, :3]
-    out[:3, 3] += step[:3]
-    return out
-
-
-@dataclass
-class _PoseMoments:
-    """Adam state of one pose."""
-
-    first: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(6))
-    second: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(6))
-    steps: int = 0
-
-    def step(self, gradient: np.ndarray, rate: float) -> np.ndarray:
-        self.steps += 1
-        self.first = ADAM_BETA1 * self.first + (1 - ADAM_BETA1) * gradient
-        self.second = _POSE_BETA2 * self.second + (1 - _POSE_BETA2) * gradient**2
-        m = self.first / (1 - ADAM_BETA1**self.steps)
-        v = self.second / (1 - _POSE_BETA2**self.steps)
-        return -rate * m / (np.sqrt(v) + _POSE_EPS)

@@ -9,7 +9,7 @@ from hsslam_node.config.mapping import (
 )
 from hsslam_node.config.meshing import BoundConfig, MesherConfig
 from hsslam_node.config.slam import SlamConfig
-from hsslam_node.config.tracking import TrackerConfig
+from hsslam_node.config.tracking import RenderingTrackerConfig, TrackerConfig
 
 __all__ = [
     "BoundConfig",
@@ -19,6 +19,7 @@ __all__ = [
     "LossWeights",
     "MapperConfig",
     "MesherConfig",
+    "RenderingTrackerConfig",
     "SlamConfig",
     "TrackerConfig",
 ]

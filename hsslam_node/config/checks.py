@@ -18,7 +18,7 @@ def expect_in_range(config: object, group: str, name: str, low: float, high: flo
         raise UserError(f"{group}.{name} = {value}: expected {low} to {high}")
 
 
-def expect_one_of(config: object, group: str, name: str, *known: int) -> None:
+def expect_one_of(config: object, group: str, name: str, *known: int | str) -> None:
     """The field has one of the known values."""
     value = getattr(config, name)
     if value not in known:

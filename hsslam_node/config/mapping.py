@@ -1,8 +1,14 @@
 """Keyframes, losses, mapping and bundle adjustment."""
 
 from dataclasses import dataclass
+from typing import Literal
 
-from hsslam_node.config.checks import expect_in_range, expect_not_negative, expect_positive
+from hsslam_node.config.checks import (
+    expect_in_range,
+    expect_not_negative,
+    expect_one_of,
+    expect_positive,
+)
 
 
 @dataclass(frozen=True)
@@ -94,13 +100,15 @@ class MapperConfig:
 
 @dataclass(frozen=True)
 class BundleAdjustmentConfig:
-    """Active global bundle adjustment (paper III-C)."""
+    """Global bundle adjustment (paper III-C)."""
 
     enabled: bool = True
+    selection: Literal["active", "uniform"] = "active"
+    """active: the keyframes that are rendered worst; uniform: random ones, whatever their loss."""
     loss_threshold: float = 0.09
     """Keyframes above this loss are candidates (the paper's t_l)."""
     top_keyframes: int = 15
-    """Keyframes of one round, by loss (the paper's N)."""
+    """Most keyframes of one round (the paper's N)."""
     iterations: int = 10
     """Iterations of one round."""
     rays: int = 4000
@@ -117,6 +125,7 @@ class BundleAdjustmentConfig:
     """A refined keyframe rests for so many rounds."""
 
     def __post_init__(self) -> None:
+        expect_one_of(self, "ba", "selection", "active", "uniform")
         expect_positive(self, "ba", "loss_threshold", "top_keyframes", "iterations", "rays")
         expect_positive(self, "ba", "every_keyframes", "probe_rays", "probe_keyframes")
         expect_not_negative(self, "ba", "pose_rate", "cooldown_rounds")

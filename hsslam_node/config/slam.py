@@ -11,7 +11,7 @@ from hsslam_node.config.mapping import (
     MapperConfig,
 )
 from hsslam_node.config.meshing import BoundConfig, MesherConfig
-from hsslam_node.config.tracking import TrackerConfig
+from hsslam_node.config.tracking import RenderingTrackerConfig, TrackerConfig
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 
@@ -25,6 +25,9 @@ class SlamConfig:
     keyframes: KeyframeConfig = dataclasses.field(default_factory=KeyframeConfig)
     mapper: MapperConfig = dataclasses.field(default_factory=MapperConfig)
     tracker: TrackerConfig = dataclasses.field(default_factory=TrackerConfig)
+    rendering_tracker: RenderingTrackerConfig = dataclasses.field(
+        default_factory=RenderingTrackerConfig
+    )
     ba: BundleAdjustmentConfig = dataclasses.field(default_factory=BundleAdjustmentConfig)
     mesher: MesherConfig = dataclasses.field(default_factory=MesherConfig)
     bound: BoundConfig = dataclasses.field(default_factory=BoundConfig)

@@ -1,14 +1,24 @@
 """The tracker."""
 
 from dataclasses import dataclass
+from typing import Literal
 
-from hsslam_node.config.checks import expect_in_range, expect_not_negative, expect_positive
+from hsslam_node.config.checks import (
+    expect_in_range,
+    expect_not_negative,
+    expect_one_of,
+    expect_positive,
+)
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Dense alignment of a frame to the map and to the last keyframe (algorithm notes, section 7)."""
+    """How a frame is tracked: by dense alignment to the map and to the last keyframe (algorithm notes,
+    section 7), or by rendering (`RenderingTrackerConfig`). Both are judged by the points' distance to
+    the SDF."""
 
+    method: Literal["alignment", "rendering"] = "rendering"
+    """alignment: Gauss-Newton on distances and grey levels; rendering: descent on the rendering losses."""
     points: int = 2000
     """Depth points aligned to the SDF."""
     border_px: int = 8
@@ -57,6 +67,7 @@ class TrackerConfig:
     """The same for rotation, rad."""
 
     def __post_init__(self) -> None:
+        expect_one_of(self, "tracker", "method", "alignment", "rendering")
         expect_positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
@@ -69,3 +80,43 @@ class TrackerConfig:
         expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
         for name in ("overlap", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class RenderingTrackerConfig:
+    """Descent of the rendering losses by the pose of a frame; samples along rays as in mapping."""
+
+    pixels: int = 2000
+    """Pixels of one iteration."""
+    iterations: int = 8
+    """Steps of Adam."""
+    translation_rate: float = 2e-3
+    """Adam step of the camera centre, m."""
+    rotation_rate: float = 2e-3
+    """Adam step of the rotation vector, rad (half of it on a quaternion's components)."""
+    adam_beta1: float = 0.5
+    """Decay of Adam's first moment."""
+    fresh_pixels: bool = True
+    """New pixels in every iteration; else those of the first."""
+    border: float = 0.0625
+    """Image border that gives no pixels, share of the width (75 of 1200 px)."""
+    outlier_factor: float = 10.0
+    """Rays whose depth error exceeds the median by this factor count for nothing; 0: all count."""
+    color: float = 5.0
+    """Weight of the colour loss."""
+    depth: float = 1.0
+    """Weight of the depth loss."""
+    sdf_middle: float = 200.0
+    """Weight of the SDF loss near the surface."""
+    sdf_tail: float = 50.0
+    """Weight of the SDF loss in the rest of the truncation band."""
+    free_space: float = 10.0
+    """Weight of the free-space loss."""
+
+    def __post_init__(self) -> None:
+        group = "rendering_tracker"
+        expect_positive(self, group, "pixels", "iterations", "translation_rate", "rotation_rate")
+        expect_in_range(self, group, "adam_beta1", 0.0, 0.999)
+        expect_in_range(self, group, "border", 0.0, 0.3)
+        expect_not_negative(self, group, "outlier_factor", "color", "depth", "sdf_middle")
+        expect_not_negative(self, group, "sdf_tail", "free_space")

@@ -56,6 +56,14 @@ def inverse(T: np.ndarray) -> np.ndarray:
     return out
 
 
+def moved_about_camera(T_world_cam: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """The pose moved by a twist [6] (m, rad) in world axes, rotation about the camera's centre."""
+    out = T_world_cam.copy()
+    out[:3, :3] = se3_exp(np.array([0.0, 0.0, 0.0, *step[3:]]))[:3, :3] @ T_world_cam[:3, :3]
+    out[:3, 3] += step[:3]
+    return out
+
+
 def skew(v: np.ndarray) -> np.ndarray:
     """Cross-product matrix [3, 3] of a vector [3]."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

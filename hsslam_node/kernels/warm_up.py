@@ -37,9 +37,12 @@ def _compile_all() -> None:
     options = SourceOptions(
         noise="kinect", frames=3, synth=SynthOptions(width_px=160, height_px=120)
     )
-    slam = Slam(config)
-    for frame in open_source("synth:room", options).frames():
-        if isinstance(frame, Frame):
+    by_rendering = dataclasses.replace(
+        config, tracker=dataclasses.replace(preset.tracker, method="rendering")
+    )
+    frames = [f for f in open_source("synth:room", options).frames() if isinstance(f, Frame)]
+    for slam in (Slam(by_rendering), Slam(config)):
+        for frame in frames:
             slam.process(frame)
     assert slam.store and slam.parameters
     queries = MapQueries(slam.parameters.layout, slam.parameters.params)

@@ -1,17 +1,16 @@
 """The tracker: one frame in, one pose with its quality out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.depth_points import sample_points
+from hsslam_node.geometry.se3 import inverse, se3_log
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
 from hsslam_node.tracking.alignment import Alignment, MapView, align
+from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.place_recognition import PlaceRecognition
 from hsslam_node.tracking.reference_keyframe import (
@@ -21,11 +20,11 @@ from hsslam_node.tracking.reference_keyframe import (
     reference_keyframe,
 )
 from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
 
 _FEWEST_POINTS = 100
 _SIMILAR_KEYFRAMES = 3  # tried in turn, one a frame, when the camera is lost
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
-_LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
 
 class Tracker:
@@ -40,8 +39,8 @@ class Tracker:
         self._config = config.tracker
         self._store = store
         self._seed = seed
-        self._last: _Tracked | None = None
-        self._before_last: _Tracked | None = None
+        self._last: TrackedFrame | None = None
+        self._before_last: TrackedFrame | None = None
         self._reference: ReferenceKeyframe | None = None
         self._places = PlaceRecognition(store)
         self._since_keyframe = 0
@@ -52,7 +51,7 @@ class Tracker:
         newest = self._store.count - 1
         frame = self._store.frame(newest)
         levels = grey_pyramid(frame)
-        self._last = _Tracked(frame, newest, np.eye(4))
+        self._last = TrackedFrame(frame, newest, np.eye(4))
         self._before_last = None
         self._lost_frames = 1
         self._reference = reference_keyframe(newest, frame, levels, self._config.photometric_pixels)
@@ -60,10 +59,10 @@ class Tracker:
     def track(self, frame: Frame, view: MapView | None) -> TrackResult:
         """Pose of the frame; a keyframe is appended to the store where one is due."""
         levels = grey_pyramid(frame)
-        points = self._points(frame)
+        points = frame_points(frame, self._config, self._seed)
         if self._last is None:
             return self._start(frame, levels, len(points))
-        prediction = self._predict(frame.stamp_ns)
+        prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
         good = self._is_good(best, prediction, frame.stamp_ns)
         reference = self._reference
@@ -84,40 +83,8 @@ class Tracker:
             return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
-        self._last = _Tracked(frame, k, np.eye(4))
+        self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
-
-    def _points(self, frame: Frame) -> np.ndarray:
-        c, camera = self._config, frame.camera
-        aspect = camera.width_px / camera.height_px
-        # a fifth more cells than points: some fall on edges and holes
-        rows = max(1, round(np.sqrt(1.2 * c.points / aspect)))
-        columns = max(1, round(rows * aspect))
-        jitter = np.random.default_rng((self._seed, frame.index)).random((rows * columns, 2))
-        points = np.empty((rows * columns, 3), np.float32)
-        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-        n = sample_points(
-            frame.depth_m(),
-            K,
-            jitter,
-            columns,
-            rows,
-            c.border_px,
-            np.float32(c.max_depth_m),
-            points,
-        )
-        return points[:n]
-
-    def _predict(self, stamp_ns: int) -> np.ndarray:
-        """Constant SE(3) velocity, from poses relative to keyframes so that corrections carry over."""
-        last, before = self._last, self._before_last
-        assert last is not None
-        T_last = last.pose(self._store)
-        if before is None or last.frame.stamp_ns <= before.frame.stamp_ns:
-            return T_last
-        past_ns = last.frame.stamp_ns - before.frame.stamp_ns
-        share = np.clip((stamp_ns - last.frame.stamp_ns) / past_ns, 0.0, _LONGEST_EXTRAPOLATION)
-        return T_last @ se3_exp(share * se3_log(inverse(before.pose(self._store)) @ T_last))
 
     def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
         """At rest; then one by OpenCV's RGB-D odometry, which costs more than all the rest.
@@ -170,7 +137,7 @@ class Tracker:
         view: MapView | None,
     ) -> TrackResult:
         assert alignment is not None and self._reference is not None
-        T = _orthonormal(alignment.T_world_cam)
+        T = orthonormal(alignment.T_world_cam)
         self._since_keyframe += 1
         is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames
         if is_keyframe:
@@ -183,7 +150,7 @@ class Tracker:
         if is_keyframe and self._is_outworn(alignment, T, frame):
             self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._before_last = self._last
-        self._last = _Tracked(frame, k, T_keyframe_cam)
+        self._last = TrackedFrame(frame, k, T_keyframe_cam)
         self._lost_frames = 0
         return TrackResult(
             frame.index, "tracked", T, k, T_keyframe_cam, quality(alignment),
@@ -225,23 +192,3 @@ class Tracker:
         v = camera.fy * y / z + camera.cy
         seen = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px) & (z > 0.1)
         return float(seen.mean())
-
-
-@dataclass(frozen=True)
-class _Tracked:
-    """A frame that was tracked, placed relative to a keyframe."""
-
-    frame: Frame
-    keyframe: int
-    T_keyframe_cam: np.ndarray  # [4, 4]
-
-    def pose(self, store: KeyframeStore) -> np.ndarray:
-        return store.pose(self.keyframe) @ self.T_keyframe_cam
-
-
-def _orthonormal(T: np.ndarray) -> np.ndarray:
-    """T with rounding errors of many products removed from its rotation."""
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    out = T.copy()
-    out[:3, :3] = U @ Vt
-    return out

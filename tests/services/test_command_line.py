@@ -28,7 +28,10 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("--preset papr", "--preset papr: expected realtime or paper; did you mean paper?"),
+        (
+            "--preset papr",
+            "paper or eslam or co-slam; did you mean paper?",
+        ),
         ("--sorce x", "--sorce: unknown option; did you mean --source?"),
         ("--tracker.points 3", "--tracker.points: unknown option; did you mean --slam.tracker.po"),
         ("--points 3", "--points: unknown option; did you mean --slam.tracker.points?"),
@@ -62,4 +65,4 @@ def test_the_command_prints_help_and_version_and_exits_with_2_on_a_mistake():
     assert run("--version").stdout.startswith("hsslam-serve 0.")
     wrong = run("--preset", "fast")
     assert wrong.returncode == 2
-    assert wrong.stderr == "error: --preset fast: expected realtime or paper\n"
+    assert wrong.stderr == "error: --preset fast: expected realtime or paper or eslam or co-slam\n"

@@ -1,0 +1,30 @@
+"""The tracker that a configuration asks for."""
+
+from typing import Protocol
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.frame import Frame
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.rendering_tracker import RenderingTracker
+from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracker import Tracker
+
+
+class FrameTracker(Protocol):
+    """One frame in, one pose with its quality out."""
+
+    def resume(self) -> None:
+        """After a restart: go on from the newest keyframe of the store."""
+        ...
+
+    def track(self, frame: Frame, view: MapView | None) -> TrackResult:
+        """Pose of the frame; a keyframe is appended to the store where one is due."""
+        ...
+
+
+def open_tracker(config: SlamConfig, store: KeyframeStore, seed: int) -> FrameTracker:
+    """A tracker by `config.tracker.method`."""
+    if config.tracker.method == "rendering":
+        return RenderingTracker(config, store, seed)
+    return Tracker(config, store, seed)

@@ -1,0 +1,131 @@
+"""Rendering losses of random pixels of a frame, on the CPU."""
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.frame import Frame
+from hsslam_node.kernels.field_forward import FieldActivations, field_activations, field_forward
+from hsslam_node.kernels.field_pose_backward import field_pose_backward
+from hsslam_node.kernels.ray_batch import gather_pixels, place_samples, pose_gradients
+from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward
+from hsslam_node.mapping.ray_batch import ray_batch
+from hsslam_node.tracking.alignment import MapView
+
+_CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
+
+
+class RenderingObjective:
+    """Colour, depth, SDF and free-space losses of rays through random pixels that have depth.
+
+    A `PoseObjective`. Without fresh pixels, pixels and sample depths stay the same for a frame, so
+    the loss is a smooth function of the pose.
+    """
+
+    def __init__(self, config: SlamConfig, seed: int) -> None:
+        self._config = config.rendering_tracker
+        self._sampling = config.sampling
+        self._truncation_m = config.field.truncation_m
+        self._max_depth_m = config.mapper.max_depth_m
+        self._seed = seed
+        R, S = self._config.pixels, config.sampling.count
+        self._rays = ray_batch(R)
+        self._n_rays = 0
+        self._jitter = np.zeros((0, S), np.float32)
+        self._acts: FieldActivations | None = None
+        self._points = np.zeros((R * S, 3), np.float32)
+        self._d_points = np.zeros((R * S, 3), np.float32)
+        self._z = np.zeros((R, S), np.float32)
+        self._weights = np.zeros((R, S), np.float32)
+        self._d_sdf = np.zeros((R, S), np.float32)
+        self._d_rgb = np.zeros((R, S, 3), np.float32)
+        self._color = np.zeros((R, 3), np.float32)
+        self._depth = np.zeros(R, np.float32)
+        self._opacity = np.zeros(R, np.float32)
+        self._ray_loss = np.zeros(R, np.float32)
+        c = self._config
+        self._loss_weight = np.array(
+            [c.color, c.depth, c.sdf_middle, c.sdf_tail, c.free_space], np.float32
+        )
+
+    def observe(self, frame: Frame, view: MapView) -> None:
+        """Take this frame and this map; what is drawn depends on seed and frame index alone."""
+        self._frame, self._view = frame, view
+        self._generator = np.random.default_rng((self._seed, frame.index, 13))
+        if self._acts is None:
+            self._acts = field_activations(view.layout, len(self._points))
+        self._draw()
+
+    def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:
+        """Loss and gradient [6], see `PoseObjective`; draws the pixels of the next call."""
+        R = self._n_rays
+        if R == 0:
+            return float("inf"), np.zeros(6)
+        loss, gradient = self._evaluate(T_world_cam, R)
+        if self._config.fresh_pixels:
+            self._draw()
+        return loss, gradient
+
+    def _draw(self) -> None:
+        camera, c = self._frame.camera, self._config
+        border = round(c.border * camera.width_px)
+        uv = self._generator.integers(
+            (border, border),
+            (camera.width_px - border, camera.height_px - border),
+            (_CANDIDATES * c.pixels, 2),
+        )
+        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        self._n_rays = gather_pixels(
+            self._frame.color, self._frame.depth_raw, 1.0 / self._frame.depth_units_per_m,
+            self._max_depth_m, K, uv, np.zeros(len(uv)), 0, self._rays, 0, c.pixels,
+        )  # fmt: skip
+        self._jitter = self._generator.random((self._n_rays, self._sampling.count), np.float32)
+
+    def _evaluate(self, T_world_cam: np.ndarray, R: int) -> tuple[float, np.ndarray]:
+        assert self._acts is not None
+        params, layout, acts, s = self._view.params, self._view.layout, self._acts, self._sampling
+        T, S = self._truncation_m, s.count
+        matrices = np.ascontiguousarray(T_world_cam[None, :3], np.float32)
+        z, points = self._z[:R], self._points[: R * S]
+        place_samples(
+            self._rays, R, matrices, self._jitter, s.free_samples, s.surface_samples,
+            np.float32(s.free_reach), np.float32(s.surface_reach * T), z, points,
+        )  # fmt: skip
+        field_forward(params, layout, points, R * S, acts)
+        sdf = acts.sdf[: R * S].reshape(R, S)
+        rgb = acts.rgb[: R * S].reshape(R, S, 3)
+        inside = acts.inside[: R * S].reshape(R, S)
+        weights, color, depth = self._weights[:R], self._color[:R], self._depth[:R]
+        beta = float(np.exp(params[layout.log_beta]))
+        render_forward(sdf, rgb, inside, z, beta, weights, color, depth, self._opacity[:R])
+        measured_color, measured_depth, loss_weight = self._without_outliers(R, color, depth)
+        terms = np.zeros(5)
+        losses_backward(
+            sdf, rgb, inside, z, beta, weights, color, depth, measured_color, measured_depth,
+            np.ones(R, np.float32), loss_weight, T, np.zeros((R, 3), np.float32),
+            self._d_sdf[:R], self._d_rgb[:R], self._ray_loss[:R], terms,
+        )  # fmt: skip
+        field_pose_backward(
+            params, layout, R * S, acts, self._d_sdf[:R].reshape(-1),
+            self._d_rgb[:R].reshape(-1, 3), self._d_points,
+        )  # fmt: skip
+        d_twist = np.zeros((1, 6), np.float32)
+        pose_gradients(self._rays, R, matrices, z, self._d_points, d_twist)
+        return float(terms @ loss_weight), d_twist[0].astype(np.float64)
+
+    def _without_outliers(
+        self, R: int, color: np.ndarray, depth: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Measurements and weights with which outliers have neither loss nor gradient.
+
+        An outlier is given the colour it has, and no depth; the mean over colours is corrected.
+        """
+        measured_color, measured_depth = self._rays.color[:R], self._rays.depth[:R]
+        if self._config.outlier_factor == 0:
+            return measured_color, measured_depth, self._loss_weight
+        error = np.abs(depth - measured_depth)
+        outlier = error > self._config.outlier_factor * np.median(error)
+        measured_color = np.where(outlier[:, None], color, measured_color)
+        measured_depth = np.where(outlier, np.float32(0.0), measured_depth)
+        loss_weight = self._loss_weight.copy()
+        loss_weight[COLOR] *= R / max(R - np.count_nonzero(outlier), 1)
+        return measured_color, measured_depth, loss_weight
