@@ -53,6 +53,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("tracker", "min_inlier_ratio", 1.1, 1.0),
     ("tracker", "reference_overlap", -0.1, 0.0),
     ("tracker", "relocalisation_coverage", 1.1, 1.0),
+    ("tracker", "lag_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
     ("tracker", "reference_image_agreement", 1.1, 1.0),
     ("tracker", "method", "guess", "alignment"),

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse, se3_log
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
 from hsslam_node.tracking.alignment import Alignment, MapView, align
