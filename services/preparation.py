@@ -5,7 +5,7 @@ import os
 import re
 import secrets
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import psutil
@@ -52,7 +52,7 @@ def prepare(options: ServeOptions) -> Prepared:
         UserError: no such source, no permission for the folder, port taken, no shared memory.
     """
     if options.has_camera_process:
-        open_source(options.source, options.source_options)
+        open_source(options.source, replace(options.source_options, noise="none"))
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:

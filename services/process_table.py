@@ -18,6 +18,7 @@ class ProcessSpec:
     nice: int
     stop_stage: int
     ends_run: bool = False
+    is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
     threads: int = 1
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
@@ -41,7 +42,6 @@ WARM_UP = "hsslam_node.kernels.warm_up"
 SAVER, EVALUATOR, WATCHDOG = (f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog"))
 
 PROCESSES: tuple[ProcessSpec, ...] = (
-    _row("recorder", "writes run.mcap and feeds rerun", nice=5, stop_stage=RECORDER_STAGE),
     _row("tracker", "poses and keyframes", nice=0, stop_stage=TRACKER_STAGE, ends_run=True),
     _row(
         "mapper",
@@ -51,9 +51,10 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         ends_run=True,
         stop_timeout_s=120.0,  # its last iterations
     ),
-    _row("global_ba", "refines keyframe poses", nice=10, stop_stage=MAP_STAGE),
-    _row("mesher", "extracts the mesh", nice=19, stop_stage=MAP_STAGE),
+    _row("recorder", "writes run.mcap and feeds rerun", nice=5, stop_stage=RECORDER_STAGE),
     _row("camera", "publishes the source", nice=0, stop_stage=CAMERA_STAGE, may_finish=True),
+    _row("global_ba", "refines keyframe poses", nice=10, stop_stage=MAP_STAGE, is_late=True),
+    _row("mesher", "extracts the mesh", nice=19, stop_stage=MAP_STAGE, is_late=True),
 )
 
 

@@ -99,7 +99,7 @@ class _Run:
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S, patience=0)
             for child in self._children.values():
-                child.wanted = True
+                child.wanted = not child.spec.is_late
             reason = self._until_stop()
             self._status.say(f"stopping: {reason}")
             self._bus.publisher(topics.STOP).put(Stop(reason=reason))
@@ -115,6 +115,7 @@ class _Run:
         """Tick until there is a reason to stop."""
         while True:
             self._tick()
+            self._want_late_ones()
             if self._supervisor.signals:
                 return "interrupted"
             for child in self._children.values():
@@ -125,6 +126,12 @@ class _Run:
                 return "the source cannot be read"
             if self._listener.state.source_end is not None or (camera and camera.state == "ended"):
                 return "end of source"
+
+    def _want_late_ones(self) -> None:
+        """Once tracker and mapper take work; before that they would only slow the start."""
+        if all(c.state == "running" for c in self._children.values() if c.spec.ends_run):
+            for child in self._children.values():
+                child.wanted = True
 
     def _tick(self) -> None:
         """One turn of the restart loop: hear, act, show."""

@@ -72,8 +72,9 @@ class Worker:
         return Arena(Path(self.run.arena_dir))
 
     def ready(self) -> None:
-        """Tell everybody that work is taken from now on."""
+        """Tell everybody that work is taken from now on; they wait for it."""
         self._state = "running"
+        self._publish_health()
 
     def should_stop(self) -> bool:
         """Whether the loop must end: SIGTERM, SIGINT, or the supervisor is gone."""

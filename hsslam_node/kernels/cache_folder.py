@@ -16,13 +16,12 @@ def kernel_cache_folder() -> Path:
     """
     digest = hashlib.sha256()
     package = Path(__file__).parent.parent
-    for part in (str(package), version("numba"), sys.version, _processor()):
+    for part in (str(package), version("numba"), sys.version, processor()):
         digest.update(part.encode())
     for source in sorted(package.rglob("*.py")):
         if "njit" in (text := source.read_text(encoding="utf-8")):
             digest.update(text.encode())
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "hsslam" / "kernels" / digest.hexdigest()[:16]
+    return cache_root() / "kernels" / digest.hexdigest()[:16]
 
 
 def warm_stamp() -> Path:
@@ -30,7 +29,13 @@ def warm_stamp() -> Path:
     return kernel_cache_folder() / "complete"
 
 
-def _processor() -> str:
+def cache_root() -> Path:
+    """Folder of all that is kept between runs and can be made again."""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return root / "hsslam"
+
+
+def processor() -> str:
     """Model and features of the first processor, as far as the system tells."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()

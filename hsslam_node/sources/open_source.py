@@ -3,12 +3,7 @@
 import difflib
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.downscaled import Downscaled
-from hsslam_node.sources.noise import KinectNoise
-from hsslam_node.sources.replica import ReplicaSource
 from hsslam_node.sources.source import Source, SourceOptions
-from hsslam_node.sources.synth_room.synth_room import SynthRoom
-from hsslam_node.sources.tum import TumSource
 
 _EXAMPLES = (
     "synth:room",
@@ -28,20 +23,36 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
         UserError: no such source, its files are not there, or its camera makes no sense.
     """
     options = options or SourceOptions()
+    source = _plain_source(spec, options)
+    if options.noise == "kinect":
+        from hsslam_node.sources.noise import KinectNoise
+
+        source = KinectNoise(source, options.seed)
+    if options.downscale > 1:
+        from hsslam_node.sources.downscaled import Downscaled
+
+        source = Downscaled(source, options.downscale)
+    return source
+
+
+def _plain_source(spec: str, options: SourceOptions) -> Source:
+    """Imports what this one source needs: the supervisor opens it, too, to see that it is there."""
     kind, colon, rest = spec.partition(":")
     if kind == "synth" and rest == "room":
-        source: Source = SynthRoom(options)
-    elif kind == "tum" and rest:
-        source = TumSource(rest, options)
-    elif kind == "replica" and rest:
-        source = ReplicaSource(rest, options)
-    elif kind == "zenoh" and colon and not rest:
+        from hsslam_node.sources.synth_room.synth_room import SynthRoom
+
+        return SynthRoom(options)
+    if kind == "tum" and rest:
+        from hsslam_node.sources.tum import TumSource
+
+        return TumSource(rest, options)
+    if kind == "replica" and rest:
+        from hsslam_node.sources.replica import ReplicaSource
+
+        return ReplicaSource(rest, options)
+    if kind == "zenoh" and colon and not rest:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")
-    else:
-        raise unknown_source(spec)
-    if options.noise == "kinect":
-        source = KinectNoise(source, options.seed)
-    return Downscaled(source, options.downscale) if options.downscale > 1 else source
+    raise unknown_source(spec)
 
 
 def unknown_source(spec: str) -> UserError:

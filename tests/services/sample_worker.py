@@ -10,8 +10,8 @@ from hsslam_node.services.worker import Worker, run_worker
 
 def _run(worker: Worker) -> None:
     behaviour = (worker.run.path / "behaviour").read_text()
-    worker.ready()
     worker.count("laps")
+    worker.ready()
     if behaviour == "bad input":
         raise UserError("field = 3: expected 4")
     if behaviour == "deaf":

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.synth_room.atlas import build_atlas
+from hsslam_node.sources.synth_room.atlas_cache import cached_atlas
 from hsslam_node.sources.synth_room.primitive import Primitive
 from hsslam_node.sources.synth_room.ray_caster import render
 
@@ -20,7 +20,7 @@ class Renderer:
             "centers": np.stack([p.center_m for p in parts]).astype(np.float64),
             "halves": np.stack([p.half_m for p in parts]).astype(np.float64),
         }
-        self._atlas = build_atlas(
+        self._atlas = cached_atlas(
             parts, self._arrays, seed, float(np.clip(640 / camera.width_px, 0.6, 4.0))
         )
         self._intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])

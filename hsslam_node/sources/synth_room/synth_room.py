@@ -1,18 +1,19 @@
 """The built-in source `synth:room`."""
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.source import BadFrame, SourceOptions, SynthOptions
 from hsslam_node.sources.synth_room.motion import hand_held_poses
-from hsslam_node.sources.synth_room.renderer import Renderer
 from hsslam_node.sources.synth_room.scene import build_scene
-from hsslam_node.sources.synth_room.scene_mesh import scene_mesh
+
+if TYPE_CHECKING:
+    import trimesh
 
 _UNITS_PER_M = 5000.0
 _FOCAL_PER_WIDTH = 525.0 / 640.0  # the field of view of a Kinect
@@ -36,6 +37,8 @@ class SynthRoom:
 
     def frames(self) -> Iterator[Frame | BadFrame]:
         """Every frame of the loop; the first call builds the textures (seconds)."""
+        from hsslam_node.sources.synth_room.renderer import Renderer  # imports numba and OpenCV
+
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
         for index, (stamp_ns, pose) in enumerate(zip(self._stamps_ns, self._poses, strict=True)):
             color, depth = renderer.render(pose)
@@ -44,8 +47,10 @@ class SynthRoom:
 
 def synth_room_truth(
     options: SourceOptions,
-) -> tuple[Trajectory, Callable[[], trimesh.Trimesh]]:
+) -> tuple[Trajectory, "Callable[[], trimesh.Trimesh]"]:
     """Exact trajectory of the frames that `SynthRoom(options)` delivers, and its mesh on demand."""
+    from hsslam_node.sources.synth_room.scene_mesh import scene_mesh  # imports trimesh
+
     synth = options.synth
     rows = list(options.selected(synth.length))
     poses = hand_held_poses(synth.size_m, synth.length, synth.seed)
