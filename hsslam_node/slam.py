@@ -12,12 +12,12 @@ from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.allocator import ArrayAllocator, MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.map_views import MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.track_result import TrackResult
 
@@ -47,6 +47,7 @@ class Slam:
         self._tracker: FrameTracker | None = None
         self._mapper: Mapper | None = None
         self._ba: GlobalBundleAdjustment | None = None
+        self._views: MapViews | None = None
 
     def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
         """Process all frames, yielding the pose of each."""
@@ -95,12 +96,13 @@ class Slam:
         layout = FieldLayout.over(c.field, initial_bound(frame, c.bound, c.mapper.max_depth_m))
         self.parameters = FieldParameters.create(self._arrays, layout, self.seed)
         self._mapper = Mapper(c, self.parameters, self.seed, self._device)
+        self._views = MapViews(
+            self.parameters, self._device, with_color=c.tracker.method == "rendering"
+        )
         if c.ba.enabled:
             self._ba = GlobalBundleAdjustment(c, self.parameters, self.seed, self._device)
 
     def _view(self) -> MapView | None:
-        if self.parameters is None:
+        if self._views is None:
             return None
-        version, params = self.parameters.published()
-        layout = kernel_layout(self.parameters.layout)
-        return MapView(version, layout, params, self.config.field.truncation_m)
+        return self._views.newest()

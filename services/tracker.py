@@ -7,7 +7,6 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.frame_codec import frame_from_message
@@ -15,7 +14,9 @@ from hsslam_node.rehearsal import rehearse
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.services.worker_device import worker_device
+from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.map_views import MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.tracking.track_result import Status, TrackResult
@@ -53,7 +54,8 @@ class _TrackerLoop:
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
-        self._view: MapView | None = None
+        self._device = worker_device(worker)
+        self._views: MapViews | None = None
         last = self._log.last()
         self._last_index = -1 if last is None else int(last["index"])
         self._was_lost = False
@@ -124,14 +126,10 @@ class _TrackerLoop:
 
     def _current_view(self) -> MapView | None:
         parameters = self._link.parameters()
-        if parameters is None or parameters.version == 0:
-            return None
-        version, params = parameters.published()
-        if self._view is None or self._view.version != version:
-            layout = self._view.layout if self._view else kernel_layout(parameters.layout)
-            truncation_m = self._worker.options.slam.field.truncation_m
-            self._view = MapView(version, layout, params, truncation_m)
-        return self._view
+        if self._views is None and parameters is not None:
+            by_rendering = self._worker.options.slam.tracker.method == "rendering"
+            self._views = MapViews(parameters, self._device, with_color=by_rendering)
+        return self._views.newest() if self._views else None
 
     def _announce_keyframe(self, result: TrackResult, message: messages.Frame) -> None:
         t, q = wire_pose(result.T_world_cam)

@@ -9,26 +9,15 @@ from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.kernels.alignment import (
     add_keyframe_surface_term,
     add_photometric_term,
-    add_sdf_term,
 )
 from hsslam_node.kernels.depth_points import transform_points
-from hsslam_node.kernels.kernel_layout import KernelLayout
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
+from hsslam_node.tracking.sdf_term import open_sdf_term
 
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
-
-
-@dataclass(frozen=True)
-class MapView:
-    """The published map that a frame is aligned to."""
-
-    version: int
-    layout: KernelLayout
-    params: np.ndarray  # [P] float32, used in place
-    truncation_m: float
 
 
 @dataclass(frozen=True)
@@ -121,7 +110,7 @@ class _Problem:
     ) -> None:
         self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
         self._levels = levels
-        self._view = view
+        self._sdf_term = open_sdf_term(view, self._points, config) if view else None
         self._reference = reference
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
@@ -130,12 +119,7 @@ class _Problem:
             if reference
             else ()
         )
-        n = len(points)
-        self._world = np.empty((n, 3), np.float32)
-        self._sdf = np.empty(n, np.float32)
-        self._gradient = np.empty((n, 3), np.float32)
-        self._inside = np.empty(n, np.uint8)
-        self._has_gradient = False
+        self._world = np.empty((len(points), 3), np.float32)
         self.bias = 0.0
 
     def linearise(self, T: np.ndarray, level: int) -> _System:
@@ -147,22 +131,12 @@ class _Problem:
         n = len(points)
         world = self._world[:n]
         transform_points(T, points, world)
-        z = points[:, 2]
         centre = T[:3, 3].copy()
         # the map is asked last, and first only where there is no keyframe to lead the way
-        if self._view and (fine or self._reference is None):
-            inside, sdf, gradient = self._inside[:n], self._sdf[:n], self._gradient[:n]
-            # over the last millimetres the gradient of each point stays what it was
-            query_sdf(
-                self._view.params, self._view.layout, world, sdf, inside, gradient,
-                not (fine and self._has_gradient),
-            )  # fmt: skip
-            self._has_gradient = fine
-            _, system.sdf_inliers, system.sdf_seen, system.sdf_squares = add_sdf_term(
-                sdf, gradient, inside, world, z, centre, self._view.truncation_m,
-                c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, system.H, system.b,
-            )  # fmt: skip
-            system.outside = n - system.sdf_seen
+        if self._sdf_term and (fine or self._reference is None):
+            found = self._sdf_term.add(T, world, fine, system.H, system.b)
+            system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
+            system.outside = n - found.seen
         if self._reference and c.surface_weight > 0:
             k = c.surface_weight**-0.5
             _, system.surface_inliers, system.surface_met = add_keyframe_surface_term(

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 
 
 class PoseObjective(Protocol):

@@ -9,7 +9,7 @@ from hsslam_node.kernels.field_pose_backward import field_pose_backward
 from hsslam_node.kernels.ray_batch import gather_pixels, place_samples, pose_gradients
 from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward
 from hsslam_node.mapping.ray_batch import ray_batch
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 
 _CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
 

@@ -6,8 +6,8 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_log
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.frame_points import frame_points
+from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.pose_objective import PoseObjective
 from hsslam_node.tracking.rendering_descent import descend
 from hsslam_node.tracking.rendering_objective import RenderingObjective

@@ -8,7 +8,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.kernels.alignment import add_sdf_term
 from hsslam_node.kernels.depth_points import transform_points
 from hsslam_node.kernels.sdf_query import query_sdf
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 
 
 @dataclass(frozen=True)

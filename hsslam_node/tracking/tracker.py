@@ -9,8 +9,9 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
-from hsslam_node.tracking.alignment import Alignment, MapView, align
+from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.frame_points import frame_points
+from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.place_recognition import PlaceRecognition
 from hsslam_node.tracking.reference_keyframe import (

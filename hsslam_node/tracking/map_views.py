@@ -1,0 +1,56 @@
+"""The newest published map, as a tracker asks it."""
+
+from typing import TYPE_CHECKING
+
+from hsslam_node.device.device import Device
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.tracking.map_view import MapView
+
+if TYPE_CHECKING:
+    from hsslam_node.device.device_map import DeviceMap
+    from hsslam_node.device.published_copy import PublishedCopy
+
+
+class MapViews:
+    """Views of the versions of one map; on a GPU they come with a copy there.
+
+    The copy is one for all versions: the newest view is the one to use. With `with_color` the copy holds all parameters, else those that signed distances need.
+    """
+
+    def __init__(
+        self, parameters: FieldParameters, device: Device, *, with_color: bool = False
+    ) -> None:
+        self._parameters = parameters
+        self._layout = kernel_layout(parameters.layout)
+        self._view: MapView | None = None
+        self._copy: PublishedCopy | None = None
+        self._on_device: DeviceMap | None = None
+        if device.uses_triton:
+            self._copy, self._on_device = _open_copy(parameters, device, with_color)
+
+    def newest(self) -> MapView | None:
+        """The version that is current now; None before the first."""
+        version, params = self._parameters.published()
+        if version == 0:
+            return None
+        if self._copy is not None:
+            version = self._copy.pull()
+        if self._view is None or self._view.version != version:
+            truncation_m = self._parameters.layout.config.truncation_m
+            self._view = MapView(version, self._layout, params, truncation_m, self._on_device)
+        return self._view
+
+
+def _open_copy(
+    parameters: FieldParameters, device: Device, with_color: bool
+) -> "tuple[PublishedCopy, DeviceMap]":
+    from hsslam_node.device.device_map import DeviceMap
+    from hsslam_node.device.published_copy import PublishedCopy
+    from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
+
+    layout = parameters.layout
+    count = layout.parameter_count if with_color else layout.geometry_count
+    copy = PublishedCopy(parameters, device, count)
+    tables = gpu_layout(kernel_layout(layout), device.tensors_on)
+    return copy, DeviceMap(tables, copy.params)

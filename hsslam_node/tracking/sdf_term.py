@@ -1,0 +1,75 @@
+"""The map's term of an alignment: depth points on the zero level of the signed distance."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.kernels.alignment import add_sdf_term
+from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.tracking.map_view import MapView
+
+
+class SdfEvidence(NamedTuple):
+    """What the points said."""
+
+    inliers: int
+    seen: int  # points in the bound
+    squares_m2: float  # sum over the inliers
+
+
+class SdfTerm(Protocol):
+    """Adds to normal equations what the map says of the depth points of one frame."""
+
+    def add(
+        self, T_world_cam: np.ndarray, world: np.ndarray, fine: bool, H: np.ndarray, b: np.ndarray
+    ) -> SdfEvidence:
+        """Add to H [7, 7] and b [7] (upper half of H; see kernels/alignment.py), linearised at the pose.
+
+        world [N, 3] float32 m: the points of this level seen from T_world_cam [4, 4].
+        """
+        ...
+
+
+def open_sdf_term(
+    view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
+) -> SdfTerm:
+    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
+    if view.on_device is not None:
+        from hsslam_node.tracking.gpu_sdf_term import GpuSdfTerm
+
+        return GpuSdfTerm(view, points, config)
+    return _CpuSdfTerm(view, points, config)
+
+
+class _CpuSdfTerm:
+    """Asks the published map in place."""
+
+    def __init__(
+        self, view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
+    ) -> None:
+        self._view = view
+        self._points = points
+        self._config = config
+        n = len(points[-1])
+        self._sdf = np.empty(n, np.float32)
+        self._gradient = np.empty((n, 3), np.float32)
+        self._inside = np.empty(n, np.uint8)
+        self._has_gradient = False
+
+    def add(
+        self, T_world_cam: np.ndarray, world: np.ndarray, fine: bool, H: np.ndarray, b: np.ndarray
+    ) -> SdfEvidence:
+        c, n = self._config, len(world)
+        inside, sdf, gradient = self._inside[:n], self._sdf[:n], self._gradient[:n]
+        # over the last millimetres the gradient of each point stays what it was
+        query_sdf(
+            self._view.params, self._view.layout, world, sdf, inside, gradient,
+            not (fine and self._has_gradient),
+        )  # fmt: skip
+        self._has_gradient = fine
+        _, inliers, seen, squares = add_sdf_term(
+            sdf, gradient, inside, world, self._points[fine][:, 2], T_world_cam[:3, 3].copy(),
+            self._view.truncation_m, c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, H, b,
+        )  # fmt: skip
+        return SdfEvidence(inliers, seen, squares)
