@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 class MapViews:
     """Views of the versions of one map; on a GPU they come with a copy there.
 
-    The copy is one for all versions: the newest view is the one to use. With `with_color` the copy holds all parameters, else those that signed distances need.
+    The copy is one for all versions: only the newest view is right. With `with_color` it holds all
+    parameters, else those that signed distances need.
     """
 
     def __init__(
