@@ -1,5 +1,7 @@
 """The global bundle adjustment process: refines what the map renders badly."""
 
+from functools import partial
+
 from hsslam_node.bundle_adjustment.global_ba import BaReport, GlobalBundleAdjustment
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Correction, Step
@@ -55,8 +57,8 @@ class _BaLoop:
             self._ba = GlobalBundleAdjustment(options.slam, parameters, options.seed, self._device)
         if not self._ba.is_due(store):
             return
-        with self._worker.timed("round"), self._worker.arena.lease(PARAMETERS_LEASE):
-            report = self._ba.round(store)
+        with self._worker.timed("round"):
+            report = self._ba.round(store, partial(self._worker.arena.lease, PARAMETERS_LEASE))
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
         if report.moved:

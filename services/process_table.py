@@ -46,12 +46,12 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     _row(
         "mapper",
         "steps the scene model",
-        nice=10,
+        nice=5,
         stop_stage=MAP_STAGE,
         ends_run=True,
         stop_timeout_s=120.0,  # its last iterations
     ),
-    _row("recorder", "writes run.mcap and feeds rerun", nice=5, stop_stage=RECORDER_STAGE),
+    _row("recorder", "writes run.mcap and feeds rerun", nice=8, stop_stage=RECORDER_STAGE),
     _row("camera", "publishes the source", nice=0, stop_stage=CAMERA_STAGE, may_finish=True),
     _row("global_ba", "refines keyframe poses", nice=10, stop_stage=MAP_STAGE, is_late=True),
     _row("mesher", "extracts the mesh", nice=19, stop_stage=MAP_STAGE, is_late=True),

@@ -1,5 +1,7 @@
 """Rounds of active global bundle adjustment."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +34,7 @@ class GlobalBundleAdjustment:
     With uniform selection nothing is measured, and random keyframes are refined (Co-SLAM).
 
     All poses of the chosen keyframes are free but that of keyframe 0; their Adam moments are kept
-    from round to round. The caller holds the parameters' lease and writes the poses back.
+    from round to round. The caller writes the poses back.
     """
 
     def __init__(
@@ -51,12 +53,18 @@ class GlobalBundleAdjustment:
         """Whether enough keyframes have come since the last round."""
         return store.count - self._keyframes_at_round >= self._config.every_keyframes
 
-    def round(self, store: KeyframeStore) -> BaReport:
-        """Probe, select, refine."""
+    def round(
+        self,
+        store: KeyframeStore,
+        lease: Callable[[], AbstractContextManager[object]] = nullcontext,
+    ) -> BaReport:
+        """Probe, select, refine. `lease()` is held for one iteration at a time, so that a mapper
+        beside this process never waits for a whole round."""
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
-        chosen = self._select(store, generator)
+        with lease():
+            chosen = self._select(store, generator)
         if len(chosen) == 0:
             return BaReport(chosen, np.zeros((0, 4, 4)), 0.0, 0.0, False)
         measured = self._config.selection == "active"
@@ -66,7 +74,11 @@ class GlobalBundleAdjustment:
         counts = np.full(len(chosen), self._config.rays // len(chosen))
         free = self._config.pose_rate > 0
         for _ in range(self._config.iterations):
-            report = self._optimiser.step(store, chosen, counts, poses, generator, with_poses=free)
+            with lease():
+                report = self._optimiser.step(
+                    store, chosen, counts, poses, generator, with_poses=free
+                )
+                self._optimiser.push()
             losses.append(float(report.keyframe_loss.mean()))
             self._table.update(chosen, report.keyframe_loss)
             if free:
@@ -75,7 +87,6 @@ class GlobalBundleAdjustment:
                         moments = self._moments.setdefault(int(k), PoseAdam(ADAM_BETA1))
                         step = moments.step(report.pose_gradient[slot], self._config.pose_rate)
                         poses[slot] = moved_about_camera(poses[slot], step)
-        self._optimiser.push()
         self._table.rest(chosen)
         moved = free and bool((poses != all_poses[chosen]).any())
         return BaReport(chosen, poses, losses[0], losses[-1], moved)
