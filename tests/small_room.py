@@ -11,6 +11,7 @@ from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.allocator import MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
@@ -18,6 +19,7 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.tracking.alignment import MapView
 
 OPTIONS = SourceOptions(frames=40, synth=SynthOptions(width_px=160, height_px=120))
 SMALL = replace(
@@ -57,6 +59,13 @@ def mapped_room(config: SlamConfig = SMALL) -> MappedRoom:
     for name, array in _trained().items():
         arrays.create(name, array.shape, array.dtype)[...] = array
     return MappedRoom(config, KeyframeStore(arrays), FieldParameters(arrays, config.field))
+
+
+def map_view(config: SlamConfig = SMALL) -> MapView:
+    """The map after 200 iterations, as it was published."""
+    parameters = mapped_room(config).parameters
+    version, params = parameters.published()
+    return MapView(version, kernel_layout(parameters.layout), params, config.field.truncation_m)
 
 
 def empty_room(config: SlamConfig = SMALL) -> MappedRoom:

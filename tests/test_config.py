@@ -135,5 +135,16 @@ def test_presets_lay_out_a_field(name):
     assert dataclasses.replace(preset) == preset
 
 
+def test_the_baselines_have_their_encodings_and_nothing_of_ours():
+    eslam, co_slam = PRESETS["eslam"], PRESETS["co-slam"]
+    assert eslam.field.plane_channels and not eslam.field.hash_levels + eslam.field.oneblob_bins
+    assert co_slam.field.hash_levels and co_slam.field.oneblob_bins
+    assert not co_slam.field.plane_channels
+    for preset in (eslam, co_slam):
+        assert preset.tracker.method == "rendering"
+        assert preset.weights.patch == 0
+        assert not preset.ba.enabled or preset.ba.selection == "uniform"
+
+
 def test_the_paper_is_the_default():
     assert PRESETS["paper"] == SlamConfig()

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment, moved_about_camera
+from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.config import BundleAdjustmentConfig, SlamConfig
+from hsslam_node.geometry.se3 import moved_about_camera
 from hsslam_node.mapping.map_optimiser import MapOptimiser
 from tests.small_room import SMALL, MappedRoom, displaced, mapped_room, pose_error
 
@@ -132,6 +133,28 @@ def test_a_round_lowers_the_loss_of_its_keyframes():
     room = _room(displaced_keyframe=6, top_keyframes=3, iterations=20)
     report = _ba(room).round(room.store)
     assert report.loss_after < 0.7 * report.loss_before
+
+
+def test_uniform_selection_takes_random_keyframes_whatever_their_loss():
+    room = _room(selection="uniform", loss_threshold=1e6, top_keyframes=4, iterations=2)
+    ba = _ba(room)
+    reports = [ba.round(room.store) for _ in range(4)]
+    chosen = [set(r.keyframes.tolist()) for r in reports]
+    assert all(len(c) == 4 for c in chosen) and len(set.union(*chosen)) > 6
+    for r in reports:
+        assert r.moved and 0 < r.loss_before < 1 and 0 < r.loss_after < 1
+
+
+def test_uniform_selection_pulls_a_displaced_keyframe_back():
+    room = _room(displaced_keyframe=6, selection="uniform", top_keyframes=512)
+    truth = mapped_room().store.poses()
+    ba = _ba(room)
+    for _ in range(10):
+        report = ba.round(room.store)
+        assert report.keyframes.tolist() == list(range(10))
+        room.store.correct_poses(report.keyframes, report.T_world_cam)
+    distance_m, angle_deg = pose_error(room.store.pose(6), truth[6])
+    assert distance_m < 0.01 and angle_deg < 0.5
 
 
 def test_rounds_are_due_every_few_keyframes():
