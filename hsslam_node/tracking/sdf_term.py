@@ -10,6 +10,9 @@ from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.tracking.map_view import MapView
 
 
+_STRAIGHT_M = 0.003  # over which the distance changes along a straight line: no accuracy is lost
+
+
 class SdfEvidence(NamedTuple):
     """What the points said."""
 
@@ -55,19 +58,22 @@ class _CpuSdfTerm:
         self._sdf = np.empty(n, np.float32)
         self._gradient = np.empty((n, 3), np.float32)
         self._inside = np.empty(n, np.uint8)
-        self._has_gradient = False
+        self._asked_at = np.empty((0, 3), np.float32)  # where the fine points were last asked
 
     def add(
         self, T_world_cam: np.ndarray, world: np.ndarray, fine: bool, H: np.ndarray, b: np.ndarray
     ) -> SdfEvidence:
         c, n = self._config, len(world)
         inside, sdf, gradient = self._inside[:n], self._sdf[:n], self._gradient[:n]
-        # over the last millimetres the gradient of each point stays what it was
-        query_sdf(
-            self._view.params, self._view.layout, world, sdf, inside, gradient,
-            not (fine and self._has_gradient),
-        )  # fmt: skip
-        self._has_gradient = fine
+        is_line = False
+        if fine and len(self._asked_at) == n:
+            step = world - self._asked_at  # [N, 3] m
+            is_line = bool(np.abs(step).max() < _STRAIGHT_M)
+        if is_line:
+            sdf = sdf + np.einsum("ni,ni->n", gradient, step)
+        else:
+            query_sdf(self._view.params, self._view.layout, world, sdf, inside, gradient, True)
+            self._asked_at = world.copy() if fine else self._asked_at
         _, inliers, seen, squares = add_sdf_term(
             sdf, gradient, inside, world, self._points[fine][:, 2], T_world_cam[:3, 3].copy(),
             self._view.truncation_m, c.sdf_sigma_m, c.sdf_sigma_slope, c.sdf_huber_m, H, b,
