@@ -9,7 +9,6 @@ from hsslam_node.kernels.alignment import add_sdf_term
 from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.tracking.map_view import MapView
 
-
 _STRAIGHT_M = 0.003  # over which the distance changes along a straight line: no accuracy is lost
 
 
