@@ -13,7 +13,7 @@ T, BETA = 0.06, 9.0
 WEIGHT = np.array([5.0, 0.1, 200.0, 10.0, 5.0], np.float32)
 
 
-def _batch(R=40, S=12, seed=0):
+def random_rays(R=40, S=12, seed=0):
     rng = np.random.default_rng(seed)
     f = {"measured_depth": rng.uniform(1.0, 2.0, R)}
     f["measured_depth"][::5] = 0.0  # no measurement
@@ -27,7 +27,7 @@ def _batch(R=40, S=12, seed=0):
     return f, inside.astype(np.uint8)
 
 
-def _reference(f, inside):
+def rays_by_reference(f, inside):
     t = {name: torch.from_numpy(value.astype(np.float64)) for name, value in f.items()}
     sdf, rgb = t["sdf"].requires_grad_(), t["rgb"].requires_grad_()
     log_beta = torch.tensor(np.log(BETA), dtype=torch.float64, requires_grad=True)
@@ -63,18 +63,18 @@ def _kernel(f, inside):
 
 
 def test_rendering_is_the_reference(close):
-    f, inside = _batch()
+    f, inside = random_rays()
     rendered, _, _, _ = _kernel(f, inside)
-    out, _, _ = _reference(f, inside)
+    out, _, _ = rays_by_reference(f, inside)
     for actual, name in zip(rendered, ("weights", "color", "depth", "opacity"), strict=True):
         close(actual, getattr(out, name).detach().numpy(), 1e-5)
     assert rendered[3][3] == 0.0
 
 
 def test_losses_and_gradients_are_the_reference(close):
-    f, inside = _batch()
+    f, inside = random_rays()
     _, terms, (d_sdf, d_rgb, d_log_beta), ray_loss = _kernel(f, inside)
-    _, expected, (e_sdf, e_rgb, e_log_beta) = _reference(f, inside)
+    _, expected, (e_sdf, e_rgb, e_log_beta) = rays_by_reference(f, inside)
     np.testing.assert_allclose(terms, expected, rtol=1e-4)
     close(d_sdf, e_sdf, 2e-4)
     close(d_rgb, e_rgb, 1e-4)
@@ -84,14 +84,14 @@ def test_losses_and_gradients_are_the_reference(close):
 
 
 def test_losses_of_the_rays_average_to_the_total():
-    f, inside = _batch()
+    f, inside = random_rays()
     f["measured_depth"] = np.maximum(f["measured_depth"], 1.0)  # all rays count the same
     _, terms, _, ray_loss = _kernel(f, inside)
     assert ray_loss.mean() == pytest.approx(float(terms @ WEIGHT), rel=1e-4)
 
 
 def test_nothing_to_supervise_is_zero():
-    f, inside = _batch()
+    f, inside = random_rays()
     f["measured_depth"][:] = 0.0
     f["extra"][:] = 0.0
     f["measured_color"][:] = _kernel(f, inside)[0][1]

@@ -1,0 +1,80 @@
+"""The kernel layout on the device: two small tables that every field kernel reads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import triton
+import triton.language as tl
+from torch import Tensor
+
+from hsslam_node.kernels.kernel_layout import KernelLayout
+
+HIDDEN = 32
+
+# ints: decoder offsets [4], planes [12, 3] (offset, vertices u, v), hash offset, mask, last cell [L] each
+PLANES = tl.constexpr(4)
+LEVELS = tl.constexpr(40)
+# floats: low [3], high [3], inverse extent [3], inverse cells [4], hash scale [L]
+CELLS = tl.constexpr(9)
+SCALES = tl.constexpr(13)
+
+
+@dataclass(frozen=True)
+class GpuLayout:
+    """A `KernelLayout` whose arrays are on a device; the sizes that kernels are compiled for."""
+
+    ints: Tensor  # [40 + 3 L] int32
+    floats: Tensor  # [13 + L] float32
+    channels: int  # C, of the planes; 0: none
+    levels: int  # L, of the hash grid; 0: none
+    blob_rows: int  # 48, or 0 without one-blob
+    first_decoder_chunk: int  # 16-float chunks of the decoders, the last one included
+    last_decoder_chunk: int
+    log_beta: int  # offset in floats
+    parameter_count: int
+
+    @property
+    def device(self) -> torch.device:
+        """Where the tables are."""
+        return self.ints.device
+
+    @property
+    def geometry_width(self) -> int:
+        """Columns of `FieldActivations.geometry_in`, 2 L + 2 C."""
+        return 2 * self.levels + 2 * self.channels
+
+    @property
+    def padded_levels(self) -> int:
+        """Hash levels rounded up to a power of two that a matrix product takes."""
+        return max(16, triton.next_power_of_2(self.levels))
+
+
+def gpu_layout(layout: KernelLayout, device: torch.device | str) -> GpuLayout:
+    """Copy the layout's tables to `device` (int32 offsets: at most 2^31 parameters)."""
+    L = len(layout.hash_offset)
+    decoders = [layout.geometry_W1, layout.geometry_W2, layout.color_W1, layout.color_W2]
+    planes = np.concatenate([layout.plane_offset[..., None], layout.plane_resolution], axis=-1)
+    ints = np.concatenate(
+        [
+            decoders,
+            planes.ravel(),
+            layout.hash_offset,
+            layout.hash_mask,
+            layout.hash_resolution - 1,
+        ]
+    )
+    floats = np.concatenate(
+        [layout.low, layout.high, layout.inv_extent, layout.plane_inv_cell, layout.hash_scale]
+    )
+    return GpuLayout(
+        ints=torch.from_numpy(ints.astype(np.int32)).to(device),
+        floats=torch.from_numpy(floats.astype(np.float32)).to(device),
+        channels=layout.channels,
+        levels=L,
+        blob_rows=layout.blob_rows,
+        first_decoder_chunk=layout.geometry_W1 >> 4,
+        last_decoder_chunk=(layout.color_W2 + HIDDEN * 3 - 1) >> 4,
+        log_beta=layout.log_beta,
+        parameter_count=layout.parameter_count,
+    )

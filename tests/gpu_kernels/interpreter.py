@@ -1,0 +1,24 @@
+"""Where the GPU kernels run in tests: on the GPU, and without one in Triton's interpreter."""
+
+import importlib
+import os
+import pkgutil
+from unittest.mock import patch
+
+import torch
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def import_gpu_kernels() -> None:
+    """Import Triton and all GPU kernels; without a GPU they become interpreted and take CPU tensors.
+
+    Triton decides that as it decorates a function, so the variable is set for the import only, and
+    no process that a test starts sees it.
+    """
+    settings = {} if DEVICE == "cuda" else {"TRITON_INTERPRET": "1"}
+    with patch.dict(os.environ, settings):
+        importlib.import_module("triton.experimental.gluon")  # else at the first launch
+        package = importlib.import_module("hsslam_node.gpu_kernels")
+        for module in pkgutil.iter_modules(package.__path__):
+            importlib.import_module(f"{package.__name__}.{module.name}")
