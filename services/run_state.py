@@ -31,7 +31,8 @@ class RunState:
     def fps(self) -> float:
         """Poses per second, of the last few seconds."""
         times = self.pose_times_s
-        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+        span_s = times[-1] - times[0] if times else 0.0
+        return (len(times) - 1) / span_s if span_s > 0 else 0.0
 
     @property
     def latency_ms(self) -> float:

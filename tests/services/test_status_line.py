@@ -61,3 +61,12 @@ def test_plain_output_is_one_line_now_and_then(tmp_path: Path):
     lines = out.getvalue().splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("frame -/0")
+
+
+def test_a_pose_that_is_sent_again_has_no_speed():
+    state = RunState()
+    for _ in range(2):
+        state.posed(_pose(1))
+    assert state.fps == 0.0
+    state.posed(_pose(2))
+    assert state.fps > 0
