@@ -1,6 +1,7 @@
 """A tiny alignment, so that machine code is loaded before the first frame waits for it."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from hsslam_node.slam import Slam
 _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
 
 
+@cache  # a forked process has it from its parent
 def rehearse(config: SlamConfig) -> None:
     """Track and map three frames of a textured wall with the field of `config`, then forget them."""
     small = dataclasses.replace(

@@ -1,18 +1,14 @@
 """One supervised process: started, watched, restarted, stopped."""
 
-import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_node.proto.messages import Health
-from hsslam_node.services.process_table import ProcessSpec, environment_of_threads
+from hsslam_node.services.process_table import ProcessSpec
 from hsslam_node.services.restart_policy import RestartPolicy
+from hsslam_node.services.spawn import Process, Spawn, how_it_ended, last_error, log_path, spawn
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
@@ -25,7 +21,7 @@ class Child:
     given up on (crash loop, or bad input: then `user_error` has the line to show).
     """
 
-    def __init__(self, spec: ProcessSpec, run_dir: Path) -> None:
+    def __init__(self, spec: ProcessSpec, run_dir: Path, spawn: Spawn = spawn) -> None:
         self.spec = spec
         self.wanted = False
         self.state: State = "waiting"
@@ -35,8 +31,9 @@ class Child:
         self.peak_rss_bytes = 0
         self.news: list[str] = []  # what the operator should read; the supervisor takes it
         self._run_dir = run_dir
+        self._spawn = spawn
         self._policy = RestartPolicy(spec.first_delay_s, spec.longest_delay_s)
-        self._process: subprocess.Popen | None = None
+        self._process: Process | None = None
         self._start_at_s = 0.0
         self._started_s = 0.0
         self._beat_s = 0.0
@@ -66,8 +63,8 @@ class Child:
     def tick(self) -> None:
         """Bring the process to what is wanted; never blocks."""
         now = time.monotonic()
-        if self._process is not None and self._process.poll() is not None:
-            self._exited(self._process.returncode, now)
+        if self._process is not None and (code := self._process.poll()) is not None:
+            self._exited(code, now)
         if self.wanted and self._process is None and self.state == "waiting":
             if now >= self._start_at_s:
                 self._start(now)
@@ -81,11 +78,10 @@ class Child:
         self.wanted = False
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
-            self._exited(self._process.returncode, time.monotonic())
+            self._exited(self._process.wait(), time.monotonic())
 
     def _start(self, now: float) -> None:
-        self._process = spawn(self.spec.module, self._run_dir, self.spec.threads)
+        self._process = self._spawn(self.spec.module, self._run_dir)
         self.state, self._started_s, self._stop_sent_s, self.health = "starting", now, 0.0, None
 
     def _exited(self, code: int, now: float) -> None:
@@ -97,11 +93,7 @@ class Child:
             self.state = "failed"
             self.user_error = last_error(self._run_dir, self.spec.module)
             return
-        how = (
-            f"was killed by {signal.Signals(-code).name}"
-            if code < 0
-            else f"exited with code {code}"
-        )
+        how = how_it_ended(code)
         delay_s = self._policy.failed(now)
         if delay_s is None:
             self.state = "failed"
@@ -140,36 +132,3 @@ class Child:
             )
             self._process.kill()
             self._process.wait()
-
-
-def spawn(module: str, run_dir: Path, threads: int = 1) -> subprocess.Popen:
-    """Start `python -m <module> --run <run_dir>` in a session of its own, its output in logs/."""
-    log_file = log_path(run_dir, module)
-    log_file.parent.mkdir(exist_ok=True)
-    environment: Mapping[str, str] = {
-        "NUMBA_CACHE_DIR": str(kernel_cache_folder()),
-        **os.environ,
-        **environment_of_threads(threads),
-        "PYTHONUNBUFFERED": "1",
-    }
-    with log_file.open("ab") as log:
-        return subprocess.Popen(
-            [sys.executable, "-m", module, "--run", str(run_dir)],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env=environment,
-            start_new_session=True,
-        )
-
-
-def log_path(run_dir: Path, module: str) -> Path:
-    """Where a process's own output goes."""
-    return run_dir / "logs" / f"{module.rpartition('.')[2]}.log"
-
-
-def last_error(run_dir: Path, module: str) -> str:
-    """The last `error: ...` line of a process's log, without the prefix."""
-    lines = log_path(run_dir, module).read_text(errors="replace").splitlines()
-    errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    return errors[-1] if errors else f"{module} failed; see {log_path(run_dir, module)}"

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from hsslam_node.services.child import last_error, spawn
 from hsslam_node.services.process_table import WATCHDOG
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.spawn import Spawn, last_error, spawn
 
 
 def run_one_shot(
@@ -17,17 +17,18 @@ def run_one_shot(
     timeout_s: float,
     tick: Callable[[], None],
     is_cancelled: Callable[[], bool],
+    spawn: Spawn = spawn,
 ) -> str:
     """Run a process to its end, calling `tick` meanwhile; returns "" or what went wrong."""
     process = spawn(module, run_dir)
     deadline = time.monotonic() + timeout_s
-    while process.poll() is None:
+    while (code := process.poll()) is None:
         tick()
         if is_cancelled() or time.monotonic() > deadline:
             process.kill()
             process.wait()
             return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
-    return last_error(run_dir, module) if process.returncode else ""
+    return last_error(run_dir, module) if code else ""
 
 
 def start_watchdog(run: RunInfo) -> subprocess.Popen:

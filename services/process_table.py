@@ -20,7 +20,6 @@ class ProcessSpec:
     ends_run: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
-    threads: int = 1
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
     health_timeout_s: float = 15.0  # without a heartbeat; armed by the first
     stall_timeout_s: float = 150.0  # heartbeats, but the main loop has not come round

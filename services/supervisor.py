@@ -11,6 +11,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
+from hsslam_node.services.nursery_link import NurseryLink
 from hsslam_node.services.one_shot import run_one_shot, start_watchdog
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.preparation import Prepared, prepare
@@ -27,6 +28,7 @@ from hsslam_node.services.status_line import StatusLine
 from hsslam_node.services.summary import process_section, update_summary
 
 _TICK_S = 0.05
+_STARTING_TICK_S = 0.01
 _SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
 _LONGEST_SETTLE_S = 5.0
 _WARM_UP_TIMEOUT_S = 600.0
@@ -55,15 +57,19 @@ class Supervisor:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._signalled)
         prepared = prepare(self._options)
+        nursery = NurseryLink(prepared.info.path)
+        if warm_stamp().exists():
+            nursery.start()
         watchdog = start_watchdog(prepared.info)
         try:
             with Bus(prepared.info.endpoint, prepared.info.robot, "supervisor") as bus:
-                run = _Run(self, prepared, bus)
+                run = _Run(self, prepared, bus, nursery)
                 try:
                     return run.to_the_end()
                 finally:
                     run.kill_all()
         finally:
+            nursery.close()
             prepared.close()
             _expect_end(watchdog)
 
@@ -79,15 +85,18 @@ class Supervisor:
 class _Run:
     """The processes of a prepared run and what is heard from them."""
 
-    def __init__(self, supervisor: Supervisor, prepared: Prepared, bus: Bus) -> None:
+    def __init__(
+        self, supervisor: Supervisor, prepared: Prepared, bus: Bus, nursery: NurseryLink
+    ) -> None:
         self._supervisor = supervisor
         self._info = prepared.info
         self._bus = bus
+        self._nursery = nursery
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
         self._status = StatusLine()
         self._children = {
-            spec.name: Child(spec, self._info.path)
+            spec.name: Child(spec, self._info.path, nursery.spawn)
             for spec in PROCESSES
             if spec.name != "camera" or self._info.options.has_camera_process
         }
@@ -98,6 +107,7 @@ class _Run:
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S, patience=0)
+            self._nursery.start()
             for child in self._children.values():
                 child.wanted = not child.spec.is_late
             reason = self._until_stop()
@@ -143,11 +153,15 @@ class _Run:
             child.tick()
             while child.news:
                 self._tell(child.news.pop(0))
+        self._nursery.tick()
+        while self._nursery.news:
+            self._tell(self._nursery.news.pop(0))
         for event in events:
             if event.process != "supervisor":
                 self._status.say(f"{event.process}: {event.text}", event.level)
         self._status.show(self._listener.state, self._children)
-        time.sleep(_TICK_S)
+        is_starting = any(child.state == "starting" for child in self._children.values())
+        time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 
     def _tell(self, text: str) -> None:
         self._status.say(text, "warning")
@@ -194,7 +208,9 @@ class _Run:
 
         if is_cancelled():
             return
-        error = run_one_shot(module, self._info.path, timeout_s, self._tick, is_cancelled)
+        error = run_one_shot(
+            module, self._info.path, timeout_s, self._tick, is_cancelled, self._nursery.spawn
+        )
         if error and not is_cancelled():
             self._tell(f"{module.rpartition('.')[2]}: {error}")
 

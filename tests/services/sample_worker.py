@@ -26,5 +26,9 @@ def _run(worker: Worker) -> None:
     (worker.run.path / "ended").write_text("in order")
 
 
-if __name__ == "__main__":
+def main() -> None:
     run_worker("sample", _run)
+
+
+if __name__ == "__main__":
+    main()

@@ -13,13 +13,14 @@ from tests.services.serve_process import SMALL_ROOM
 pytestmark = pytest.mark.e2e
 
 
-def test_death_of_ba_recorder_and_mesher_costs_no_pose(serve):
+def test_death_of_ba_recorder_mesher_and_nursery_costs_no_pose(serve):
     run = serve(*SMALL_ROOM, "--frames", "120")
     run.wait_for_poses(30)
-    for name in ("global_ba", "recorder", "mesher"):
+    for name in ("global_ba", "recorder", "mesher", "nursery"):
         run.kill_worker(name)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
+    assert "nursery was killed by SIGKILL: restarted" in run.stderr
     summary = run.summary()
     for name in ("global_ba", "recorder", "mesher"):
         assert summary["processes"][name]["restarts"] == 1

@@ -14,10 +14,10 @@ import os, sys, time
 from pathlib import Path
 from hsslam_node.services.arena_folder import ArenaFolder
 from hsslam_node.services.bus import free_endpoint, open_router
-from hsslam_node.services.child import spawn
 from hsslam_node.services.one_shot import start_watchdog
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.spawn import spawn
 run_dir = Path(sys.argv[1])
 endpoint = free_endpoint()
 router = open_router(endpoint)
