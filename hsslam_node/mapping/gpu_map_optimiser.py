@@ -1,0 +1,211 @@
+"""The optimiser of the scene model on the GPU: twin of `MapOptimiser`, with the same random numbers."""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import Device
+from hsslam_node.device.graph_cache import GraphCache
+from hsslam_node.device.parameter_copy import ParameterCopy
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.gpu_kernels.adam import sparse_adam
+from hsslam_node.gpu_kernels.field_backward import field_backward
+from hsslam_node.gpu_kernels.field_forward import field_forward
+from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
+from hsslam_node.gpu_kernels.losses import losses_backward
+from hsslam_node.gpu_kernels.patch_ssim import patch_ssim_backward
+from hsslam_node.gpu_kernels.ray_batch import place_samples, pose_gradients
+from hsslam_node.gpu_kernels.rendering import render_forward
+from hsslam_node.gpu_kernels.smoothness import smoothness_backward
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.losses.smoothness import smoothness_cube
+from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
+from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
+from hsslam_node.mapping.ray_batch import draw_rays
+from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
+
+_TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
+
+
+class GpuMapOptimiser:
+    """Steps a copy of the parameters on the device; rays, jitter and patches are drawn on the host.
+
+    See `Optimiser`. Everything between the inputs and the results of a step is one CUDA graph.
+    """
+
+    def __init__(
+        self, config: SlamConfig, parameters: FieldParameters, rays: int, device: Device
+    ) -> None:
+        self._config = config
+        self._parameters = parameters
+        self._layout = gpu_layout(kernel_layout(parameters.layout), device.tensors_on)
+        self._copy = ParameterCopy(parameters, device)
+        self._graphs = GraphCache(device)
+        self._space = GpuWorkSpace(config, self._layout, rays, device)
+
+    def step(
+        self,
+        store: KeyframeStore,
+        keyframes: np.ndarray,
+        counts: np.ndarray,
+        poses: np.ndarray,
+        generator: np.random.Generator,
+        *,
+        rate_factor: float = 1.0,
+        with_poses: bool = False,
+        update: bool = True,
+        even_area: bool = False,
+    ) -> StepReport:
+        """One iteration, as `MapOptimiser.step`; the caller holds the writer's lease."""
+        s, m, n = self._space, self._config.mapper, len(keyframes)
+        R = draw_rays(
+            s.host_rays, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area
+        )
+        if R == 0:
+            return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
+        self._send_rays(R, poses, generator)
+        parts = _Parts(
+            update=update,
+            poses=update and with_poses,
+            patch=update and self._send_windows(R, generator),
+            cube=update and self._send_cube(generator),
+        )
+        self._copy.pull()
+        if update:
+            self._send_rates(rate_factor)
+        self._graphs.run(parts, lambda: self._work(parts))
+        return self._report(R, n, parts)
+
+    def push(self) -> None:
+        """Bring what was stepped to host memory; under the lease, before it is given back."""
+        self._copy.push()
+
+    def _send_rays(self, R: int, poses: np.ndarray, generator: np.random.Generator) -> None:
+        s = self._space
+        generator.random(out=s.jitter.host[:R], dtype=np.float32)
+        s.ray_count.host[0] = R
+        s.slot.host[:R] = s.host_rays.slot[:R]
+        s.ray_weight.host[:R] = ray_weights(s.depth.host[:R], self._config.mapper)
+        s.poses.host[: len(poses)] = poses[:, :3]
+        for array in (s.direction, s.depth, s.color, s.slot, s.ray_weight, s.jitter):
+            array.send(R)
+        s.ray_count.send()
+        s.poses.send()
+
+    def _send_windows(self, R: int, generator: np.random.Generator) -> bool:
+        """Whether this step has the patch term."""
+        s = self._space
+        if self._config.weights.patch == 0:
+            return False
+        windows = patch_windows(R, self._config.mapper, generator)
+        s.windows.host[: len(windows)] = windows
+        s.window_count.host[0] = len(windows)
+        s.windows.send(len(windows))
+        s.window_count.send()
+        return True
+
+    def _send_cube(self, generator: np.random.Generator) -> bool:
+        """Whether this step has the smoothness term."""
+        m, p = self._config.mapper, self._parameters
+        if self._config.weights.smoothness == 0 or p.step % m.smoothness_every:
+            return False
+        cube = smoothness_cube(
+            p.layout.bound, m.smoothness_vertices, m.smoothness_cell_m, generator
+        )
+        self._space.cube.host[:] = cube
+        self._space.cube.send()
+        return True
+
+    def _send_rates(self, factor: float) -> None:
+        s = self._space
+        s.step.host[0] = self._copy.count_step()
+        s.rates.host[:] = learning_rates(self._parameters.layout, self._config.mapper, factor)
+        s.step.send()
+        s.rates.send()
+
+    def _work(self, parts: "_Parts") -> None:
+        """The step on the device: launches alone, on tensors that stay where they are."""
+        s, c, layout, params = self._space, self._config, self._layout, self._copy.params
+        sampling, T = c.sampling, c.field.truncation_m
+        R, S = s.z.shape
+        count, log_beta = s.ray_count.tensor, params[layout.log_beta : layout.log_beta + 1]
+        sdf, rgb = s.acts.sdf.view(R, S), s.acts.rgb.view(R, S, 3)
+        inside = s.acts.inside.view(R, S)
+        terms, grad = s.terms.tensor, s.gradient
+        terms.zero_()
+        s.d_color.zero_()
+        place_samples(
+            s.rays, count, s.poses.tensor, s.jitter.tensor, sampling.free_samples,
+            sampling.surface_samples, sampling.free_reach, sampling.surface_reach * T, s.z, s.points,
+        )  # fmt: skip
+        field_forward(params, layout, s.points, R * S, s.acts)
+        render_forward(
+            sdf, rgb, inside, s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth, s.opacity
+        )  # fmt: skip
+        if parts.patch:
+            patch_ssim_backward(
+                s.rendered_color, s.rays.color, s.windows.tensor, s.window_count.tensor,
+                s.window_weight, c.weights.patch, s.d_color, terms[_PATCH],
+            )  # fmt: skip
+        beta = slice(layout.log_beta, layout.log_beta + 1)
+        d_log_beta = grad.values[beta] if parts.update else terms[_PROBE]
+        losses_backward(
+            sdf, rgb, inside, s.z, log_beta, s.weights, s.rendered_color, s.rendered_depth,
+            s.rays.color, s.rays.depth, s.ray_weight.tensor, s.loss_weight, T, s.d_color, count,
+            s.d_sdf, s.d_rgb, s.ray_loss.tensor, terms[_TERMS], d_log_beta,
+        )  # fmt: skip
+        torch.sum(s.acts.inside, 0, keepdim=True, dtype=torch.int64, out=s.inside_count.tensor)
+        if parts.update:
+            self._backward_and_adam(parts)
+
+    def _backward_and_adam(self, parts: "_Parts") -> None:
+        s, c, layout, copy = self._space, self._config, self._layout, self._copy
+        grad = s.gradient
+        field_backward(
+            copy.params, layout, len(s.points), s.acts, s.d_sdf.view(-1), s.d_rgb.view(-1, 3), grad,
+            s.d_points, parts.poses,
+        )  # fmt: skip
+        if parts.poses:
+            s.d_twist.tensor.zero_()
+            pose_gradients(
+                s.rays, s.ray_count.tensor, s.poses.tensor, s.z, s.d_points, s.d_twist.tensor
+            )
+        if parts.cube:
+            smoothness_backward(
+                copy.params, layout, s.cube.tensor, c.weights.smoothness, grad, s.feature,
+                s.terms.tensor[_SMOOTH],
+            )  # fmt: skip
+        chunk = layout.log_beta >> 4
+        grad.touched[chunk : chunk + 1].fill_(1)
+        sparse_adam(
+            copy.params, copy.first_moment, copy.second_moment, grad, s.step.tensor, s.rates.tensor,
+            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, copy.stepped_at,
+        )  # fmt: skip
+
+    def _report(self, R: int, n: int, parts: "_Parts") -> StepReport:
+        s, w = self._space, self._config.weights
+        terms = s.terms.fetch().astype(np.float64)
+        ray_loss, slot = s.ray_loss.fetch(R), s.host_rays.slot[:R]
+        seen = np.maximum(np.bincount(slot, minlength=n), 1)
+        per_keyframe = np.bincount(slot, ray_loss, minlength=n) / seen
+        weight = np.array([w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space])
+        loss = float(terms[_TERMS] @ weight)
+        if parts.patch:
+            loss += w.patch * float(terms[_PATCH][0])
+        if parts.cube:
+            loss += w.smoothness * float(terms[_SMOOTH][0])
+        outside = R * s.z.shape[1] - int(s.inside_count.fetch()[0])
+        twist = s.d_twist.fetch(n).astype(np.float64) if parts.poses else np.zeros((n, 6))
+        return StepReport(R, outside, loss, per_keyframe, twist)
+
+
+class _Parts(NamedTuple):
+    """Which terms a step has; steps with the same ones launch the same work."""
+
+    update: bool
+    poses: bool
+    patch: bool
+    cube: bool

@@ -1,0 +1,82 @@
+"""Everything that a mapping step on the GPU reads and writes, allocated once and never moved."""
+
+import math
+
+import numpy as np
+import torch
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import Device
+from hsslam_node.device.staged_array import StagedArray
+from hsslam_node.gpu_kernels.activations import field_activations, gradient
+from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
+from hsslam_node.gpu_kernels.ray_batch import GpuRays
+from hsslam_node.losses.patch import window_weights
+from hsslam_node.mapping.ray_batch import RayBatch
+
+_RATE_REGIONS = 4
+
+
+class GpuWorkSpace:
+    """Inputs as `StagedArray`s, results and intermediate values as tensors, for up to `rays` rays.
+
+    Steps always run over all rows; `ray_count` and `window_count` say how many of them are real.
+    """
+
+    def __init__(self, config: SlamConfig, layout: GpuLayout, rays: int, device: Device) -> None:
+        S, m, w = config.sampling.count, config.mapper, config.weights
+        slots = max(m.window_keyframes, config.ba.top_keyframes, config.ba.probe_keyframes)
+
+        def staged(*shape: int, dtype: torch.dtype = torch.float32) -> StagedArray:
+            return StagedArray(shape, dtype, device)
+
+        def tensor(*shape: int, dtype: torch.dtype = torch.float32) -> torch.Tensor:
+            return torch.zeros(shape, dtype=dtype, device=device.tensors_on)
+
+        self.direction, self.depth, self.color = staged(rays, 3), staged(rays), staged(rays, 3)
+        self.slot = staged(rays, dtype=torch.int32)
+        self.ray_weight = staged(rays)
+        self.jitter = staged(rays, S)
+        self.poses = staged(slots, 3, 4)
+        self.windows = staged(_most_windows(rays, config), m.patch_kernel_px**2, dtype=torch.int32)
+        self.cube = staged(*3 * (m.smoothness_vertices,), 3)
+        self.ray_count = staged(1, dtype=torch.int32)
+        self.window_count = staged(1, dtype=torch.int32)
+        self.step = staged(1, dtype=torch.int32)
+        self.rates = staged(_RATE_REGIONS, 3, dtype=torch.float64)
+
+        self.loss_weight = tensor(5)
+        self.loss_weight[:] = torch.tensor(
+            [w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space]
+        )
+        self.window_weight = window_weights(m.patch_kernel_px).float().to(device.tensors_on)
+        self.acts = field_activations(layout, rays * S)
+        self.gradient = gradient(layout)
+        self.points, self.d_points = tensor(rays * S, 3), tensor(rays * S, 3)
+        self.z, self.weights, self.d_sdf = tensor(rays, S), tensor(rays, S), tensor(rays, S)
+        self.d_rgb = tensor(rays, S, 3)
+        self.rendered_color, self.rendered_depth = tensor(rays, 3), tensor(rays)
+        self.opacity, self.d_color = tensor(rays), tensor(rays, 3)
+        self.feature = tensor(m.smoothness_vertices**3, max(2 * layout.levels, 1))
+
+        # results, fetched after the step
+        self.ray_loss = staged(rays)
+        self.terms = staged(
+            8
+        )  # five of the rays, patch, smoothness, gradient by log beta of a probe
+        self.d_twist = staged(slots, 6)
+        self.inside_count = staged(1, dtype=torch.int64)
+
+        self.host_rays = RayBatch(
+            self.direction.host, self.depth.host, self.color.host, np.zeros(rays, np.int64)
+        )
+        self.rays = GpuRays(
+            self.direction.tensor, self.depth.tensor, self.color.tensor, self.slot.tensor
+        )
+
+
+def _most_windows(rays: int, config: SlamConfig) -> int:
+    """Windows of the patches of a full batch; at least one row."""
+    m = config.mapper
+    along = max((math.isqrt(rays) - m.patch_kernel_px) // m.patch_stride_px + 1, 0)
+    return max(m.patch_repeats * along * along, 1)
