@@ -1,4 +1,7 @@
-"""`python -m hsslam_node.services.bench`: run the service, measure the table, print and store it."""
+"""`python -m hsslam_node.services.bench`: run the service, measure the table, print and store it.
+
+`... compare A.json B.json` and `... plots FILE.json` look at results; see `result_commands`.
+"""
 
 import argparse
 import os
@@ -17,6 +20,7 @@ from hsslam_node.services.bench.catalogue import catalogue
 from hsslam_node.services.bench.check import Check, Row, perform, select
 from hsslam_node.services.bench.document import fill_document
 from hsslam_node.services.bench.report import machine, report, write_report
+from hsslam_node.services.bench.result_commands import RESULT_COMMANDS
 from hsslam_node.services.bench.session import Session
 
 _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
@@ -24,10 +28,14 @@ _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
 
 def main() -> int:
     """Exit code 0: all bounds met; 1: one is not met, or interrupted; 2: bad input."""
-    arguments, extra = _arguments(sys.argv[1:])
     try:
+        if sys.argv[1:2] and sys.argv[1] in RESULT_COMMANDS:
+            RESULT_COMMANDS[sys.argv[1]](sys.argv[2:])
+            return 0
+        arguments, extra = _arguments(sys.argv[1:])
         if arguments.docs:
-            fill_document(arguments.docs, arguments.results)
+            for document in arguments.docs:
+                fill_document(document, arguments.results)
             return 0
         return _bench(arguments, extra)
     except UserError as error:
@@ -45,7 +53,8 @@ def _arguments(args: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
         prog="bench",
         description="Measure what the README claims. A bound that is not met gives exit code 1.",
         epilog="Options after -- are added to every hsslam-serve; the figures are then not those "
-        "of the protocol. With --docs nothing is measured.",
+        "of the protocol. With --docs nothing is measured. Two commands look at results: "
+        "compare A.json B.json, and plots FILE.json --to FOLDER.",
     )
     data = os.environ.get("HSSLAM_TEST_DATA", "../shared/data")
     out = Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"
@@ -54,7 +63,9 @@ def _arguments(args: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     parser.add_argument("--list", action="store_true", help="print the names of the rows and end")
     parser.add_argument("--data", type=Path, default=Path(data), help="sequences (%(default)s)")
     parser.add_argument("--out", type=Path, default=out, help="result file (%(default)s)")
-    parser.add_argument("--docs", type=Path, help="document whose table is written from --from")
+    parser.add_argument(
+        "--docs", type=Path, nargs="+", help="documents whose tables are written from --from"
+    )
     parser.add_argument(
         "--from", dest="results", type=Path, nargs="+", metavar="JSON", help="result files"
     )

@@ -1,17 +1,24 @@
 """All rows of the benchmark's table, in its order."""
 
+from hsslam_node.services.bench.baseline_checks import baseline_checks
 from hsslam_node.services.bench.check import Check
+from hsslam_node.services.bench.gpu_checks import gpu_checks
+from hsslam_node.services.bench.growth_checks import growth_checks
 from hsslam_node.services.bench.kernel_checks import kernel_checks
 from hsslam_node.services.bench.lockstep_checks import lockstep_checks
 from hsslam_node.services.bench.realtime_checks import realtime_checks
+from hsslam_node.services.bench.viewer_checks import viewer_checks
 
 
 def catalogue() -> list[Check]:
     """The rows; those that nobody can measure yet stand there as not measured."""
     return [
         *lockstep_checks(),
+        *viewer_checks(),
         *realtime_checks(),
+        *growth_checks(),
         *kernel_checks(),
+        *baseline_checks(),
         Check("paper", "preset paper: accuracy and speed", "", None),
-        Check("gpu", "device cuda: accuracy and speed", "", None),
+        *gpu_checks(),
     ]

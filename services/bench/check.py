@@ -7,9 +7,10 @@ from typing import Any, Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.serve_run import RunFailedError
-from hsslam_node.services.bench.session import Session, Skipped
+from hsslam_node.services.bench.session import NotMeasured, Session, Skipped
 
 Verdict = Literal["ok", "NOT MET", "measured", "skipped", "not measured"]
+Better = Literal["lower", "higher", ""]  # "": neither
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,8 @@ class Measured:
     text: str
     ok: bool | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
+    figure: float | None = None  # the one number that another result is compared with
+    better: Better = ""
 
 
 @dataclass(frozen=True)
@@ -41,10 +44,15 @@ class Row:
     measured: str
     verdict: Verdict
     values: Mapping[str, Any] = field(default_factory=dict)
+    figure: float | None = None
+    better: Better = ""
 
 
 def perform(check: Check, session: Session) -> Row:
-    """Measure one row; what is not on disk is skipped, a run that fails is a bound not met."""
+    """Measure one row; what is not on disk is skipped, a run that fails is a bound not met.
+
+    What cannot be measured on this machine is not measured, with the reason.
+    """
     if check.measure is None:
         return unmeasured(check)
     verdict: Verdict
@@ -52,10 +60,21 @@ def perform(check: Check, session: Session) -> Row:
         result = check.measure(session)
     except Skipped as skipped:
         return Row(check.name, check.what, check.bound, str(skipped), "skipped")
+    except NotMeasured as reason:
+        return Row(check.name, check.what, check.bound, str(reason), "not measured")
     except RunFailedError as failure:
         return Row(check.name, check.what, check.bound, str(failure), "NOT MET")
     verdict = "measured" if result.ok is None else "ok" if result.ok else "NOT MET"
-    return Row(check.name, check.what, check.bound, result.text, verdict, dict(result.values))
+    return Row(
+        name=check.name,
+        what=check.what,
+        bound=check.bound,
+        measured=result.text,
+        verdict=verdict,
+        values=dict(result.values),
+        figure=result.figure,
+        better=result.better,
+    )
 
 
 def unmeasured(check: Check) -> Row:

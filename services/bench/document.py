@@ -1,20 +1,35 @@
-"""The table of docs/results.md, written from result files and from nothing else."""
+"""The tables of the documents, written from result files and from nothing else.
 
-from collections.abc import Sequence
+A table stands between a marker that says what it holds and `<!-- bench:end -->`:
+
+    <!-- bench:begin -->              all rows
+    <!-- bench:rows NAME ... -->      the rows of these names or groups
+    <!-- bench:columns NAME ... -->   their values, a column for each run they are of
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.catalogue import catalogue
-from hsslam_node.services.bench.check import Row, unmeasured
+from hsslam_node.services.bench.check import Check, Row, select, unmeasured
 from hsslam_node.services.bench.report import Report, read_report
 
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+_BLOCK = re.compile(
+    r"<!-- bench:(?P<kind>begin|rows|columns)(?P<names>[^\n]*?) -->\n(?P<old>.*?)<!-- bench:end -->",
+    re.DOTALL,
+)
 _HEAD = ("name", "what", "bound", "measured", "")
 _MARKS = {"ok": "ok", "NOT MET": "**NOT MET**", "measured": "", "skipped": "", "not measured": ""}
+_SHOWN = 0.05  # values that would be shown as 0.0 in every column are left out
 
 
 def fill_document(document: Path, results: Sequence[Path]) -> None:
-    """Renew the table between the markers; a row comes from the last file that measured it.
+    """Renew the tables between the markers; a row comes from the last file that measured it.
 
     Raises:
         UserError: no markers, not a result file, or one that did not follow the protocol.
@@ -22,22 +37,69 @@ def fill_document(document: Path, results: Sequence[Path]) -> None:
     reports = [_full(path) for path in results]
     try:
         old = document.read_text()
-        document.write_text(with_table(old, str(document), reports))
+        document.write_text(with_tables(old, str(document), reports))
     except OSError as error:
         raise UserError(f"--docs {document}: {error.strerror}: expected a document") from None
 
 
-def with_table(text: str, name: str, reports: Sequence[Report]) -> str:
-    """The text with its table renewed.
+def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
+    """The text with its tables renewed.
 
     Raises:
-        UserError: the markers are not there.
+        UserError: the markers are not there, or name rows that are not.
     """
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
+    measured = _Measured.of(reports)
+
+    def renewed(block: re.Match) -> str:
+        marker = block.group(0).partition("\n")[0]
+        checks = select(measured.checks, block["names"].split())
+        table = _columns if block["kind"] == "columns" else _table
+        lines = [*table([measured.rows[c.name] for c in checks]), *measured.origins(checks)]
+        return "\n".join((marker, *lines, END))
+
+    filled, count = _BLOCK.subn(renewed, text)
+    if count == 0:
         raise UserError(f"--docs {name}: expected the lines {BEGIN} and {END}")
-    return f"{head}{begin}\n{_table(reports)}\n{end}{tail}"
+    return filled
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The newest of every row, and which report it is from."""
+
+    checks: Sequence[Check]
+    rows: Mapping[str, Row]
+    origin: Mapping[str, Report] = field(default_factory=dict)
+
+    @staticmethod
+    def of(reports: Sequence[Report]) -> "_Measured":
+        """A row that was measured as something else, or against another bound, does not count."""
+        checks = {check.name: check for check in catalogue()}
+        rows = {name: unmeasured(check) for name, check in checks.items()}
+        origin: dict[str, Report] = {}
+        for found in reports:
+            for row in found.rows:
+                check = checks.get(row.name)
+                if check is None or (row.what, row.bound) != (check.what, check.bound):
+                    continue
+                if row.verdict == "not measured" and row.name not in origin:
+                    rows[row.name] = row
+                elif row.verdict not in ("skipped", "not measured"):
+                    rows[row.name], origin[row.name] = row, found
+        return _Measured(list(checks.values()), rows, origin)
+
+    def origins(self, checks: Sequence[Check]) -> list[str]:
+        """Lines that say when and where these rows were measured."""
+        names: dict[int, list[str]] = {}
+        reports = {id(found): found for found in self.origin.values()}
+        for check in checks:
+            if check.name in self.origin:
+                names.setdefault(id(self.origin[check.name]), []).append(f"`{check.name}`")
+        lines = []
+        for key, its in names.items():
+            which = "All" if len(names) == 1 else ", ".join(its)
+            lines += ["", f"{which}: {_circumstances(reports[key])}"]
+        return lines
 
 
 def _full(path: Path) -> Report:
@@ -47,24 +109,40 @@ def _full(path: Path) -> Report:
     return found
 
 
-def _table(reports: Sequence[Report]) -> str:
-    origin: dict[str, int] = {}
-    rows: dict[str, Row] = {check.name: unmeasured(check) for check in catalogue()}
-    for number, found in enumerate(reports):
-        for row in found.rows:
-            if row.name in rows and row.verdict not in ("skipped", "not measured"):
-                rows[row.name], origin[row.name] = row, number
-    cells = [_HEAD, ("---",) * len(_HEAD)]
-    cells += [
+def _table(rows: Sequence[Row]) -> list[str]:
+    cells = [
         (f"`{r.name}`", r.what, r.bound or "-", r.measured or "not measured", _MARKS[r.verdict])
-        for r in rows.values()
+        for r in rows
     ]
-    lines = [f"| {' | '.join(_escaped(cell) for cell in row)} |" for row in cells]
-    for number in sorted(set(origin.values())):
-        names = [f"`{name}`" for name, its in origin.items() if its == number]
-        which = "All" if len(set(origin.values())) == 1 else ", ".join(names)
-        lines += ["", f"{which}: {_circumstances(reports[number])}"]
-    return "\n".join(lines)
+    return _lines([_HEAD, *cells])
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    """Values of rows that hold a mapping for every run: a line for each value, its row before it."""
+    columns = list({run: None for row in rows for run in row.values})
+    cells: list[tuple[str, ...]] = []
+    for row in rows:
+        if not row.values:
+            cells.append((f"`{row.name}`", row.measured or "not measured", *[""] * len(columns)))
+            continue
+        names = {name: None for values in row.values.values() for name in values}
+        shown = [[row.values.get(run, {}).get(name) for run in columns] for name in names]
+        lines = [
+            (name, *map(_number, values))
+            for name, values in zip(names, shown, strict=True)
+            if any(value is not None and value >= _SHOWN for value in values)
+        ]
+        cells += [(f"`{row.name}`" if k == 0 else "", *line) for k, line in enumerate(lines)]
+    return _lines([("row", "", *columns), *cells])
+
+
+def _number(value: Any) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def _lines(cells: Sequence[Sequence[str]]) -> list[str]:
+    ruled = [cells[0], ["---"] * len(cells[0]), *cells[1:]]
+    return [f"| {' | '.join(_escaped(cell) for cell in row)} |" for row in ruled]
 
 
 def _circumstances(found: Report) -> str:

@@ -1,22 +1,63 @@
-"""Kernels against the plain PyTorch reference, and where the tracker's time goes."""
+"""Kernels against the plain PyTorch reference, one mapping iteration, and the tracker's stages."""
 
 import json
+from collections.abc import Sequence
 
 from hsslam_node.services.bench.check import Check, Measured
 from hsslam_node.services.bench.session import Session
 
 BATCHES = {"light": (768, 6), "86k": (2000, 43)}  # rays, samples a ray
 CHANNELS = (16, 32)
+_BOUNDS = {"86k": 30.0}  # times as fast
+_US_PER_POINT, _LIGHT_MS = 1.6, 15.0
 _PACKAGE = "hsslam_node.services.bench"
 
 
 def kernel_checks() -> list[Check]:
-    """One check for each batch and width, and one for the stages of tracking."""
+    """One check for each batch and width, two iterations, and one for the stages of tracking."""
     speeds = [_speed_check(batch, channels) for batch in BATCHES for channels in CHANNELS]
     what = (
         "tracking of room 640x480, one thread, alone: mean ms a frame (keyframe, reference: a call)"
     )
-    return [*speeds, Check("tracking", what, "", _tracking)]
+    return [*_iteration_checks(), *speeds, Check("tracking", what, "", _tracking)]
+
+
+def _iteration_checks() -> list[Check]:
+    of = "one mapping iteration, forward + losses + backward + Adam, one thread"
+    return [
+        Check(
+            "iteration:24k:32",
+            f"{of}: 1500 x (5 + 11) points, 32 channels",
+            f"{_US_PER_POINT:g} us a point",
+            lambda session: _iteration(session, (1500, 5, 11, 32), us_per_point=_US_PER_POINT),
+        ),
+        Check(
+            "iteration:light",
+            f"{of}: 640 x (4 + 8) points, 16 channels",
+            f"{_LIGHT_MS:g} ms",
+            lambda session: _iteration(session, (640, 4, 8, 16), median_ms=_LIGHT_MS),
+        ),
+        Check(
+            "iteration:realtime",
+            f"{of}: 768 x (2 + 4) points, 16 channels",
+            "",
+            lambda session: _iteration(session, (768, 2, 4, 16), median_ms=None),
+        ),
+    ]
+
+
+def _iteration(session: Session, batch: Sequence[int], **bound: float | None) -> Measured:
+    """`bound`: the figure that is judged, by its name in the result, and its limit."""
+    found = json.loads(session.python(f"{_PACKAGE}.iteration_speed", *map(str, batch)))
+    ((name, limit),) = bound.items()
+    return Measured(
+        f"{found['median_ms']:.1f} ms, {found['us_per_point']:.2f} us a point "
+        f"(least {found['least_ms']:.1f} ms)",
+        None if limit is None else found[name] <= limit,
+        found,
+        found[name],
+        "lower",
+    )
 
 
 def _speed_check(batch: str, channels: int) -> Check:
@@ -28,12 +69,20 @@ def _speed_check(batch: str, channels: int) -> Check:
         return Measured(
             f"{found['kernel_ms']:.1f} ms against {found['reference_ms']:.0f} ms: "
             f"{found['ratio']:.1f} x",
-            None,
+            None if bound is None else found["ratio"] >= bound,
             found,
+            found["ratio"],
+            "higher",
         )
 
+    bound = _BOUNDS.get(batch)
     what = f"field forward + backward, {rays} x {samples} points, {channels} channels, one thread"
-    return Check(f"kernels:{batch}:{channels}", f"{what}: kernel, PyTorch, ratio", "", measure)
+    return Check(
+        name=f"kernels:{batch}:{channels}",
+        what=f"{what}: kernel, PyTorch, ratio",
+        bound="" if bound is None else f"{bound:g} x",
+        measure=measure,
+    )
 
 
 def _tracking(session: Session) -> Measured:

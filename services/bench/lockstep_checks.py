@@ -68,6 +68,8 @@ def _ate_check(sequence: str, bound_m: float) -> Check:
             f"{100 * worst:.2f} cm (seeds: {each}); {fewest[0]}/{fewest[1]} scored, {lost} lost",
             worst <= bound_m and complete and lost == 0,
             {"rmse_m": errors_m, "scored": counts, "lost": lost, "bound_m": bound_m},
+            worst,
+            "lower",
         )
 
     what = f"{sequence}, lockstep: ATE RMSE, final, worst of the seeds; all scored, none lost"
@@ -93,13 +95,15 @@ def _are_same(runs: list[ServeRun], name: str) -> bool:
 def _mesh_accuracy(session: Session) -> Measured:
     meshes = _meshes(session)
     worst = max(mesh.get("accuracy_median_m", float("inf")) for mesh in meshes)
-    return Measured(f"{100 * worst:.2f} cm", worst <= _ACCURACY_M, {"meshes": meshes})
+    return Measured(
+        f"{100 * worst:.2f} cm", worst <= _ACCURACY_M, {"meshes": meshes}, worst, "lower"
+    )
 
 
 def _mesh_completion(session: Session) -> Measured:
     meshes = _meshes(session)
     worst = min(mesh.get("completion_ratio_5cm", 0.0) for mesh in meshes)
-    return Measured(f"{worst:.1%}", worst >= _COMPLETION, {"meshes": meshes})
+    return Measured(f"{worst:.1%}", worst >= _COMPLETION, {"meshes": meshes}, worst, "higher")
 
 
 def _meshes(session: Session) -> list[dict[str, Any]]:

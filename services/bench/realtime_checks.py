@@ -1,15 +1,14 @@
-"""Speed, latency, start, log, memory: from runs on the clock of a 30 Hz sensor."""
+"""Speed, latency, start, log: from runs on the clock of a 30 Hz sensor."""
 
+from hsslam_node.services.bench import live_figures
 from hsslam_node.services.bench.check import Check, Measured
-from hsslam_node.services.bench.lockstep_checks import ate_m, scored
 from hsslam_node.services.bench.serve_run import ServeRun, finished
 from hsslam_node.services.bench.session import Session, Skipped
 
 _SEQUENCES = ("kitchen", "room")
 _TRACKED, _P95_MS = 0.95, 60.0
 _ATE_FACTOR, _ATE_MARGIN_M = 1.5, 0.003
-_WARM_S, _COLD_S = 20.0, 60.0
-_MIB = 2**20
+_WARM_S, _COLD_S = 6.0, 60.0
 
 
 def realtime_checks() -> list[Check]:
@@ -31,44 +30,20 @@ def realtime_checks() -> list[Check]:
         Check("log:messages", "run.mcap by the public reader against the summary", "same", _log),
         Check("log:rerun", "run.rrd by `rerun rrd verify`", "opens", _view),
         Check("left-behind", "processes, /dev/shm and port after the end", "nothing", _left),
-        Check("memory", "peak resident memory, MiB (shared pages count in each)", "", _memory),
         Check("stages", "stage times in real time, ms (running mean at the end)", "", _stages),
     ]
 
 
 def _speed_checks(sequence: str) -> list[Check]:
     def tracked(session: Session) -> Measured:
-        run = finished(session.realtime(sequence))
-        frames = run.summary["frames"]
-        after_first = max(frames["in"] - 1, 1)
-        share = (frames["tracked"] - 1) / after_first
-        shifts = run.summary["processes"]["camera"]["counters"].get("clock_shifts", 0)
-        slow = f"; the source was too slow: clock moved {shifts} x" if shifts else ""
-        return Measured(
-            f"{share:.1%} ({frames['tracked'] - 1} of {after_first}, {frames['lost']} lost){slow}",
-            share >= _TRACKED and shifts == 0,
-            {"share": share, **frames, "clock_shifts": shifts},
-        )
+        return live_figures.tracked(finished(session.realtime(sequence)), _TRACKED)
 
     def latency(session: Session) -> Measured:
-        found = finished(session.realtime(sequence)).summary.get("latency_ms")
-        if not found:
-            return Measured("no pose after the first", False)
-        text = " / ".join(f"{found[p]:.0f}" for p in ("p50", "p95", "p99"))
-        return Measured(f"p50 / p95 / p99: {text} ms", found["p95"] <= _P95_MS, found)
+        return live_figures.latency(finished(session.realtime(sequence)), "p95", _P95_MS)
 
     def accuracy(session: Session) -> Measured:
-        run = finished(session.realtime(sequence))
-        ours_m = ate_m(run)
-        lockstep_m = ate_m(finished(session.lockstep(sequence)))
-        bound_m = _ATE_FACTOR * lockstep_m + _ATE_MARGIN_M
-        n, expected = scored(run)
-        return Measured(
-            f"{100 * ours_m:.2f} cm, {n}/{expected} scored; "
-            f"lockstep {100 * lockstep_m:.2f}: bound {100 * bound_m:.2f} cm",
-            ours_m <= bound_m < float("inf"),
-            {"rmse_m": ours_m, "lockstep_rmse_m": lockstep_m, "scored": [n, expected]},
-        )
+        run, lockstep = (finished(r(sequence)) for r in (session.realtime, session.lockstep))
+        return live_figures.accuracy(run, lockstep, _ATE_FACTOR, _ATE_MARGIN_M)
 
     of = f"{sequence}, real time at 30 Hz"
     bound = f"{_ATE_FACTOR:g} x lockstep + {100 * _ATE_MARGIN_M:g} cm"
@@ -92,15 +67,16 @@ def _speed_checks(sequence: str) -> list[Check]:
 def _first_pose(run: ServeRun, bound_s: float) -> Measured:
     """The bound is for the first pose that needed a map; frame 0 has its pose by definition."""
     log = finished(run).log
-    if log.first_pose_ns is None or log.first_tracked_ns is None:
+    first_ns, first_tracked_ns = log.first_ns(), log.first_ns("tracked")
+    if first_ns is None or first_tracked_ns is None:
         return Measured("no tracked pose in the log", False)
-    initial_s, tracked_s = (
-        (ns - run.started_ns) / 1e9 for ns in (log.first_pose_ns, log.first_tracked_ns)
-    )
+    initial_s, tracked_s = ((ns - run.started_ns) / 1e9 for ns in (first_ns, first_tracked_ns))
     return Measured(
         f"{tracked_s:.1f} s (frame 0 at {initial_s:.1f} s)",
         tracked_s <= bound_s,
         {"first_tracked_s": tracked_s, "first_pose_s": initial_s},
+        tracked_s,
+        "lower",
     )
 
 
@@ -128,16 +104,6 @@ def _left(session: Session) -> Measured:
     left = {run.name: list(run.left_behind) for run in session.runs.values() if run.left_behind}
     text = "; ".join(f"{name}: {', '.join(what)}" for name, what in left.items())
     return Measured(text or f"nothing, {len(session.runs)} runs", not left, left)
-
-
-def _memory(session: Session) -> Measured:
-    peak: dict[str, int] = {}
-    for run in _runs(session):
-        found = {name: p["peak_rss_bytes"] for name, p in run.summary["processes"].items()}
-        for name, size in {"supervisor": run.supervisor_peak_rss_bytes, **found}.items():
-            peak[name] = max(peak.get(name, 0), size)
-    text = ", ".join(f"{name} {size / _MIB:.0f}" for name, size in peak.items())
-    return Measured(text, None, peak)
 
 
 def _stages(session: Session) -> Measured:

@@ -21,6 +21,7 @@ _PACKAGES = (
     *("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh"),
     *("mcap", "rerun-sdk"),
 )
+VERSION = 1
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -34,7 +35,7 @@ class Machine(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """One result file."""
+    """One result file. New fields have defaults; a change that older readers trip over is a version."""
 
     time: str  # UTC
     commit: str  # "" where git does not know; ends with + where files had been changed
@@ -43,6 +44,7 @@ class Report(msgspec.Struct, frozen=True):
     protocol: dict[str, Any]
     rows: tuple[Row, ...]
     runs: list[dict[str, Any]] = []
+    version: int = VERSION
 
 
 def machine() -> Machine:
@@ -99,14 +101,25 @@ def read_report(path: Path) -> Report:
     """Read what `write_report` wrote.
 
     Raises:
-        UserError: not there, or not a result file.
+        UserError: not there, not a result file, or one of another version.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Report)
+        content = path.read_bytes()
+        version = msgspec.json.decode(content, type=_Version).version
+        if version != VERSION:
+            raise UserError(
+                f"{path}: a result of version {version}: expected version {VERSION}: "
+                "read it with the benchmark that wrote it, or measure again"
+            )
+        return msgspec.json.decode(content, type=Report)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: expected a result of the benchmark") from None
     except msgspec.MsgspecError as error:
         raise UserError(f"{path}: {error}: expected a result of the benchmark") from None
+
+
+class _Version(msgspec.Struct):
+    version: int = VERSION
 
 
 def _cpu_model() -> str:

@@ -4,17 +4,16 @@ import dataclasses
 import subprocess
 import sys
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-import msgspec
 import psutil
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
+from hsslam_node.services.bench.attached_viewer import AttachedViewer
+from hsslam_node.services.bench.run_log import LogContent, read_log
+from hsslam_node.services.bench.usage import Sample, Usage, core_ms_per_frame
 from hsslam_node.services.bus import free_endpoint
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.summary import read_summary
@@ -22,21 +21,16 @@ from hsslam_node.services.summary import read_summary
 _TIMEOUT_S = 3600.0
 _POLL_S = 0.2
 _BULKY = ("run*.mcap", "run*.rrd", "map.safetensors")  # removed once they have been looked at
-_POSE_SUFFIX, _TRACKED = "/out/pose", "tracked"
+
+
+class Watcher(Protocol):
+    """Something that looks at a run while it goes on."""
+
+    def poll(self) -> None: ...
 
 
 class RunFailedError(Exception):
     """A process of the benchmark that did not end as it should."""
-
-
-@dataclass(frozen=True)
-class LogContent:
-    """What the public reader finds in run.mcap. Times are wall clock; None: no such pose."""
-
-    counts: Mapping[str, int]  # messages by topic, as "out/pose"
-    first_pose_ns: int | None = None
-    first_tracked_ns: int | None = None  # the first pose that was aligned to the map
-    error: str = ""
 
 
 @dataclass(frozen=True)
@@ -53,22 +47,51 @@ class ServeRun:
     summary: Mapping[str, Any]
     log: LogContent
     view_error: str  # of run.rrd; "" if it can be opened
-    supervisor_peak_rss_bytes: int
+    usage: Sequence[Sample] = ()
+    disk_bytes: Mapping[str, int] = field(default_factory=dict)  # by file of the run folder
+    viewer_bytes: int | None = None  # that the attached viewer took; None: none was attached
     left_behind: Sequence[str] = field(default_factory=tuple)  # processes, port, shared memory
+
+    @property
+    def core_ms(self) -> dict[str, float]:
+        """Core time of each process while frames were tracked, ms a frame of the sensor."""
+        return self.core_ms_of_last(None)
+
+    def core_ms_of_last(self, frames: int | None) -> dict[str, float]:
+        """The same over the last so many frames (None: all)."""
+        window = self.log.tracking_ns
+        if window is None or len(self.usage) < 2:
+            return {}
+        last = max(pose.index for pose in self.log.poses)
+        inside = [p for p in self.log.poses if p.publish_ns >= window[0]]
+        if frames is not None:
+            inside = [p for p in inside if p.index > last - frames] or inside
+        first = min(inside, key=lambda pose: pose.index)
+        return core_ms_per_frame(self.usage, (first.publish_ns, window[1]), last - first.index)
 
     def as_json(self) -> dict[str, Any]:
         """For the result file; the configuration stays, being what was measured."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return {**fields, "folder": self.folder.name, "command": self.command[2:]}
+        command = self.command[2:]
+        return {**fields, "folder": self.folder.name, "command": command, "core_ms": self.core_ms}
 
 
 def serve(
-    name: str, folder: Path, options: Sequence[str], environment: Mapping[str, str] | None = None
+    name: str,
+    folder: Path,
+    options: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    *,
+    with_viewer: bool = False,
 ) -> ServeRun:
-    """Run the service to its end in `folder`, without a viewer; bulky results are not kept."""
+    """Run the service to its end in `folder`; bulky results are not kept.
+
+    `with_viewer`: it serves the web viewer, and one is attached to it.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
     port = int(free_endpoint().rpartition(":")[2])
-    places = ("--viewer", "none", "--out", str(folder), "--zenoh-port", str(port))
+    viewer = "web" if with_viewer else "none"
+    places = ("--viewer", viewer, "--out", str(folder), "--zenoh-port", str(port))
     command = [sys.executable, "-m", "hsslam_node.services.serve", *places, *options]
     messages = folder.parent / f"{name}.stderr"
     with messages.open("wb") as stderr:
@@ -76,7 +99,13 @@ def serve(
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
         )
-        peak = _wait(process, started_ns)
+        usage = Usage(psutil.Process(process.pid), folder.absolute())
+        attached = AttachedViewer(folder) if with_viewer else None
+        try:
+            _wait(process, [usage, attached] if attached else [usage])
+        finally:
+            if attached:
+                attached.close()
         ended_ns = time.time_ns()
     run = ServeRun(
         name=name,
@@ -87,9 +116,11 @@ def serve(
         exit_code=process.returncode,
         error=_last_line(messages) if process.returncode else "",
         summary=read_summary(folder),
-        log=_read_log(folder / "run.mcap"),
+        log=read_log(folder / "run.mcap"),
         view_error=_verify_view(folder / "run.rrd"),
-        supervisor_peak_rss_bytes=peak,
+        usage=usage.samples,
+        disk_bytes=_sizes(folder),
+        viewer_bytes=attached.received_bytes if attached else None,
         left_behind=_left_behind(folder, port),
     )
     for pattern in _BULKY:
@@ -109,40 +140,24 @@ def finished(run: ServeRun) -> ServeRun:
     return run
 
 
-def _wait(process: subprocess.Popen, started_ns: int) -> int:
-    """Wait for the end; returns the peak of the supervisor's resident memory, bytes."""
-    peak = 0
+def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> None:
+    """Wait for the end, letting the watchers look every now and then."""
+    deadline = time.monotonic() + _TIMEOUT_S
     try:
-        watched = psutil.Process(process.pid)
         while process.poll() is None:
-            if time.time_ns() - started_ns > _TIMEOUT_S * 1e9:
+            if time.monotonic() > deadline:
                 process.terminate()
                 process.wait()
-            try:
-                peak = max(peak, watched.memory_info().rss)
-            except psutil.Error:
-                continue  # it has just ended
+            for watcher in watchers:
+                watcher.poll()
             time.sleep(_POLL_S)
     except KeyboardInterrupt:  # it got the signal, too, and saves what it has
         process.wait()
         raise
-    return peak
 
 
-def _read_log(path: Path) -> LogContent:
-    counts: Counter[str] = Counter()
-    first: dict[str, int] = {}
-    try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
-                counts["/".join(channel.topic.split("/")[-2:])] += 1
-                if channel.topic.endswith(_POSE_SUFFIX) and _TRACKED not in first:
-                    pose = msgspec.msgpack.decode(message.data)
-                    first.setdefault("any", pose["publish_ns"])
-                    first.setdefault(pose["status"], pose["publish_ns"])
-    except (OSError, McapError) as error:
-        return LogContent({}, error=f"{path.name}: {error}")
-    return LogContent(dict(counts), first.get("any"), first.get(_TRACKED))
+def _sizes(folder: Path) -> dict[str, int]:
+    return {str(p.relative_to(folder)): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
 
 
 def _verify_view(path: Path) -> str:

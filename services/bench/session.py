@@ -14,12 +14,18 @@ from hsslam_node.services.process_table import WARM_UP, environment_of_threads
 
 QUICK_FRAMES = 40
 _COLD_FRAMES = 60
+_GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
+_HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
 _SEEDS = (0, 1, 2)
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
 
 class Skipped(Exception):  # noqa: N818 - not an error
     """What a check needs is not on disk."""
+
+
+class NotMeasured(Exception):  # noqa: N818 - not an error
+    """What this machine cannot show, with the reason."""
 
 
 @dataclass
@@ -36,6 +42,7 @@ class Session:
     extra: Sequence[str] = ()
     say: Callable[[str], None] = lambda _: None
     runs: dict[str, ServeRun] = field(default_factory=dict)
+    outputs: dict[tuple[str, ...], str] = field(default_factory=dict)  # of modules run alone
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -52,6 +59,25 @@ class Session:
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
         return self._run(f"realtime-{sequence}", options)
 
+    def viewer(self, sequence: str) -> ServeRun:
+        """The same with a web viewer that somebody looks at."""
+        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
+        return self._run(f"viewer-{sequence}", options, with_viewer=True)
+
+    def sixty(self, sequence: str) -> ServeRun:
+        """The same at 60 Hz and half the size, 320x240."""
+        options = (*self._source(sequence, half=True), "--pace", "realtime", "--rate-hz", "60")
+        return self._run(f"sixty-{sequence}", (*options, "--seed", "0"), with_viewer=True)
+
+    def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
+        """So many frames of the built-in room in real time; `room_m`: length of its sides."""
+        if self.quick:
+            frames = max(frames // 25, 12)
+        name = f"growth-{frames}" if room_m is None else f"growth-{room_m:g}m"
+        size = () if room_m is None else ("--synth.size-m", str(room_m), str(room_m), "2.6")
+        options = ("--source", "synth:room", "--synth.length", str(_GROWTH_LENGTH), *size)
+        return self._run(name, (*options, "--frames", str(frames), "--rate-hz", "30"))
+
     def cold_start(self) -> ServeRun:
         """A short real-time run of the built-in room with an empty cache of kernels."""
         cache = self.folder / "empty-cache"
@@ -66,34 +92,51 @@ class Session:
             shutil.rmtree(cache, ignore_errors=True)
 
     def python(self, module: str, *arguments: str) -> str:
-        """What a module prints, run alone with one numeric thread and compiled kernels."""
-        self._warm_up()
-        self.say(module.rpartition(".")[2])
-        quick = ("--quick",) if self.quick else ()
-        return _python(module, *quick, *arguments)
+        """What a module prints, run alone, once, with one numeric thread and compiled kernels."""
+        key = (module, *arguments)
+        if key not in self.outputs:
+            self._warm_up()
+            self.say(" ".join((module.rpartition(".")[2], *arguments)))
+            quick = ("--quick",) if self.quick else ()
+            self.outputs[key] = _python(module, *quick, *arguments)
+        return self.outputs[key]
+
+    def source(self, sequence: str) -> str:
+        """The source of a sequence: a folder of the data, or the built-in room.
+
+        Raises:
+            Skipped: the folder is not there.
+        """
+        if sequence == "room":
+            return "synth:room"
+        folder = (self.data / sequence).absolute()
+        if not folder.is_dir():
+            raise Skipped(f"{folder} is not on disk")
+        return f"{_SOURCES[sequence]}:{folder}"
 
     def _run(
-        self, name: str, options: Sequence[str], environment: dict[str, str] | None = None
+        self,
+        name: str,
+        options: Sequence[str],
+        environment: dict[str, str] | None = None,
+        *,
+        with_viewer: bool = False,
     ) -> ServeRun:
         if name not in self.runs:
             if environment is None:
                 self._warm_up()
             self.say(name)
             arguments = (*options, *self.extra)
-            self.runs[name] = serve(name, self.folder / name, arguments, environment)
+            folder = self.folder / name
+            self.runs[name] = serve(name, folder, arguments, environment, with_viewer=with_viewer)
         return self.runs[name]
 
-    def _source(self, sequence: str) -> tuple[str, ...]:
-        """Options of a sequence: a folder of the data, or the built-in room."""
+    def _source(self, sequence: str, *, half: bool = False) -> tuple[str, ...]:
+        """Options of a sequence, as "house" or "house-kinect"."""
         place, _, noise = sequence.partition("-")
-        source = "synth:room"
-        if place != "room":
-            folder = (self.data / place).absolute()
-            if not folder.is_dir():
-                raise Skipped(f"{folder} is not on disk")
-            source = f"{_SOURCES[place]}:{folder}"
+        size = () if not half else _HALF_ROOM if place == "room" else _HALF
         frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
-        return ("--source", source, "--noise", noise or "none", *frames)
+        return ("--source", self.source(place), "--noise", noise or "none", *size, *frames)
 
     def _warm_up(self) -> None:
         """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""

@@ -1,5 +1,6 @@
 """The benchmark on runs that are too small to mean anything, and the table in the document."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.catalogue import catalogue
 from hsslam_node.services.bench.check import Row, select
+from hsslam_node.services.bench.compare import circumstances, pairs
 from hsslam_node.services.bench.document import BEGIN, END, fill_document
 from hsslam_node.services.bench.report import machine, read_report, report, write_report
 from hsslam_node.services.bench.session import Session
@@ -23,7 +25,7 @@ _TINY = (
 
 @pytest.mark.e2e
 def test_figures_of_a_real_run_and_a_bound_that_is_not_met(tmp_path: Path):
-    names = ("log", "left-behind", "memory", "stages", "realtime:room:tracked")
+    names = ("log", "left-behind", "stages", "realtime:room:tracked")
     nothing_is_good_enough = ("--slam.tracker.min-inlier-ratio", "1.0")
     result = _bench(tmp_path, "--quick", "--only", *names, "--", *_TINY, *nothing_is_good_enough)
     assert result.returncode == 1, result.stderr
@@ -35,14 +37,38 @@ def test_figures_of_a_real_run_and_a_bound_that_is_not_met(tmp_path: Path):
         "log:rerun": "ok",
         "left-behind": "ok",
     }, verdicts
-    for process in ("supervisor", "tracker", "mapper", "camera"):
-        assert process in verdicts["memory"][1]
     assert "track" in verdicts["stages"][1]
     assert "NOT MET" in result.stdout
     assert stored["protocol"]["extra_options"] == [*_TINY, *nothing_is_good_enough]
     assert stored["runs"][0]["summary"]["frames"]["in"] == 12
     assert stored["machine"]["cores"] >= 1
     assert not list((tmp_path / "result").glob("*/run.mcap"))
+
+
+@pytest.mark.e2e
+def test_a_viewer_is_attached_and_core_time_is_counted(tmp_path: Path):
+    names = ("viewer:room:tracked", "viewer:room:iterations", "budget")
+    data = ("--data", str(tmp_path))
+    result = _bench(tmp_path, "--quick", *data, "--only", *names, "--", *_TINY)
+    path = tmp_path / "result.json"
+    rows = {row.name: row for row in read_report(path).rows}
+    assert rows["viewer:room:tracked"].values["viewer_bytes"] > 1e4, result.stdout
+    assert rows["viewer:room:iterations"].figure is not None, result.stdout
+    used_ms = rows["budget"].values["viewer-room"]
+    assert {"tracker", "recorder"} <= used_ms.keys()
+    (run,) = read_report(path).runs
+    assert "viewer" in run["usage"][-1]["cpu_s"]
+    assert [pose[0] for pose in run["log"]["poses"]] == sorted(p[0] for p in run["log"]["poses"])
+    assert run["disk_bytes"]["run.mcap"] > 0
+    memory = [sample["pss_bytes"] for sample in run["usage"] if sample["pss_bytes"]]
+    assert memory and all(size > 0 for size in memory[-1].values())
+
+    drawn = _run("plots", str(path), "--to", str(tmp_path / "plots"))
+    assert drawn.returncode == 0, drawn.stderr
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["latency.png", "stages.png"]
+    compared = _run("compare", str(path), str(path))
+    assert compared.returncode == 0, compared.stderr
+    assert "budget viewer-room tracker" in compared.stdout
 
 
 def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
@@ -99,6 +125,7 @@ def test_document_holds_what_was_measured_last(tmp_path: Path):
         tmp_path / "2.json",
         _row("ate:house", "0.41 cm", "ok"),
         _row("memory", "nothing on disk", "skipped"),
+        _row("gpu:paper", "no device here", "not measured"),
     )
     fill_document(document, [first])
     assert "0.70 cm | **NOT MET** |" in document.read_text()
@@ -112,10 +139,66 @@ def test_document_holds_what_was_measured_last(tmp_path: Path):
     assert "nothing on disk" not in text
     rows = [line for line in text.splitlines() if line.startswith("| `")]
     assert len(rows) == len(catalogue())
-    assert sum("| not measured |" in row for row in rows) == len(rows) - 2
+    assert sum("| not measured |" in row for row in rows) == len(rows) - 3
+    assert "| no device here |" in text
     again = text
     fill_document(document, [first, second])
     assert document.read_text() == again
+
+
+def test_a_row_measured_against_another_bound_is_not_in_the_document(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text(f"{BEGIN}\n{END}\n")
+    row = dataclasses.replace(_row("memory", "9 GB"), bound="10 GB")
+    fill_document(document, [_stored(tmp_path / "1.json", row)])
+    assert "9 GB" not in document.read_text()
+
+
+def test_document_holds_chosen_rows_and_their_values_by_run(tmp_path: Path):
+    document = tmp_path / "performance.md"
+    head, columns = "<!-- bench:rows budget memory -->", "<!-- bench:columns budget -->"
+    document.write_text(f"one\n{head}\n{END}\ntwo\n{columns}\n{END}\nthree\n")
+    used = {"viewer-room": {"tracker": 9.51, "saver": 0.01}, "viewer-kitchen": {"tracker": 8.0}}
+    row = dataclasses.replace(_row("budget", "17.5"), values=used)
+    fill_document(document, [_stored(tmp_path / "1.json", row)])
+    first, _, second = document.read_text().partition("two\n")
+    assert [line.split("`")[1] for line in first.splitlines() if line.startswith("| `")] == [
+        "budget",
+        "memory",
+    ]
+    assert "| row |  | viewer-room | viewer-kitchen |" in second
+    assert "| `budget` | tracker | 9.5 | 8.0 |" in second
+    assert "saver" not in second
+    assert second.endswith(f"{END}\nthree\n")
+    document.write_text(f"<!-- bench:rows bugdet -->\n{END}\n")
+    with pytest.raises(UserError, match="budget"):
+        fill_document(document, [])
+
+
+def test_figures_are_compared_as_ratios(tmp_path: Path):
+    fast = dataclasses.replace(_row("memory"), figure=1.0, better="lower")
+    slow = dataclasses.replace(fast, figure=2.0, values={"not": "looked at", "number": 3})
+    stages = dataclasses.replace(_row("stages"), values={"run": {"track": 8.0, "same": True}})
+    longer = dataclasses.replace(stages, values={"run": {"track": 10.0, "new": 1.0}})
+    before = report(Session(tmp_path, tmp_path), machine(), [slow, stages, _row("budget")])
+    after = report(Session(tmp_path, tmp_path), machine(), [fast, longer])
+    found = {pair.name: pair for pair in pairs(before, after)}
+    assert {name: pair.ratio for name, pair in found.items()} == {
+        "memory": 0.5,
+        "stages run track": 1.25,
+    }
+    assert found["memory"].is_better
+    assert found["stages run track"].is_better is None
+    assert "only in A: budget" in circumstances(before, after)
+
+
+def test_results_of_another_version_are_refused(tmp_path: Path):
+    path = _stored(tmp_path / "1.json")
+    path.write_text(path.read_text().replace('"version": 1', '"version": 2'))
+    result = _run("compare", str(path), str(path))
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"error: {path}: a result of version 2: expected version 1")
+    assert "Traceback" not in result.stderr
 
 
 def test_document_takes_no_try_outs(tmp_path: Path):
@@ -137,11 +220,16 @@ _COMMAND = [sys.executable, "-m", "hsslam_node.services.bench"]
 
 def _bench(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     out = ("--out", str(folder / "result.json"))
-    return subprocess.run([*_COMMAND, *out, *arguments], capture_output=True, text=True)
+    return _run(*out, *arguments)
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True)
 
 
 def _row(name: str, measured: str = "12", verdict="measured") -> Row:
-    return Row(name, f"what {name} is", "", measured, verdict)
+    (check,) = (check for check in catalogue() if check.name == name)
+    return Row(name, check.what, check.bound, measured, verdict)
 
 
 def _stored(path: Path, *rows: Row) -> Path:

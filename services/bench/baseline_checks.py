@@ -1,0 +1,58 @@
+"""Against tracking by rendering: the parents' presets on our kernels."""
+
+import json
+import math
+from typing import Any
+
+from hsslam_node.presets import PRESETS
+from hsslam_node.services.bench.check import Check, Measured
+from hsslam_node.services.bench.session import NotMeasured, Session
+
+_BASELINES = ("eslam", "co-slam")
+_OURS = "realtime"
+_SEQUENCE, _FRAMES = "house", 100
+_SPEED_UP = 20.0
+
+
+def baseline_checks() -> list[Check]:
+    """Speed and accuracy beside each of the presets."""
+    return [check for preset in _BASELINES for check in _against(preset)]
+
+
+def _against(preset: str) -> list[Check]:
+    def speed(session: Session) -> Measured:
+        ours, theirs = _found(session, _OURS), _found(session, preset)
+        ratio = ours["fps"] / theirs["fps"]
+        return Measured(
+            f"{ours['fps']:.1f} against {theirs['fps']:.2f} frames a second: {ratio:.0f} x",
+            ratio >= _SPEED_UP,
+            {_OURS: ours, preset: theirs, "ratio": ratio},
+            ratio,
+            "higher",
+        )
+
+    def accuracy(session: Session) -> Measured:
+        ours, theirs = _found(session, _OURS), _found(session, preset)
+        errors = [math.inf if e is None else e for e in (ours["rmse_m"], theirs["rmse_m"])]
+        return Measured(
+            f"{100 * errors[0]:.2f} against {100 * errors[1]:.2f} cm; "
+            f"lost {ours['lost']} and {theirs['lost']}",
+            errors[0] <= errors[1],
+            {_OURS: ours, preset: theirs},
+            errors[0],
+            "lower",
+        )
+
+    of = f"{_SEQUENCE}, first {_FRAMES} frames, one thread: preset {_OURS} against {preset}"
+    return [
+        Check(f"baselines:{preset}:fps", f"{of}: speed", f"{_SPEED_UP:g} x", speed),
+        Check(f"baselines:{preset}:ate", f"{of}: ATE RMSE, final", "no worse", accuracy),
+    ]
+
+
+def _found(session: Session, preset: str) -> dict[str, Any]:
+    if preset not in PRESETS:
+        raise NotMeasured(f"not measured: there is no preset {preset}")
+    source = session.source(_SEQUENCE)
+    module = f"{__package__}.baseline_speed"
+    return json.loads(session.python(module, preset, source, str(_FRAMES)))
