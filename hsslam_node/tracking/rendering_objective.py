@@ -6,12 +6,10 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.field_forward import FieldActivations, field_activations, field_forward
 from hsslam_node.kernels.field_pose_backward import field_pose_backward
-from hsslam_node.kernels.ray_batch import gather_pixels, place_samples, pose_gradients
+from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
 from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward
-from hsslam_node.mapping.ray_batch import ray_batch
+from hsslam_node.tracking.frame_rays import FrameRays
 from hsslam_node.tracking.map_view import MapView
-
-_CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
 
 
 class RenderingObjective:
@@ -25,12 +23,9 @@ class RenderingObjective:
         self._config = config.rendering_tracker
         self._sampling = config.sampling
         self._truncation_m = config.field.truncation_m
-        self._max_depth_m = config.mapper.max_depth_m
-        self._seed = seed
         R, S = self._config.pixels, config.sampling.count
-        self._rays = ray_batch(R)
-        self._n_rays = 0
-        self._jitter = np.zeros((0, S), np.float32)
+        self._frame_rays = FrameRays(config, seed)
+        self._rays = self._frame_rays.rays
         self._acts: FieldActivations | None = None
         self._points = np.zeros((R * S, 3), np.float32)
         self._d_points = np.zeros((R * S, 3), np.float32)
@@ -48,37 +43,21 @@ class RenderingObjective:
         )
 
     def observe(self, frame: Frame, view: MapView) -> None:
-        """Take this frame and this map; what is drawn depends on seed and frame index alone."""
-        self._frame, self._view = frame, view
-        self._generator = np.random.default_rng((self._seed, frame.index, 13))
+        """Take this frame and this map."""
+        self._view = view
         if self._acts is None:
             self._acts = field_activations(view.layout, len(self._points))
-        self._draw()
+        self._frame_rays.observe(frame)
 
     def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:
         """Loss and gradient [6], see `PoseObjective`; draws the pixels of the next call."""
-        R = self._n_rays
+        R = self._frame_rays.count
         if R == 0:
             return float("inf"), np.zeros(6)
         loss, gradient = self._evaluate(T_world_cam, R)
         if self._config.fresh_pixels:
-            self._draw()
+            self._frame_rays.draw()
         return loss, gradient
-
-    def _draw(self) -> None:
-        camera, c = self._frame.camera, self._config
-        border = round(c.border * camera.width_px)
-        uv = self._generator.integers(
-            (border, border),
-            (camera.width_px - border, camera.height_px - border),
-            (_CANDIDATES * c.pixels, 2),
-        )
-        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-        self._n_rays = gather_pixels(
-            self._frame.color, self._frame.depth_raw, 1.0 / self._frame.depth_units_per_m,
-            self._max_depth_m, K, uv, np.zeros(len(uv)), 0, self._rays, 0, c.pixels,
-        )  # fmt: skip
-        self._jitter = self._generator.random((self._n_rays, self._sampling.count), np.float32)
 
     def _evaluate(self, T_world_cam: np.ndarray, R: int) -> tuple[float, np.ndarray]:
         assert self._acts is not None
@@ -87,7 +66,7 @@ class RenderingObjective:
         matrices = np.ascontiguousarray(T_world_cam[None, :3], np.float32)
         z, points = self._z[:R], self._points[: R * S]
         place_samples(
-            self._rays, R, matrices, self._jitter, s.free_samples, s.surface_samples,
+            self._rays, R, matrices, self._frame_rays.jitter, s.free_samples, s.surface_samples,
             np.float32(s.free_reach), np.float32(s.surface_reach * T), z, points,
         )  # fmt: skip
         field_forward(params, layout, points, R * S, acts)

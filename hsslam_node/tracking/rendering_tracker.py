@@ -37,7 +37,7 @@ class RenderingTracker:
         self._config = config.tracker
         self._store = store
         self._seed = seed
-        self._objective = objective or RenderingObjective(config, seed)
+        self._objective = objective
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
         self._since_keyframe = 0
@@ -56,13 +56,24 @@ class RenderingTracker:
         T_last = self._last.pose(self._store)
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         if view is not None and len(points) >= _FEWEST_POINTS:
-            self._objective.observe(frame, view)
+            objective = self._objective or self._open_objective(view)
+            objective.observe(frame, view)
             for guess in (prediction, T_last):
-                T = descend(self._objective, guess, self._slam.rendering_tracker)
+                T = descend(objective, guess, self._slam.rendering_tracker)
                 fit = surface_fit(points, T, view, self._config)
                 if self._is_good(fit, T, guess):
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
+
+    def _open_objective(self, view: MapView) -> PoseObjective:
+        """The losses where the map is: on a GPU, or here."""
+        if view.on_device is not None:
+            from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective
+
+            self._objective = GpuRenderingObjective(self._slam, self._seed, view)
+        else:
+            self._objective = RenderingObjective(self._slam, self._seed)
+        return self._objective
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
         nan = float("nan")
