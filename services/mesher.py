@@ -7,12 +7,13 @@ import numpy as np
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.meshing.block_mesher import BlockMesher
-from hsslam_node.meshing.map_queries import MapQueries
 from hsslam_node.meshing.observed_space import ObservedSpace
+from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.proto import topics
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.services.worker_device import worker_device
 
 _POLL_S = 0.2
 _BLOCKS_AT_A_TIME = 8  # between looks at the clock
@@ -39,6 +40,7 @@ class _MesherLoop:
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
+        self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._meshes = worker.bus.publisher(topics.MESH)
         self._mesher: BlockMesher | None = None
@@ -63,7 +65,7 @@ class _MesherLoop:
             self._observed = 0
         self._observe(mesher, store)
         version = self._copy_map(parameters)
-        queries = MapQueries(parameters.layout, self._params)
+        queries = open_map_queries(parameters.layout, self._params, self._device)
         while not self._worker.should_stop():
             if mesher.update(queries.sdf, queries.color, _BLOCKS_AT_A_TIME).waiting == 0:
                 break

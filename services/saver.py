@@ -7,16 +7,18 @@ import numpy as np
 import trimesh
 
 from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
+from hsslam_node.device.device import Device
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.meshing.extract_mesh import extract_mesh
-from hsslam_node.meshing.map_queries import MapQueries
+from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.proto import topics
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.arena import Arena
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.summary import pose_section, update_summary
 from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.services.worker_device import worker_device
 from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, online_trajectory
 
 
@@ -43,7 +45,8 @@ def _run(worker: Worker) -> None:
         parameters.layout, parameters.params.copy(), store.stamps_ns(), store.poses()
     )
     save_checkpoint(run_dir / "map.safetensors", checkpoint)
-    mesh = final_mesh(checkpoint, store, worker.options.slam.mesher.final_voxel_m)
+    voxel_m = worker.options.slam.mesher.final_voxel_m
+    mesh = final_mesh(checkpoint, store, voxel_m, worker_device(worker))
     if len(mesh.faces) == 0:
         worker.event("warning", "no mesh: the map has no observed surface")
         return
@@ -63,9 +66,11 @@ def save_trajectories(run_dir: Path, arena: Arena, store: KeyframeStore | None) 
     update_summary(run_dir, pose_section(rows))
 
 
-def final_mesh(checkpoint: MapCheckpoint, store: KeyframeStore, voxel_m: float) -> trimesh.Trimesh:
+def final_mesh(
+    checkpoint: MapCheckpoint, store: KeyframeStore, voxel_m: float, device: Device
+) -> trimesh.Trimesh:
     """The coloured mesh of what the keyframes observed."""
-    queries = MapQueries(checkpoint.layout, checkpoint.params)
+    queries = open_map_queries(checkpoint.layout, checkpoint.params, device)
     observed = ((store.frame(k).depth_m(), T) for k, T in enumerate(checkpoint.T_world_keyframe))
     return extract_mesh(
         queries.sdf, queries.color, checkpoint.layout.bound, store.camera, observed, voxel_m

@@ -1,0 +1,50 @@
+"""A trained map on the GPU as the two functions that meshing asks: twin of `MapQueries`."""
+
+import numpy as np
+import torch
+
+from hsslam_node.device.device import Device
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.gpu_kernels.activations import field_activations
+from hsslam_node.gpu_kernels.field_forward import field_forward
+from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
+from hsslam_node.gpu_kernels.sdf_query import query_sdf
+from hsslam_node.kernels.kernel_layout import kernel_layout
+
+_CHUNK = 1 << 16
+
+
+class GpuMapQueries:
+    """Signed distance and colour of the map at any points; `params` [P] are copied to the device."""
+
+    def __init__(self, layout: FieldLayout, params: np.ndarray, device: Device) -> None:
+        self._on = device.tensors_on
+        self._layout = gpu_layout(kernel_layout(layout), self._on)
+        self._params = torch.from_numpy(params).to(self._on)
+        self._activations = field_activations(self._layout, 0)
+
+    def sdf(self, points: np.ndarray) -> np.ndarray:
+        """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
+        n = len(points)
+        sdf = torch.empty(n, device=self._on)
+        inside = torch.empty(n, dtype=torch.uint8, device=self._on)
+        no_gradient = torch.empty(0, 3, device=self._on)
+        query_sdf(self._params, self._layout, self._sent(points), sdf, inside, no_gradient, False)
+        return sdf.cpu().numpy()
+
+    def color(self, points: np.ndarray) -> np.ndarray:
+        """RGB [N, 3], 0..1, at points [N, 3] float32 m, world."""
+        colors = np.empty((len(points), 3), np.float32)
+        most = min(len(points), _CHUNK)
+        if len(self._activations.sdf) < most:
+            self._activations = field_activations(self._layout, most)
+        for start in range(0, len(points), _CHUNK):
+            chunk = points[start : start + _CHUNK]
+            field_forward(
+                self._params, self._layout, self._sent(chunk), len(chunk), self._activations
+            )
+            colors[start : start + _CHUNK] = self._activations.rgb[: len(chunk)].cpu().numpy()
+        return colors
+
+    def _sent(self, points: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(np.ascontiguousarray(points, np.float32)).to(self._on)
