@@ -18,7 +18,7 @@ run: $(VENV)/.installed
 	$(BIN)/python -m hsslam_node.services.picture $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m hsslam_node.kernels.warm_up
+	$(BIN)/hsslam-serve warm-up
 	NUMBA_CACHE_DIR=$$($(BIN)/python -c 'from hsslam_node.kernels.cache_folder import kernel_cache_folder as f; print(f())') $(BIN)/pytest
 
 lint: $(VENV)/.installed-dev

@@ -17,6 +17,10 @@ def _serve() -> int:
     from hsslam_node.errors import UserError
 
     try:
+        if sys.argv[1:2] == ["warm-up"]:
+            from hsslam_node.services.warm_up_command import warm_up_command
+
+            return warm_up_command(sys.argv[2:])
         from hsslam_node.services.command_line import parse_command_line
         from hsslam_node.services.supervisor import Supervisor
 

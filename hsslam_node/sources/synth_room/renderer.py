@@ -14,12 +14,7 @@ class Renderer:
     def __init__(
         self, parts: list[Primitive], camera: Camera, units_per_m: float, seed: int
     ) -> None:
-        self._arrays = {
-            "kinds": np.array([int(p.kind) for p in parts], np.int32),
-            "rotations": np.stack([p.rotation for p in parts]).astype(np.float64),
-            "centers": np.stack([p.center_m for p in parts]).astype(np.float64),
-            "halves": np.stack([p.half_m for p in parts]).astype(np.float64),
-        }
+        self._arrays = scene_arrays(parts)
         self._atlas = cached_atlas(
             parts, self._arrays, seed, float(np.clip(640 / camera.width_px, 0.6, 4.0))
         )
@@ -41,3 +36,13 @@ class Renderer:
             color, depth, self._units_per_m, self._packed, self._face_ids,
         )  # fmt: skip
         return color, depth
+
+
+def scene_arrays(parts: list[Primitive]) -> dict[str, np.ndarray]:
+    """Kinds [P], rotations [P, 3, 3], centers [P, 3] and halves [P, 3] (m), as the kernels take them."""
+    return {
+        "kinds": np.array([int(p.kind) for p in parts], np.int32),
+        "rotations": np.stack([p.rotation for p in parts]).astype(np.float64),
+        "centers": np.stack([p.center_m for p in parts]).astype(np.float64),
+        "halves": np.stack([p.half_m for p in parts]).astype(np.float64),
+    }

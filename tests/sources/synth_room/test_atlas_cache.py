@@ -10,7 +10,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.synth_room import atlas_cache
 from hsslam_node.sources.synth_room.atlas import Atlas
 from hsslam_node.sources.synth_room.primitive import Primitive
-from hsslam_node.sources.synth_room.renderer import Renderer
+from hsslam_node.sources.synth_room.renderer import Renderer, scene_arrays
 from hsslam_node.sources.synth_room.scene import build_scene
 
 _CAMERA = Camera(160, 120, 131.0, 131.0, 79.5, 59.5)
@@ -23,24 +23,15 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Primitive]:
     return build_scene((5.0, 4.0, 2.6), 0)[:3]
 
 
-def _arrays(parts: list[Primitive]) -> dict[str, np.ndarray]:
-    return {
-        "kinds": np.array([int(p.kind) for p in parts], np.int32),
-        "rotations": np.stack([p.rotation for p in parts]).astype(np.float64),
-        "centers": np.stack([p.center_m for p in parts]).astype(np.float64),
-        "halves": np.stack([p.half_m for p in parts]).astype(np.float64),
-    }
-
-
 def _folders(root: Path) -> list[Path]:
     return sorted((root / "cache" / "hsslam" / "rooms").iterdir())
 
 
 def test_the_kept_atlas_is_the_built_one(parts: list[Primitive], tmp_path: Path):
-    built = atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0)
+    built = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     (folder,) = _folders(tmp_path)
     stamp = folder.stat().st_mtime_ns
-    kept = atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0)
+    kept = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     assert folder.stat().st_mtime_ns == stamp
     for field in fields(Atlas):
         one, other = getattr(built, field.name), getattr(kept, field.name)
@@ -50,8 +41,8 @@ def test_the_kept_atlas_is_the_built_one(parts: list[Primitive], tmp_path: Path)
 
 
 def test_another_seed_has_its_own_atlas(parts: list[Primitive], tmp_path: Path):
-    one = atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0)
-    other = atlas_cache.cached_atlas(parts, _arrays(parts), 1, 4.0)
+    one = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
+    other = atlas_cache.cached_atlas(parts, scene_arrays(parts), 1, 4.0)
     assert len(_folders(tmp_path)) == 2
     assert not np.array_equal(one.texels, other.texels)
 
@@ -59,10 +50,10 @@ def test_another_seed_has_its_own_atlas(parts: list[Primitive], tmp_path: Path):
 def test_a_damaged_file_is_built_anew_and_nothing_unfinished_stays(
     parts: list[Primitive], tmp_path: Path
 ):
-    built = atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0)
+    built = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     (folder,) = _folders(tmp_path)
     (folder / "texels.npy").write_bytes(b"")
-    again = atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0)
+    again = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     np.testing.assert_array_equal(built.texels, again.texels)
     assert _folders(tmp_path) == [folder]
     assert (folder / "texels.npy").stat().st_size > built.texels.nbytes
@@ -70,7 +61,7 @@ def test_a_damaged_file_is_built_anew_and_nothing_unfinished_stays(
 
 def test_a_cache_that_cannot_be_written_costs_nothing_else(parts: list[Primitive], tmp_path: Path):
     (tmp_path / "cache").write_text("a file where a folder should be")
-    assert len(atlas_cache.cached_atlas(parts, _arrays(parts), 0, 4.0).texels) > 1000
+    assert len(atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0).texels) > 1000
 
 
 def test_the_oldest_go_when_there_is_no_room(
@@ -78,7 +69,7 @@ def test_the_oldest_go_when_there_is_no_room(
 ):
     monkeypatch.setattr(atlas_cache, "_LARGEST_BYTES", 1)
     for seed in (0, 1):
-        atlas_cache.cached_atlas(parts, _arrays(parts), seed, 4.0)
+        atlas_cache.cached_atlas(parts, scene_arrays(parts), seed, 4.0)
     assert len(_folders(tmp_path)) == 1
 
 
