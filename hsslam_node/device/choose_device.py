@@ -49,7 +49,7 @@ def _what_is_missing() -> str | None:
     if os.environ.get("TRITON_INTERPRET") == "1":
         return "TRITON_INTERPRET=1 is set, so that kernels would be interpreted"
     try:
-        from hsslam_node.device.trial_kernel import trial_error
+        from hsslam_node.gpu_kernels.trial_kernel import trial_error
 
         error = trial_error("cuda")
     except Exception as failure:  # driver, compiler and Triton raise errors of many types

@@ -50,7 +50,7 @@ def test_the_interpreter_is_taken_only_when_asked_for(monkeypatch):
 def test_the_trial_kernel_gives_the_right_numbers():
     """In an interpreter of its own: kernels are interpreted or compiled as they are first imported."""
     code = (
-        "from hsslam_node.device.trial_kernel import trial_error;"
+        "from hsslam_node.gpu_kernels.trial_kernel import trial_error;"
         "error = trial_error('cpu'); assert error < 1e-5, error"
     )
     pytest.importorskip("triton")
