@@ -19,7 +19,7 @@ from hsslam_node.gpu_kernels.decoder import (
 )
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 
-BLOCK = 64  # points of one program
+BLOCK, WARPS = 32, 8  # of one program: points, warps (more points would spill registers)
 
 
 def color_backward(
@@ -28,13 +28,14 @@ def color_backward(
     n: int,
     acts: FieldActivations,
     d_rgb: Tensor,
-    grad: Gradient,
+    grad: Gradient | None,
 ) -> None:
-    """Add the colour decoder's gradient; write d_color_in and d_color_hidden of the first n points."""
+    """Write d_color_in and d_color_hidden of the first n points; add the weights' to `grad`, if any."""
     _color_backward[(triton.cdiv(n, BLOCK),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_out,
-        acts.color_in, acts.color_hidden, acts.rgb, d_rgb, grad.values, acts.d_color_in,
-        acts.d_color_hidden, C=layout.channels, BLOBS=layout.blob_rows, B=BLOCK,
+        acts.color_in, acts.color_hidden, acts.rgb, d_rgb, grad.values if grad else params,
+        acts.d_color_in, acts.d_color_hidden, WEIGHTS=grad is not None, C=layout.channels,
+        BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 
@@ -44,21 +45,23 @@ def geometry_backward(
     n: int,
     acts: FieldActivations,
     d_sdf: Tensor,
-    grad: Gradient,
+    grad: Gradient | None,
 ) -> None:
     """After `color_backward`: the same of the geometry decoder."""
     _geometry_backward[(triton.cdiv(n, BLOCK),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_in,
-        acts.geometry_hidden, acts.sdf, d_sdf, acts.d_color_hidden, grad.values,
-        acts.d_geometry_in, acts.d_geometry_hidden, C=layout.channels, L=layout.levels,
-        LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK,
+        acts.geometry_hidden, acts.sdf, d_sdf, acts.d_color_hidden, grad.values if grad else params,
+        acts.d_geometry_in, acts.d_geometry_hidden, WEIGHTS=grad is not None,
+        C=layout.channels, L=layout.levels, LP=layout.padded_levels, BLOBS=layout.blob_rows,
+        B=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 
 @triton.jit
 def _color_backward(
     params, ints, floats, n, position, inside, geometry_out, color_in, color_hidden, rgb, d_rgb,
-    values, d_color_in, d_color_hidden, C: tl.constexpr, BLOBS: tl.constexpr, B: tl.constexpr,
+    values, d_color_in, d_color_hidden, WEIGHTS: tl.constexpr, C: tl.constexpr,
+    BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     k = tl.program_id(0) * B + tl.arange(0, B)
     row = k[:, None]
@@ -72,8 +75,9 @@ def _color_backward(
 
     V2 = tl.load(ints + 3)
     hidden = tl.load(color_hidden + row * 32 + unit, mask=live[:, None], other=0.0)
-    product = tl.dot(tl.trans(hidden), d_logit, input_precision="ieee")
-    add_output_columns(values + V2, product, 3)
+    if WEIGHTS:
+        product = tl.dot(tl.trans(hidden), d_logit, input_precision="ieee")
+        add_output_columns(values + V2, product, 3)
     weights = tl.trans(output_columns(params + V2, 3))
     d_hidden = tl.dot(d_logit, weights, input_precision="ieee")
     d_hidden = tl.where(hidden > 0.0, d_hidden, 0.0)
@@ -84,15 +88,17 @@ def _color_backward(
         for s in tl.static_range(2):
             offset = row * (2 * C) + s * C + tl.arange(0, C)[None, :]
             f = tl.load(color_in + offset, mask=live[:, None], other=0.0)
-            product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
-            add_weight_rows(values + V1, s * C, product, C)
+            if WEIGHTS:
+                product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
+                add_weight_rows(values + V1, s * C, product, C)
             weights = tl.trans(weight_rows(params + V1, s * C, C))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_color_in + offset, d_f, mask=on[:, None])
     g = tl.load(geometry_out + row * 16 + column, mask=live[:, None], other=0.0)
-    product = tl.dot(tl.trans(g), d_hidden, input_precision="ieee")
-    add_feature_rows(values + V1, 2 * C + BLOBS, product)
-    if BLOBS > 0:
+    if WEIGHTS:
+        product = tl.dot(tl.trans(g), d_hidden, input_precision="ieee")
+        add_feature_rows(values + V1, 2 * C + BLOBS, product)
+    if WEIGHTS and BLOBS > 0:
         x, y, z = load_position(position, k, live)
         scatter_one_blob(values + V1, 2 * C, floats, x, y, z, d_hidden)
 
@@ -101,7 +107,8 @@ def _color_backward(
 def _geometry_backward(
     params, ints, floats, n, position, inside, geometry_in, geometry_hidden, sdf, d_sdf,
     d_color_hidden, values, d_geometry_in, d_geometry_hidden,
-    C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr, BLOBS: tl.constexpr, B: tl.constexpr,
+    WEIGHTS: tl.constexpr, C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr,
+    BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     k = tl.program_id(0) * B + tl.arange(0, B)
     row = k[:, None]
@@ -119,8 +126,9 @@ def _geometry_backward(
 
     W2 = tl.load(ints + 1)
     hidden = tl.load(geometry_hidden + row * 32 + unit, mask=live[:, None], other=0.0)
-    product = tl.dot(tl.trans(hidden), d_out, input_precision="ieee")
-    add_output_columns(values + W2, product, 16)
+    if WEIGHTS:
+        product = tl.dot(tl.trans(hidden), d_out, input_precision="ieee")
+        add_output_columns(values + W2, product, 16)
     d_hidden = tl.dot(d_out, tl.trans(output_columns(params + W2, 16)), input_precision="ieee")
     d_hidden = tl.where(hidden > 0.0, d_hidden, 0.0)
     tl.store(d_geometry_hidden + row * 32 + unit, d_hidden, mask=on[:, None])
@@ -132,8 +140,9 @@ def _geometry_backward(
         for feature in tl.static_range(2):
             offset = row * width + 2 * level + feature
             f = tl.load(geometry_in + offset, mask=live[:, None] & (level < L), other=0.0)
-            product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
-            add_hash_rows(values + W1, product, feature, L, LP)
+            if WEIGHTS:
+                product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
+                add_hash_rows(values + W1, product, feature, L, LP)
             weights = tl.trans(hash_rows(params + W1, feature, L, LP))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_geometry_in + offset, d_f, mask=on[:, None] & (level < L))
@@ -141,11 +150,12 @@ def _geometry_backward(
         for s in tl.static_range(2):
             offset = row * width + 2 * L + s * C + tl.arange(0, C)[None, :]
             f = tl.load(geometry_in + offset, mask=live[:, None], other=0.0)
-            product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
-            add_weight_rows(values + W1, 2 * L + s * C, product, C)
+            if WEIGHTS:
+                product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
+                add_weight_rows(values + W1, 2 * L + s * C, product, C)
             weights = tl.trans(weight_rows(params + W1, 2 * L + s * C, C))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_geometry_in + offset, d_f, mask=on[:, None])
-    if BLOBS > 0:
+    if WEIGHTS and BLOBS > 0:
         x, y, z = load_position(position, k, live)
         scatter_one_blob(values + W1, width, floats, x, y, z, d_hidden)

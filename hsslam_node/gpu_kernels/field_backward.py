@@ -12,7 +12,7 @@ from hsslam_node.gpu_kernels.hash_grid import scatter_hash
 from hsslam_node.gpu_kernels.planes import scatter_plane
 from hsslam_node.gpu_kernels.position_backward import position_backward
 
-BLOCK = 64  # points of one program
+BLOCK = 32  # points of one program
 
 
 def field_backward(

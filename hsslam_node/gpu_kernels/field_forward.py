@@ -17,7 +17,7 @@ from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.hash_grid import gather_hash
 from hsslam_node.gpu_kernels.planes import gather_planes
 
-BLOCK = 64  # points of one program
+BLOCK, WARPS = 32, 8  # of one program: points, warps (more points would spill registers)
 
 
 def field_forward(
@@ -33,7 +33,7 @@ def field_forward(
         params, layout.ints, layout.floats, points, n, acts.position, acts.inside,
         acts.geometry_in, acts.geometry_hidden, acts.geometry_out, acts.color_in,
         acts.color_hidden, acts.sdf, acts.rgb, C=layout.channels, L=layout.levels,
-        LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK,
+        LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 

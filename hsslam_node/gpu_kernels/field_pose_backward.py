@@ -1,8 +1,8 @@
-"""Backward pass of the field to the sample positions alone, for a pose with the map held still."""
+"""Backward pass of the field to the sample positions alone on the GPU, for a pose with the map held still."""
 
 from torch import Tensor
 
-from hsslam_node.gpu_kernels.activations import FieldActivations, Gradient
+from hsslam_node.gpu_kernels.activations import FieldActivations
 from hsslam_node.gpu_kernels.decoder_backward import color_backward, geometry_backward
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.position_backward import position_backward
@@ -15,15 +15,15 @@ def field_pose_backward(
     acts: FieldActivations,
     d_sdf: Tensor,
     d_rgb: Tensor,
-    scratch: Gradient,
     d_points: Tensor,
 ) -> None:
-    """Write d_points [N, 3] (1/m): what `field_backward` writes, without scattering to the encodings.
+    """Write d_points [N, 3] (1/m): what `field_backward` writes, without any parameter's gradient.
 
-    The decoders' gradient falls into `scratch`, which nobody reads.
+    `acts` as `field_forward` left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
+    gradients. Points outside the bound get zero.
     """
     if n == 0:
         return
-    color_backward(params, layout, n, acts, d_rgb, scratch)
-    geometry_backward(params, layout, n, acts, d_sdf, scratch)
+    color_backward(params, layout, n, acts, d_rgb, None)
+    geometry_backward(params, layout, n, acts, d_sdf, None)
     position_backward(params, layout, n, acts, d_points)

@@ -10,7 +10,7 @@ from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.hash_grid import hash_position_gradient
 from hsslam_node.gpu_kernels.planes import plane_position_gradient
 
-BLOCK = 64  # points of one program
+BLOCK, WARPS = 32, 8  # of one program: points, warps (more points would spill registers)
 
 
 def position_backward(
@@ -21,7 +21,7 @@ def position_backward(
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.d_geometry_in,
         acts.d_geometry_hidden, acts.d_color_in, acts.d_color_hidden, d_points,
         C=layout.channels, L=layout.levels, LP=layout.padded_levels, BLOBS=layout.blob_rows,
-        B=BLOCK,
+        B=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 

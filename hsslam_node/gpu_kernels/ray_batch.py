@@ -84,11 +84,10 @@ def _place_samples(
     value = _sample_depth(s, place, D, free_reach, half, FREE, SURFACE)
     rank = tl.zeros([B, SP], tl.int32)
     for other in range(S):
-        place = tl.load(jitter + r * S + other, mask=r < R, other=0.0)[:, None]
-        rival = _sample_depth(
-            other + tl.zeros([B, 1], tl.int32), place, D, free_reach, half, FREE, SURFACE
-        )
-        nearer = (rival < value) | ((rival == value) & (other < s))
+        its_place = tl.load(jitter + r * S + other, mask=r < R, other=0.0)[:, None]
+        index = tl.zeros([B, 1], tl.int32) + other
+        rival = _sample_depth(index, its_place, D, free_reach, half, FREE, SURFACE)
+        nearer = (rival < value) | ((rival == value) & (index < s))
         rank += nearer.to(tl.int32)
     k = r[:, None] * S + rank
     tl.store(z + k, value, mask=on)

@@ -9,7 +9,7 @@ from hsslam_node.gpu_kernels.decoder import world_position
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.sdf_query import sdf_and_gradient
 
-BLOCK = 32  # points of one program
+BLOCK, WARPS = 16, 8  # of one program: points (a frame has few), warps (else registers spill)
 
 
 def alignment_work_space(layout: GpuLayout, point_count: int) -> Tensor:
@@ -47,6 +47,7 @@ def sdf_normal_equations(
             params, layout.ints, layout.floats, points, point_count, n, T_world_cam, truncation_m,
             sigma_m, sigma_slope, huber_m, partial, C=layout.channels, L=layout.levels,
             LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK,
+            num_warps=WARPS,
         )  # fmt: skip
     _add_up[(1,)](partial, blocks, H, b, sums, B=16)
 

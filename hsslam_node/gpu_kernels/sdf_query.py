@@ -16,7 +16,7 @@ from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.hash_grid import gather_hash, hash_position_gradient
 from hsslam_node.gpu_kernels.planes import gather_planes, plane_position_gradient
 
-BLOCK = 32  # points of one program
+BLOCK, WARPS = 16, 8  # of one program: points (a frame has few), warps (else registers spill)
 
 
 def query_sdf(
@@ -38,7 +38,7 @@ def query_sdf(
     _query_sdf[(triton.cdiv(n, BLOCK),)](
         params, layout.ints, layout.floats, points, n, sdf, inside, gradient,
         GRADIENT=want_gradient, C=layout.channels, L=layout.levels, LP=layout.padded_levels,
-        BLOBS=layout.blob_rows, B=BLOCK,
+        BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.gpu_kernels.activations import field_activations, gradient
+from hsslam_node.gpu_kernels.activations import field_activations
 from hsslam_node.gpu_kernels.field_forward import field_forward
 from hsslam_node.gpu_kernels.field_pose_backward import field_pose_backward
 from hsslam_node.gpu_kernels.losses import losses_backward
@@ -34,7 +34,6 @@ class GpuRenderingObjective:
         self._rays = gpu_rays(R, layout.device)
         self._jitter = zeros(R, S)
         self._acts = field_activations(layout, R * S)
-        self._scratch = gradient(layout)
         self._points, self._d_points = zeros(R * S, 3), zeros(R * S, 3)
         self._z, self._weights, self._d_sdf = zeros(R, S), zeros(R, S), zeros(R, S)
         self._d_rgb = zeros(R, S, 3)
@@ -104,7 +103,7 @@ class GpuRenderingObjective:
         )  # fmt: skip
         field_pose_backward(
             params, layout, R * S, acts, self._d_sdf.view(-1), self._d_rgb.view(-1, 3),
-            self._scratch, self._d_points,
+            self._d_points,
         )  # fmt: skip
         d_twist = torch.zeros((1, 6), dtype=torch.float32, device=device)
         pose_gradients(self._rays, count, pose, z, self._d_points, d_twist)

@@ -7,9 +7,10 @@ import torch
 from hsslam_node.gpu_kernels.activations import field_activations, gradient
 from hsslam_node.gpu_kernels.field_backward import field_backward
 from hsslam_node.gpu_kernels.field_forward import field_forward
+from hsslam_node.gpu_kernels.field_pose_backward import field_pose_backward
 from tests.gpu_kernels.conftest import empty, on_device
 
-N = 100  # not a multiple of the block
+N = 50  # not a multiple of the block
 
 
 def _run(field, points, d_sdf, d_rgb, times=1):
@@ -58,3 +59,32 @@ def test_field_is_the_reference(gpu_field, close, seed):
         if block.name != "log_beta" and block.size:
             close(block.view(values), block.view(d_params))
     close(d_points.cpu().numpy(), expected_points)
+
+
+def test_position_alone_is_the_same_and_leaves_the_parameters(gpu_field):
+    n = 30
+    points = gpu_field.cpu.points(n, seed=3, reach=1.2)
+    d_sdf, d_rgb = _upstream(n, 3)
+    _, _, expected = _run(gpu_field, points, d_sdf, d_rgb)
+    params = gpu_field.params.clone()
+    acts, alone = field_activations(gpu_field.layout, n), empty(n, 3)
+    field_forward(params, gpu_field.layout, on_device(points), n, acts)
+    field_pose_backward(
+        params, gpu_field.layout, n, acts, on_device(d_sdf), on_device(d_rgb), alone
+    )
+    assert torch.equal(alone, expected) and alone.any()
+    assert torch.equal(params, gpu_field.params)
+
+
+def test_gradients_add_up_and_an_empty_batch_is_nothing(gpu_field, close):
+    points = gpu_field.cpu.points(20, seed=4)
+    points[3] = np.nan  # outside
+    d_sdf, d_rgb = _upstream(20, 4)
+    acts, once, d_points = _run(gpu_field, points, d_sdf, d_rgb)
+    _, twice, _ = _run(gpu_field, points, d_sdf, d_rgb, times=2)
+    close(twice.values.cpu().numpy(), 2 * once.values.cpu().numpy(), 1e-5)
+    written = once.values.view(-1, 16).any(dim=1)
+    assert (once.touched[written] == 1).all() and once.touched.float().mean() < 0.9  # sparse
+    assert acts.inside[3] == 0 and not d_points[3].any()
+    _, none, _ = _run(gpu_field, points[:0], d_sdf[:0], d_rgb[:0])
+    assert not none.values.any()
