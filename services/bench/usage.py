@@ -77,8 +77,9 @@ class Usage:
         return True
 
     def _name(self, process: psutil.Process) -> str:
-        if self._names.get(process.pid, _UNKNOWN) == _UNKNOWN:
-            self._names[process.pid] = self._found_name(process)
+        found = self._found_name(process)  # every time: one that was just forked gets its log yet
+        if found != _UNKNOWN or process.pid not in self._names:
+            self._names[process.pid] = found
         return self._names[process.pid]
 
     def _found_name(self, process: psutil.Process) -> str:
