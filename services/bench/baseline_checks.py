@@ -52,7 +52,7 @@ def _against(preset: str) -> list[Check]:
 
 def _found(session: Session, preset: str) -> dict[str, Any]:
     if preset not in PRESETS:
-        raise NotMeasured(f"not measured: there is no preset {preset}")
+        raise NotMeasured(f"there is no preset {preset}")
     source = session.source(_SEQUENCE)
     module = f"{__package__}.preset_speed"
     return json.loads(session.python(module, preset, source, str(_FRAMES)))

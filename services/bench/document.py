@@ -111,8 +111,7 @@ def _full(path: Path) -> Report:
 
 def _table(rows: Sequence[Row]) -> list[str]:
     cells = [
-        (f"`{r.name}`", r.what, r.bound or "-", r.measured or "not measured", _MARKS[r.verdict])
-        for r in rows
+        (f"`{r.name}`", r.what, r.bound or "-", _measured_text(r), _MARKS[r.verdict]) for r in rows
     ]
     return _lines([_HEAD, *cells])
 
@@ -123,7 +122,7 @@ def _columns(rows: Sequence[Row]) -> list[str]:
     cells: list[tuple[str, ...]] = []
     for row in rows:
         if not row.values:
-            cells.append((f"`{row.name}`", row.measured or "not measured", *[""] * len(columns)))
+            cells.append((f"`{row.name}`", _measured_text(row), *[""] * len(columns)))
             continue
         names = {name: None for values in row.values.values() for name in values}
         shown = [[row.values.get(run, {}).get(name) for run in columns] for name in names]
@@ -134,6 +133,12 @@ def _columns(rows: Sequence[Row]) -> list[str]:
         ]
         cells += [(f"`{row.name}`" if k == 0 else "", *line) for k, line in enumerate(lines)]
     return _lines([("row", "", *columns), *cells])
+
+
+def _measured_text(row: Row) -> str:
+    if row.verdict != "not measured":
+        return row.measured
+    return f"not measured: {row.measured}" if row.measured else "not measured"
 
 
 def _number(value: Any) -> str:

@@ -47,7 +47,7 @@ def _kernels(session: Session) -> Measured:
     _expect_cuda()
     root = Path(__file__).parents[2]
     if not (root / _TESTS).is_dir():
-        raise NotMeasured(f"not measured: no {_TESTS} beside the package")
+        raise NotMeasured(f"no {_TESTS} beside the package")
     session.say(_TESTS)
     command = [sys.executable, "-m", "pytest", "-q", _TESTS]
     result = subprocess.run(command, cwd=root, capture_output=True, text=True)
@@ -59,4 +59,4 @@ def _expect_cuda() -> None:
     """Raises `NotMeasured` with the reason where CUDA does not work."""
     device = choose_device("auto")
     if device.kind != "cuda":
-        raise NotMeasured(f"not measured: {device.reason}")
+        raise NotMeasured(device.reason)
