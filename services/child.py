@@ -47,6 +47,11 @@ class Child:
     def pid(self) -> int | None:
         return self._process.pid if self._process else None
 
+    @property
+    def pss_mb(self) -> int:
+        """Memory that it told of last; 0 when it does not live."""
+        return self.health.counters.get("pss_mb", 0) if self.health and self.is_alive else 0
+
     def heard(self, health: Health) -> None:
         """A heartbeat of the process of this name; one of a dead predecessor is ignored."""
         self.peak_rss_bytes = max(self.peak_rss_bytes, health.rss_bytes)

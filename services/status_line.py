@@ -45,21 +45,21 @@ class StatusLine:
         else:
             self._console.print(line, soft_wrap=True)
 
-    def show(self, state: RunState, children: Mapping[str, Child]) -> None:
+    def show(self, state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> None:
         """Show the state, if it is time to."""
         now = time.monotonic()
         if now - self._shown_s < (_REDRAW_S if self._live else _PRINT_S):
             return
         self._shown_s = now
-        line = status_text(state, children)
+        line = status_text(state, children, memory_mb)
         if self._live:
             self._live.update(line, refresh=True)
         else:
             self._console.print(line, soft_wrap=True)
 
 
-def status_text(state: RunState, children: Mapping[str, Child]) -> Text:
-    """Frame, rate, latency, tracking quality, keyframes, map version, drops, health."""
+def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> Text:
+    """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
     pose = state.pose
     camera = children["camera"].health if "camera" in children else None
     tracker = children["tracker"].health
@@ -70,7 +70,7 @@ def status_text(state: RunState, children: Mapping[str, Child]) -> Text:
     text = Text(
         f"frame {frame}/{sent}  {state.fps:.1f} FPS  {state.latency_ms:.0f} ms  quality {quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
-        f"dropped {dropped}  lost {state.lost}  "
+        f"dropped {dropped}  lost {state.lost}  memory {memory_mb} MB  "
     )
     for name, child in children.items():
         text.append(f"{name}:", style="dim")

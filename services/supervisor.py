@@ -11,6 +11,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
+from hsslam_node.services.memory_use import MemoryOfAll
 from hsslam_node.services.nursery_link import NurseryLink
 from hsslam_node.services.one_shot import run_one_shot, start_watchdog
 from hsslam_node.services.options import ServeOptions
@@ -95,6 +96,7 @@ class _Run:
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
         self._status = StatusLine()
+        self._memory = MemoryOfAll()
         self._children = {
             spec.name: Child(spec, self._info.path, nursery.spawn)
             for spec in PROCESSES
@@ -159,7 +161,9 @@ class _Run:
         for event in events:
             if event.process != "supervisor":
                 self._status.say(f"{event.process}: {event.text}", event.level)
-        self._status.show(self._listener.state, self._children)
+        heard_mb = {name: child.pss_mb for name, child in self._children.items()}
+        self._memory.look(heard_mb, self._nursery.pid)
+        self._status.show(self._listener.state, self._children, self._memory.total_mb)
         is_starting = any(child.state == "starting" for child in self._children.values())
         time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 
@@ -180,7 +184,7 @@ class _Run:
         if self._info.options.evaluate:
             self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
-        update_summary(self._info.path, section)
+        update_summary(self._info.path, section | self._memory.section())
 
     def _stop_stage(self, stage: int) -> None:
         of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]

@@ -18,6 +18,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Health
 from hsslam_node.services.bus import Bus
+from hsslam_node.services.memory_use import OwnMemory
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.run_info import RunInfo
 
@@ -48,6 +49,7 @@ class Worker:
         self._stop = threading.Event()
         self._ended = threading.Event()
         self._turned_s = time.monotonic()
+        self._memory = OwnMemory()
         self._events = self.bus.publisher(topics.EVENT)
         self._health = self.bus.publisher(topics.HEALTH)
         self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
@@ -122,6 +124,7 @@ class Worker:
             counters[f"rejected {topic}"] = subscription.rejected
             for rejected in subscription.take_rejections()[-1:]:
                 self.event("warning", f"dropped: {rejected.text}")
+        counters["pss_mb"] = self._memory.pss_mb()
         counters["idle_ms"] = int(1e3 * (time.monotonic() - self._turned_s))
         self._health.put(
             Health(

@@ -31,6 +31,7 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert run.stderr.count("the map is computed by") == 1
     assert summary["device"]["name"] in run.stderr and summary["device"]["reason"] in run.stderr
     assert summary["model_bytes"]
+    assert summary["memory"]["peak_pss_mb"] > summary["memory"]["peak_pss_mb_of"]["mapper"] > 0
     assert all(summary["processes"][spec.name]["restarts"] == 0 for spec in PROCESSES)
     assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
     assert len(read_tum(run.out / "trajectory_online.txt")) == frames["tracked"]

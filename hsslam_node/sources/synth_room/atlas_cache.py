@@ -34,6 +34,8 @@ def cached_atlas(
     with contextlib.suppress(OSError):
         _write(folder, atlas)
         _prune(folder)
+    with contextlib.suppress(OSError, ValueError, EOFError):
+        return _read(folder)  # mapped: less memory than the one in hand
     return atlas
 
 
