@@ -52,6 +52,7 @@ def test_a_damaged_file_is_built_anew_and_nothing_unfinished_stays(
 ):
     built = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     (folder,) = _folders(tmp_path)
+    (folder / "texels.npy").unlink()  # `built` is mapped from it
     (folder / "texels.npy").write_bytes(b"")
     again = atlas_cache.cached_atlas(parts, scene_arrays(parts), 0, 4.0)
     np.testing.assert_array_equal(built.texels, again.texels)
