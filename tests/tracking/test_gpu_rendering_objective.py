@@ -53,7 +53,7 @@ def test_loss_and_gradient_are_those_of_the_twin(view):
 
 
 def test_the_tracker_asks_the_map_where_it_is(view):
-    options = replace(SMALL.rendering_tracker, pixels=60, iterations=2, fresh_pixels=False)
+    options = replace(SMALL.rendering_tracker, pixels=60, iterations=3, fresh_pixels=False)
     config = replace(SMALL, rendering_tracker=options)
     first, second = room_frames()[:2]
     poses = []
