@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.services.bench.catalogue import catalogue
 from hsslam_node.services.bench.check import Row, select
 from hsslam_node.services.bench.compare import circumstances, pairs
-from hsslam_node.services.bench.document import BEGIN, END, fill_document
+from hsslam_node.services.bench.document import BEGIN, END, fill_document, with_tables
 from hsslam_node.services.bench.report import machine, read_report, report, write_report
 from hsslam_node.services.bench.session import Session
 
@@ -115,6 +115,13 @@ def test_every_row_stands_in_the_results():
     assert [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")] == [
         check.name for check in catalogue()
     ]
+
+
+def test_tables_of_the_performance_document_name_rows_that_are_there():
+    path = Path(__file__).parents[2] / "docs/performance.md"
+    filled = with_tables(path.read_text(), path.name, [])
+    for name in ("budget", "viewer:room:latency", "memory", "growth:room:time", "gpu:kernels"):
+        assert f"| `{name}` |" in filled
 
 
 def test_document_holds_what_was_measured_last(tmp_path: Path):
