@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import Gradient
+from hsslam_node.gpu_kernels.block_size import block_size
 
 BLOCK = 64  # chunks of one program
 
@@ -29,9 +30,10 @@ def sparse_adam(
     lies in none keeps its gradient. `stepped_at` [P / 16] int32 becomes `step` for the chunks that moved.
     """
     chunks = stepped_at.shape[0]
-    _sparse_adam[(triton.cdiv(chunks, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _sparse_adam[(triton.cdiv(chunks, B),)](
         params, first_moment, second_moment, *grad, step, rates, rates.shape[0], eps, beta1,
-        beta2, stepped_at, chunks, B=BLOCK,
+        beta2, stepped_at, chunks, B=B,
     )  # fmt: skip
 
 

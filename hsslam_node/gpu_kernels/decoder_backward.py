@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import FieldActivations, Gradient
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import (
     add_feature_rows,
     add_hash_rows,
@@ -31,11 +32,12 @@ def color_backward(
     grad: Gradient | None,
 ) -> None:
     """Write d_color_in and d_color_hidden of the first n points; add the weights' to `grad`, if any."""
-    _color_backward[(triton.cdiv(n, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _color_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_out,
         acts.color_in, acts.color_hidden, acts.rgb, d_rgb, grad.values if grad else params,
         acts.d_color_in, acts.d_color_hidden, WEIGHTS=grad is not None, C=layout.channels,
-        BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
+        BLOBS=layout.blob_rows, B=B, num_warps=WARPS,
     )  # fmt: skip
 
 
@@ -48,12 +50,13 @@ def geometry_backward(
     grad: Gradient | None,
 ) -> None:
     """After `color_backward`: the same of the geometry decoder."""
-    _geometry_backward[(triton.cdiv(n, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _geometry_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_in,
         acts.geometry_hidden, acts.sdf, d_sdf, acts.d_color_hidden, grad.values if grad else params,
         acts.d_geometry_in, acts.d_geometry_hidden, WEIGHTS=grad is not None,
         C=layout.channels, L=layout.levels, LP=layout.padded_levels, BLOBS=layout.blob_rows,
-        B=BLOCK, num_warps=WARPS,
+        B=B, num_warps=WARPS,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import FieldActivations, Gradient
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import load_position
 from hsslam_node.gpu_kernels.decoder_backward import color_backward, geometry_backward
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
@@ -34,19 +35,20 @@ def field_backward(
     grad.touched[layout.first_decoder_chunk : layout.last_decoder_chunk + 1].fill_(1)
     if n == 0:
         return
-    blocks = triton.cdiv(n, BLOCK)
+    B = block_size(BLOCK, params)
+    blocks = triton.cdiv(n, B)
     tables, sizes = (layout.ints, layout.floats), {"C": layout.channels, "L": layout.levels}
     color_backward(params, layout, n, acts, d_rgb, grad)
     geometry_backward(params, layout, n, acts, d_sdf, grad)
     if layout.channels:
         _scatter_planes[(blocks, 12)](
             *grad, *tables, n, acts.position, acts.inside, acts.d_geometry_in, acts.d_color_in,
-            **sizes, B=BLOCK,
+            **sizes, B=B,
         )  # fmt: skip
     if layout.levels:
         _scatter_hash[(blocks,)](
             *grad, *tables, n, acts.position, acts.inside, acts.d_geometry_in, **sizes,
-            LP=layout.padded_levels, B=BLOCK,
+            LP=layout.padded_levels, B=B,
         )  # fmt: skip
     if want_points:
         position_backward(params, layout, n, acts, d_points)

@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import FieldActivations
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import (
     add_one_blob,
     feature_rows,
@@ -29,11 +30,12 @@ def field_forward(
     """
     if n == 0:
         return
-    _field_forward[(triton.cdiv(n, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _field_forward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, points, n, acts.position, acts.inside,
         acts.geometry_in, acts.geometry_hidden, acts.geometry_out, acts.color_in,
         acts.color_hidden, acts.sdf, acts.rgb, C=layout.channels, L=layout.levels,
-        LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
+        LP=layout.padded_levels, BLOBS=layout.blob_rows, B=B, num_warps=WARPS,
     )  # fmt: skip
 
 

@@ -4,6 +4,8 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
+
 BLOCK = 8  # rays of one program
 _MIDDLE = tl.constexpr(0.4)  # as losses/sdf.py
 _COLOR, _DEPTH, _SDF_MIDDLE, _SDF_TAIL, _FREE_SPACE = (tl.constexpr(k) for k in range(5))
@@ -41,10 +43,11 @@ def losses_backward(
     """
     R, S = z.shape
     terms.zero_()
-    _losses_backward[(triton.cdiv(R, BLOCK),)](
+    B = block_size(BLOCK, z)
+    _losses_backward[(triton.cdiv(R, B),)](
         sdf, rgb, inside, z, log_beta, weights, color, depth, measured_color, measured_depth,
         ray_weight, loss_weight, truncation_m, d_color_extra, ray_count, R, S, d_sdf, d_rgb,
-        ray_loss, terms, d_log_beta, SP=triton.next_power_of_2(S), B=BLOCK,
+        ray_loss, terms, d_log_beta, SP=triton.next_power_of_2(S), B=B,
     )  # fmt: skip
 
 

@@ -4,6 +4,8 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
+
 BLOCK = 32  # windows of one program
 _C1, _C2 = tl.constexpr(0.01**2), tl.constexpr(0.03**2)
 
@@ -27,9 +29,10 @@ def patch_ssim_backward(
     loss.zero_()
     if W == 0:
         return
-    _patch_ssim_backward[(triton.cdiv(W, BLOCK),)](
+    B = block_size(BLOCK, color)
+    _patch_ssim_backward[(triton.cdiv(W, B),)](
         color, measured, windows, window_count, window_weight, scale, d_color, loss, W, K,
-        KP=triton.next_power_of_2(K), B=BLOCK,
+        KP=triton.next_power_of_2(K), B=B,
     )  # fmt: skip
 
 

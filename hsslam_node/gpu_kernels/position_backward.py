@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import FieldActivations
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import load_position, one_blob_position_gradient
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.hash_grid import hash_position_gradient
@@ -17,11 +18,12 @@ def position_backward(
     params: Tensor, layout: GpuLayout, n: int, acts: FieldActivations, d_points: Tensor
 ) -> None:
     """After the decoders' backward pass: write d_points [:n, 3] (1/m); 0 outside the bound."""
-    _position_backward[(triton.cdiv(n, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _position_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.d_geometry_in,
         acts.d_geometry_hidden, acts.d_color_in, acts.d_color_hidden, d_points,
         C=layout.channels, L=layout.levels, LP=layout.padded_levels, BLOBS=layout.blob_rows,
-        B=BLOCK, num_warps=WARPS,
+        B=B, num_warps=WARPS,
     )  # fmt: skip
 
 

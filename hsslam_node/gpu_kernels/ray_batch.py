@@ -7,6 +7,8 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
+
 BLOCK = 8  # rays of one program
 
 
@@ -47,10 +49,11 @@ def place_samples(
     beyond `ray_count` [1] int32 get points that are not numbers, which the field takes for outside.
     """
     R, S = z.shape
-    _place_samples[(triton.cdiv(R, BLOCK),)](
+    B = block_size(BLOCK, z)
+    _place_samples[(triton.cdiv(R, B),)](
         rays.direction, rays.depth, rays.slot, ray_count, R, poses, jitter, free_reach,
         surface_half_m, z, points, FREE=free_samples, SURFACE=surface_samples,
-        SP=triton.next_power_of_2(S), B=BLOCK,
+        SP=triton.next_power_of_2(S), B=B,
     )  # fmt: skip
 
 
@@ -63,9 +66,10 @@ def pose_gradients(
     world axes about the camera's position. d_points [R * S, 3]; the first `ray_count` rays count.
     """
     R, S = z.shape
-    _pose_gradients[(triton.cdiv(R, BLOCK),)](
+    B = block_size(BLOCK, z)
+    _pose_gradients[(triton.cdiv(R, B),)](
         rays.direction, rays.slot, ray_count, R, S, poses, z, d_points, d_twist,
-        SP=triton.next_power_of_2(S), B=BLOCK,
+        SP=triton.next_power_of_2(S), B=B,
     )  # fmt: skip
 
 

@@ -4,6 +4,8 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
+
 BLOCK = 8  # rays of one program
 
 
@@ -24,9 +26,10 @@ def render_forward(
     opacity [R] are written.
     """
     R, S = z.shape
-    _render_forward[(triton.cdiv(R, BLOCK),)](
+    B = block_size(BLOCK, z)
+    _render_forward[(triton.cdiv(R, B),)](
         sdf, rgb, inside, z, log_beta, R, S, weights, color, depth, opacity,
-        SP=triton.next_power_of_2(S), B=BLOCK,
+        SP=triton.next_power_of_2(S), B=B,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import world_position
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.sdf_query import sdf_and_gradient
@@ -14,7 +15,7 @@ BLOCK, WARPS = 16, 8  # of one program: points (a frame has few), warps (else re
 
 def alignment_work_space(layout: GpuLayout, point_count: int) -> Tensor:
     """`partial` for up to `point_count` points: the system of each block of points."""
-    blocks = triton.cdiv(max(point_count, 1), BLOCK)
+    blocks = triton.cdiv(max(point_count, 1), block_size(BLOCK, layout.ints))
     return torch.zeros((blocks, 64), dtype=torch.float32, device=layout.device)
 
 
@@ -41,12 +42,13 @@ def sdf_normal_equations(
     inliers, points in the bound, sum of squared inlier residuals (m^2). The order of the sums is fixed.
     """
     n = points.shape[0]
-    blocks = triton.cdiv(n, BLOCK)
+    B = block_size(BLOCK, params)
+    blocks = triton.cdiv(n, B)
     if n:
         _linearise[(blocks,)](
             params, layout.ints, layout.floats, points, point_count, n, T_world_cam, truncation_m,
             sigma_m, sigma_slope, huber_m, partial, C=layout.channels, L=layout.levels,
-            LP=layout.padded_levels, BLOBS=layout.blob_rows, B=BLOCK,
+            LP=layout.padded_levels, BLOBS=layout.blob_rows, B=B,
             num_warps=WARPS,
         )  # fmt: skip
     _add_up[(1,)](partial, blocks, H, b, sums, B=16)

@@ -4,6 +4,7 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import (
     add_one_blob,
     hash_rows,
@@ -35,10 +36,11 @@ def query_sdf(
     n = points.shape[0]
     if n == 0:
         return
-    _query_sdf[(triton.cdiv(n, BLOCK),)](
+    B = block_size(BLOCK, params)
+    _query_sdf[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, points, n, sdf, inside, gradient,
         GRADIENT=want_gradient, C=layout.channels, L=layout.levels, LP=layout.padded_levels,
-        BLOBS=layout.blob_rows, B=BLOCK, num_warps=WARPS,
+        BLOBS=layout.blob_rows, B=B, num_warps=WARPS,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import triton.language as tl
 from torch import Tensor
 
 from hsslam_node.gpu_kernels.activations import Gradient
+from hsslam_node.gpu_kernels.block_size import block_size
 from hsslam_node.gpu_kernels.decoder import relative_position
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.hash_grid import gather_hash, scatter_hash
@@ -29,8 +30,9 @@ def smoothness_backward(
     n = cube.shape[0]
     if layout.levels == 0 or n == 0:
         return
-    blocks = (triton.cdiv(n**3, BLOCK),)
-    sizes = {"L": layout.levels, "LP": layout.padded_levels, "B": BLOCK}
+    B = block_size(BLOCK, params)
+    blocks = (triton.cdiv(n**3, B),)
+    sizes = {"L": layout.levels, "LP": layout.padded_levels, "B": B}
     _gather[blocks](params, layout.ints, layout.floats, cube, n, feature, **sizes)
     _backward[blocks](
         *grad, layout.ints, layout.floats, cube, n, feature, scale, loss, **sizes

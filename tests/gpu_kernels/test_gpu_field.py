@@ -10,7 +10,7 @@ from hsslam_node.gpu_kernels.field_forward import field_forward
 from hsslam_node.gpu_kernels.field_pose_backward import field_pose_backward
 from tests.gpu_kernels.conftest import empty, on_device
 
-N = 50  # not a multiple of the block
+N = 150  # not a multiple of the block
 
 
 def _run(field, points, d_sdf, d_rgb, times=1):
@@ -62,7 +62,7 @@ def test_field_is_the_reference(gpu_field, close, seed):
 
 
 def test_position_alone_is_the_same_and_leaves_the_parameters(gpu_field):
-    n = 30
+    n = 40
     points = gpu_field.cpu.points(n, seed=3, reach=1.2)
     d_sdf, d_rgb = _upstream(n, 3)
     _, _, expected = _run(gpu_field, points, d_sdf, d_rgb)
