@@ -28,14 +28,14 @@ CONFIG = replace(
     bound=BoundConfig(margin=1.0, least_m=2.0, most_m=4.0),
     keyframes=replace(SMALL.keyframes, every_frames=1),
     tracker=replace(SMALL.tracker, points=120, iterations=1, min_inlier_ratio=0.0),
-    mapper=replace(SMALL.mapper, rays=16, first_iterations=1, iterations=1, last_iterations=1),
+    mapper=replace(SMALL.mapper, rays=8, first_iterations=1, iterations=1, last_iterations=1),
     ba=replace(
         SMALL.ba,
         every_keyframes=1,
         iterations=1,
-        rays=16,
+        rays=8,
         probe_keyframes=2,
-        probe_rays=4,
+        probe_rays=3,
         loss_threshold=1e-6,
     ),
 )
