@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.slam import Slam
@@ -14,7 +15,7 @@ _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
 
 
 @cache  # a forked process has it from its parent
-def rehearse(config: SlamConfig) -> None:
+def rehearse(config: SlamConfig, device: Device = CPU) -> None:
     """Track and map three frames of a textured wall with the field of `config`, then forget them."""
     small = dataclasses.replace(
         config,
@@ -23,7 +24,7 @@ def rehearse(config: SlamConfig) -> None:
         rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
         ba=dataclasses.replace(config.ba, enabled=False),
     )
-    slam = Slam(small)
+    slam = Slam(small, device=device)
     camera = Camera(_WIDTH_PX, _HEIGHT_PX, 130.0, 130.0, 79.5, 59.5)
     texture = np.random.default_rng(0).integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
     color = np.kron(texture, np.ones((8, 8, 1))).astype(np.uint8)

@@ -57,7 +57,7 @@ class _MapperLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._slam = worker.options.slam
-        self._device = worker_device(worker)
+        self._device = worker_device(worker, rehearsed=True)
         tell_device(worker, self._device)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._maps = worker.bus.publisher(topics.MAP)

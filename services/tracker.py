@@ -54,7 +54,7 @@ class _TrackerLoop:
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
-        self._device = worker_device(worker)
+        self._device = worker_device(worker, rehearsed=True)
         self._views: MapViews | None = None
         last = self._log.last()
         self._last_index = -1 if last is None else int(last["index"])

@@ -8,13 +8,20 @@ from hsslam_node.services.summary import update_summary
 from hsslam_node.services.worker import Worker
 
 
-def worker_device(worker: Worker) -> Device:
+def worker_device(worker: Worker, *, rehearsed: bool = False) -> Device:
     """What the run's option comes to in this process.
+
+    With `rehearsed` a GPU's kernels are compiled and loaded now, not when a frame waits for them.
 
     Raises:
         UserError: CUDA is asked for and does not work; the run ends with that line.
     """
-    return choose_device(worker.options.device)
+    device = choose_device(worker.options.device)
+    if rehearsed and device.kind == "cuda":
+        from hsslam_node.rehearsal import rehearse
+
+        rehearse(worker.options.slam, device)
+    return device
 
 
 def tell_device(worker: Worker, device: Device) -> None:
