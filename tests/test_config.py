@@ -48,6 +48,8 @@ OTHERS = [  # value, and the nearest one that is good
     ("field", "appearance_fine_cell_m", 0.25, 0.24),
     ("mapper", "newest_share", 1.1, 1.0),
     ("mapper", "newest_share", -0.1, 0.0),
+    ("mapper", "least_color_weight", 0.2, 0.1),
+    ("mapper", "least_color_weight", -0.1, 0.0),
     ("mapper", "smoothness_vertices", 1, 2),
     ("mapper", "smoothness_vertices", 65, 64),
     ("tracker", "min_inlier_ratio", 1.1, 1.0),

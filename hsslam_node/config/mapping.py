@@ -70,6 +70,8 @@ class MapperConfig:
     """Depth noise at 1 m, growing with z^2: depth and SDF terms weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
     max_depth_m: float = 12.0
     """Farther measurements are ignored, m."""
+    least_color_weight: float = 1e-4
+    """Samples of a smaller rendering weight are taken as grey (on the CPU; saves a third); 0: none."""
     patch_repeats: int = 10
     """Random patches M of the structural loss."""
     patch_kernel_px: int = 3
@@ -95,6 +97,7 @@ class MapperConfig:
         expect_not_negative(self, "mapper", "last_iterations")
         expect_not_negative(self, "mapper", "patch_repeats")
         expect_in_range(self, "mapper", "newest_share", 0.0, 1.0)
+        expect_in_range(self, "mapper", "least_color_weight", 0.0, 0.1)
         expect_in_range(self, "mapper", "smoothness_vertices", 2, 64)
 
 

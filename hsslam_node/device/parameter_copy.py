@@ -48,7 +48,7 @@ class ParameterCopy:
         for target, source in self._pairs():
             self._transfer.download(source, chunks, target)
         on_host = chunks.cpu().numpy()
-        self._host.stepped_at[on_host] = self.stepped_at[chunks].cpu().numpy()
+        self._host.mark_stepped(on_host, self.stepped_at[chunks].cpu().numpy())
         self.stepped_at.zero_()
 
     def _pairs(self) -> list[tuple[np.ndarray, torch.Tensor]]:

@@ -10,6 +10,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.allocator import ArrayAllocator
 
 _STEP, _VERSION, _BEGUN, _READY, _SLOT_STEP = 0, 1, 2, 3, 4  # fields of the state; the last twice
+_PAGE = 64  # chunks of 16 floats
 
 
 class FieldParameters:
@@ -32,6 +33,8 @@ class FieldParameters:
         self.second_moment = arrays.open("adam_second")  # [P]
         # [P / 16] int32: the Adam step that last moved each chunk; copies ask it what they lack
         self.stepped_at = arrays.open("params_stepped_at")
+        # [~P / 1024] int32: the same for pages of 64 chunks, so that nobody needs to ask all chunks
+        self.page_stepped_at = arrays.open("params_page_stepped_at")
         self._slots = arrays.open("published")  # [2, P]
 
     @classmethod
@@ -44,6 +47,8 @@ class FieldParameters:
             arrays.create("adam_first", (P,), np.float32)[:] = 0
             arrays.create("adam_second", (P,), np.float32)[:] = 0
             arrays.create("params_stepped_at", (P // 16,), np.int32)[:] = 0
+            pages = -(-P // (16 * _PAGE))
+            arrays.create("params_page_stepped_at", (pages,), np.int32)[:] = 0
             arrays.create("published", (2, P), np.float32)
             bound = arrays.create("field_bound", (2, 3), np.float64)
             bound[:] = layout.bound.low, layout.bound.high
@@ -68,13 +73,18 @@ class FieldParameters:
         self._state[_STEP] += 1
         return int(self._state[_STEP])
 
+    def mark_stepped(self, chunks: np.ndarray, steps: np.ndarray | int) -> None:
+        """Writer: say by which step `chunks` [n] were moved, where not the Adam kernel moved them."""
+        self.stepped_at[chunks] = steps
+        np.maximum.at(self.page_stepped_at, chunks // _PAGE, steps)
+
     def publish(self) -> int:
         """Writer: bring the free slot up to date and make it current; returns the new version."""
         version = self.version + 1
         slot = version % 2
         self._state[_BEGUN] = version
         since = self._state[_SLOT_STEP + slot]
-        _copy_stepped(self.params, self._slots[slot], self.stepped_at, since)
+        _copy_stepped(self.params, self._slots[slot], self.stepped_at, self.page_stepped_at, since)
         self._state[_SLOT_STEP + slot] = self.step
         self._state[_VERSION] = version
         return version
@@ -94,8 +104,10 @@ class FieldParameters:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _copy_stepped(params, slot, stepped_at, since):
-    for chunk in range(stepped_at.shape[0]):
-        if stepped_at[chunk] > since:
-            for k in range(16 * chunk, 16 * chunk + 16):
-                slot[k] = params[k]
+def _copy_stepped(params, slot, stepped_at, page_stepped_at, since):
+    for page in range(page_stepped_at.shape[0]):
+        if page_stepped_at[page] > since:
+            for chunk in range(page * _PAGE, min((page + 1) * _PAGE, stepped_at.shape[0])):
+                if stepped_at[chunk] > since:
+                    for k in range(16 * chunk, 16 * chunk + 16):
+                        slot[k] = params[k]

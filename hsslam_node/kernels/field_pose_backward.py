@@ -3,9 +3,22 @@
 import numpy as np
 from numba import njit
 
-from hsslam_node.kernels.field_backward import one_blob_position_gradient
-from hsslam_node.kernels.field_forward import BLOCK, HIDDEN, color_first_layer
+from hsslam_node.kernels.aligned import aligned_rows
+from hsslam_node.kernels.decoder_weights import HIDDEN, color_weights, geometry_weights
+from hsslam_node.kernels.field_backward import (
+    color_logit_gradient,
+    geometry_logit_gradient,
+    mask_relu,
+    put_feature_gradient,
+)
+from hsslam_node.kernels.field_forward import split_hash_gradient
 from hsslam_node.kernels.hash_grid import hash_position_gradient
+from hsslam_node.kernels.one_blob import (
+    BLOCK,
+    one_blob,
+    one_blob_position_gradient,
+    one_blob_space,
+)
 from hsslam_node.kernels.planes import plane_position_gradient
 
 
@@ -13,63 +26,65 @@ from hsslam_node.kernels.planes import plane_position_gradient
 def field_pose_backward(params, layout, n, acts, d_sdf, d_rgb, d_points):
     """Write d_points [N, 3] (1/m): what `field_backward` writes, without any parameter's gradient.
 
-    `acts` as `field_forward` left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
+    `acts` as the forward pass left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
     gradients. Points outside the bound get zero.
     """
-    L2 = 2 * layout.hash_offset.shape[0]
-    C = layout.channels
-    width = L2 + 2 * C
-    rows = width + layout.blob_rows
-    W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
-    W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
-    V1, blob_V1 = color_first_layer(params, layout)
-    V2 = params[layout.color_W2 : layout.color_W2 + HIDDEN * 3].reshape(HIDDEN, 3)
-    W1_T = W1[:width].T.copy()
-    W2_T = W2.T.copy()
-    V1_T = V1.T.copy()
-    V2_T = V2.T.copy()
-    d_logit = np.empty((BLOCK, 3), np.float32)
-    d_color_hidden = np.empty((BLOCK, HIDDEN), np.float32)
-    d_color_in = np.empty((BLOCK, 2 * C + 16), np.float32)
-    d_out = np.empty((BLOCK, 16), np.float32)
-    d_hidden = np.empty((BLOCK, HIDDEN), np.float32)
-    d_in = np.empty((BLOCK, width), np.float32)
-    for start in range(0, n, BLOCK):
-        stop = min(start + BLOCK, n)
-        m = stop - start
-        for k in range(m):
-            live = np.float32(acts.inside[start + k])
-            for c in range(3):
-                v = acts.rgb[start + k, c]
-                d_logit[k, c] = live * d_rgb[start + k, c] * v * (np.float32(1.0) - v)
-        np.dot(d_logit[:m], V2_T, d_color_hidden[:m])
-        _mask_inactive(acts.color_hidden[start:stop], d_color_hidden[:m])
-        np.dot(d_color_hidden[:m], V1_T, d_color_in[:m])
-        for k in range(m):
-            for c in range(1, 16):
-                d_out[k, c] = d_color_in[k, 2 * C + c]
-            s = acts.sdf[start + k]
-            live = np.float32(acts.inside[start + k])
-            d_out[k, 0] = live * d_sdf[start + k] * (np.float32(1.0) - s * s)
-        np.dot(d_out[:m], W2_T, d_hidden[:m])
-        _mask_inactive(acts.geometry_hidden[start:stop], d_hidden[:m])
-        np.dot(d_hidden[:m], W1_T, d_in[:m])
-        position, d_position = acts.position[start:stop], d_points[start:stop]
-        d_position[:] = np.float32(0.0)
-        hash_position_gradient(params, layout, position, d_in[:m], d_position)
-        for s in range(2):
-            plane_position_gradient(params, layout, s, position, d_in[:m], L2 + s * C, d_position)
-            plane_position_gradient(
-                params, layout, 2 + s, position, d_color_in[:m], s * C, d_position
-            )
-        one_blob_position_gradient(layout, position, W1[width:], d_hidden[:m], d_position)
-        one_blob_position_gradient(layout, position, blob_V1, d_color_hidden[:m], d_position)
+    d_points[:n] = np.float32(0.0)
+    acts.d_geometry_out[:n] = np.float32(0.0)
+    _color(params, layout, acts, d_rgb, d_points)
+    geometry_logit_gradient(acts.inside, acts.sdf, d_sdf, acts.d_geometry_out[:n])
+    _geometry(params, layout, n, acts, d_points)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _mask_inactive(hidden, d_hidden):
-    """No gradient through units that the ReLU has set to zero."""
-    for k in range(hidden.shape[0]):
-        for c in range(HIDDEN):
-            if hidden[k, c] <= np.float32(0.0):
-                d_hidden[k, c] = np.float32(0.0)
+def _color(params, layout, acts, d_rgb, d_points):
+    C = layout.channels
+    V1, blob_V1, V2 = color_weights(params, layout)
+    V1_T, V2_T = V1.T.copy(), V2.T.copy()
+    d_logit, d_hidden = aligned_rows(BLOCK, 3), aligned_rows(BLOCK, HIDDEN)
+    d_in, d_position = aligned_rows(BLOCK, 2 * C + 16), aligned_rows(BLOCK, 3)
+    blob = one_blob_space()
+    rows = acts.color_rows[0]
+    for start in range(0, rows, BLOCK):
+        stop = min(start + BLOCK, rows)
+        m = stop - start
+        position, point = acts.color_position[start:stop], acts.color_row[start:stop]
+        color_logit_gradient(acts.inside, acts.rgb, point, d_rgb, d_logit)
+        np.dot(d_logit[:m], V2_T, d_hidden[:m])
+        mask_relu(acts.color_hidden[start:stop], d_hidden)
+        np.dot(d_hidden[:m], V1_T, d_in[:m])
+        d_position[:m] = np.float32(0.0)
+        for s in range(2):
+            plane_position_gradient(
+                params, layout, 2 + s, position, d_in[:m], s * C, d_position[:m]
+            )
+        one_blob(layout, position, blob)
+        one_blob_position_gradient(blob, blob_V1, d_hidden[:m], d_position[:m])
+        put_feature_gradient(acts.d_geometry_out, point, d_in)
+        for k in range(m):
+            for a in range(3):
+                d_points[point[k], a] += d_position[k, a]
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _geometry(params, layout, n, acts, d_points):
+    L, C = layout.hash_offset.shape[0], layout.channels
+    W1, blob_W1, W2 = geometry_weights(params, layout)
+    W1_T, W2_T = W1.T.copy(), W2.T.copy()
+    d_hidden, d_in = aligned_rows(BLOCK, HIDDEN), aligned_rows(BLOCK, 2 * L + 2 * C)
+    blob = one_blob_space()
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        m = stop - start
+        position, d_position = acts.position[start:stop], d_points[start:stop]
+        np.dot(acts.d_geometry_out[start:stop], W2_T, d_hidden[:m])
+        mask_relu(acts.geometry_hidden[start:stop], d_hidden)
+        np.dot(d_hidden[:m], W1_T, d_in[:m])
+        split_hash_gradient(acts.hash_feature, start, d_in[:m])
+        for s in range(2):
+            plane_position_gradient(
+                params, layout, s, position, d_in[:m], 2 * L + s * C, d_position
+            )
+        one_blob(layout, position, blob)
+        one_blob_position_gradient(blob, blob_W1, d_hidden[:m], d_position)
+    hash_position_gradient(params, layout, acts.axes, n, acts.hash_feature, d_points)

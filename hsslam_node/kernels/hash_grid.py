@@ -1,152 +1,169 @@
 """Multi-resolution hash grid on the CPU: trilinear gather, its scatter, its derivative by position.
 
 All take a block of positions [n, 3] (m, relative to the low corner) and the first 2 L columns of a
-feature matrix [n, W]. Levels are the outer loop, so one table at a time is in the cache. The eight
-corners are unrolled by hand: as a loop with per-corner choices this takes ten times as long.
+feature matrix [n, W]. Levels are the outer loop, so one table at a time is in the cache. Cells and
+corner offsets of a level are computed for the whole block at once; then the eight corners of a point
+(two features each) are one vector of 16 lanes: x alternates with every pair, y with every second, z in
+the halves.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.simd import (
+    add_pairs,
+    fma,
+    load,
+    load_pairs,
+    mul,
+    spread,
+    spread_pair,
+    store_pair_total,
+    total,
+)
+
 PRIME_Y = 2654435761
 PRIME_Z = 805459861
+_BLOCK = 256  # points whose cells are computed at once
+_UPPER = np.array(  # [3 * 16] 1 in the lanes of the upper corners along x, y, z
+    [[lane >> (1 + axis) & 1 for lane in range(16)] for axis in range(3)], np.float32
+).ravel()
+_LOWER = 1 - _UPPER
+_SIGN = _UPPER - _LOWER
+
+
+class _Cells(NamedTuple):
+    """Work space: cells of a block of n points in one level."""
+
+    corner: np.ndarray  # [3 * n] int32, lower vertex x, y, z
+    fraction: np.ndarray  # [3 * n]
+    offset: np.ndarray  # [8 * n] int32, floats from the start of the level, corner by corner
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def gather_hash(params, layout, position, features):
-    """Features of all levels."""
-    one = np.float32(1.0)
+def gather_hash(params, layout, axes, n, features):
+    """Features of all levels at points[:n]; axes [3, N] m, features [L, N, 2]."""
+    cells = _cells()
     for level in range(layout.hash_offset.shape[0]):
-        first, mask, scale, last = _level(layout, level)
-        for k in range(position.shape[0]):
-            x, fx = _cell(position[k, 0], scale, last)
-            y, fy = _cell(position[k, 1], scale, last)
-            z, fz = _cell(position[k, 2], scale, last)
-            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
-            gx, gy, gz = one - fx, one - fy, one - fz
-            w00, w10, w01, w11 = gy * gz, fy * gz, gy * fz, fy * fz
-            features[k, 2 * level] = gx * (
-                w00 * params[o0] + w10 * params[o2] + w01 * params[o4] + w11 * params[o6]
-            ) + fx * (w00 * params[o1] + w10 * params[o3] + w01 * params[o5] + w11 * params[o7])
-            features[k, 2 * level + 1] = gx * (
-                w00 * params[o0 + 1]
-                + w10 * params[o2 + 1]
-                + w01 * params[o4 + 1]
-                + w11 * params[o6 + 1]
-            ) + fx * (
-                w00 * params[o1 + 1]
-                + w10 * params[o3 + 1]
-                + w01 * params[o5 + 1]
-                + w11 * params[o7 + 1]
-            )
+        table = params[layout.hash_offset[level] :]
+        out = features[level]
+        for start in range(0, n, _BLOCK):
+            m = min(n - start, _BLOCK)
+            _find_cells(layout, level, axes, start, m, cells)
+            for k in range(m):
+                x, y, z = _corner_weights(cells, k)
+                value = load_pairs(table, cells.offset, k, _BLOCK)
+                store_pair_total(out, 2 * (start + k), mul(value, mul(x, mul(y, z))))
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def scatter_hash(grad, touched, layout, position, d_features):
-    """Add the gradient of `gather_hash` and mark the 16-float chunks it lies in."""
-    one = np.float32(1.0)
+def scatter_hash(grad, layout, axes, n, d_features):
+    """Add the gradient of `gather_hash` to `grad` (a `Gradient`) and mark where it lies.
+
+    Successive points in one cell, as samples of a ray often are, are added up first.
+    """
+    cells = _cells()
     for level in range(layout.hash_offset.shape[0]):
-        first, mask, scale, last = _level(layout, level)
-        for k in range(position.shape[0]):
-            da = d_features[k, 2 * level]
-            db = d_features[k, 2 * level + 1]
-            x, fx = _cell(position[k, 0], scale, last)
-            y, fy = _cell(position[k, 1], scale, last)
-            z, fz = _cell(position[k, 2], scale, last)
-            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
-            gx, gy, gz = one - fx, one - fy, one - fz
-            _add(grad, touched, o0, gx * gy * gz, da, db)
-            _add(grad, touched, o1, fx * gy * gz, da, db)
-            _add(grad, touched, o2, gx * fy * gz, da, db)
-            _add(grad, touched, o3, fx * fy * gz, da, db)
-            _add(grad, touched, o4, gx * gy * fz, da, db)
-            _add(grad, touched, o5, fx * gy * fz, da, db)
-            _add(grad, touched, o6, gx * fy * fz, da, db)
-            _add(grad, touched, o7, fx * fy * fz, da, db)
+        table = grad.values[layout.hash_offset[level] :]
+        marks = grad.touched[layout.hash_offset[level] >> 4 :]
+        d_out = d_features[level]
+        for start in range(0, n, _BLOCK):
+            m = min(n - start, _BLOCK)
+            _find_cells(layout, level, axes, start, m, cells)
+            k = 0
+            while k < m:
+                first = k
+                d = spread(np.float32(0.0))
+                while k < m and _same_cell(cells, first, k):
+                    x, y, z = _corner_weights(cells, k)
+                    d = fma(spread_pair(d_out, 2 * (start + k)), mul(x, mul(y, z)), d)
+                    k += 1
+                add_pairs(table, cells.offset, first, _BLOCK, d)
+                for c in range(8):
+                    marks[cells.offset[c * _BLOCK + first] >> 4] = 1
+    if layout.hash_offset.shape[0] > 0:  # the tables do not grow with the map: all their pages
+        grad.pages[layout.hash_offset[0] >> 10 : (layout.geometry_W1 >> 10) + 1] = 1
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def hash_position_gradient(params, layout, position, d_features, d_position):
-    """Add d(loss)/d(position) to d_position [n, 3] (1/m)."""
-    one = np.float32(1.0)
+def hash_position_gradient(params, layout, axes, n, d_features, d_position):
+    """Add d(loss)/d(position) to d_position [N, 3] (1/m)."""
+    cells = _cells()
     for level in range(layout.hash_offset.shape[0]):
-        first, mask, scale, last = _level(layout, level)
-        for k in range(position.shape[0]):
-            da = d_features[k, 2 * level]
-            db = d_features[k, 2 * level + 1]
-            x, fx = _cell(position[k, 0], scale, last)
-            y, fy = _cell(position[k, 1], scale, last)
-            z, fz = _cell(position[k, 2], scale, last)
-            o0, o1, o2, o3, o4, o5, o6, o7 = _corners(first, mask, last, x, y, z)
-            v0 = da * params[o0] + db * params[o0 + 1]
-            v1 = da * params[o1] + db * params[o1 + 1]
-            v2 = da * params[o2] + db * params[o2 + 1]
-            v3 = da * params[o3] + db * params[o3 + 1]
-            v4 = da * params[o4] + db * params[o4 + 1]
-            v5 = da * params[o5] + db * params[o5 + 1]
-            v6 = da * params[o6] + db * params[o6 + 1]
-            v7 = da * params[o7] + db * params[o7 + 1]
-            gx, gy, gz = one - fx, one - fy, one - fz
-            d_position[k, 0] += scale * (
-                gz * (gy * (v1 - v0) + fy * (v3 - v2)) + fz * (gy * (v5 - v4) + fy * (v7 - v6))
-            )
-            d_position[k, 1] += scale * (
-                gz * (gx * (v2 - v0) + fx * (v3 - v1)) + fz * (gx * (v6 - v4) + fx * (v7 - v5))
-            )
-            d_position[k, 2] += scale * (
-                gy * (gx * (v4 - v0) + fx * (v5 - v1)) + fy * (gx * (v6 - v2) + fx * (v7 - v3))
-            )
+        table = params[layout.hash_offset[level] :]
+        scale = layout.hash_scale[level]
+        d_out = d_features[level]
+        for start in range(0, n, _BLOCK):
+            m = min(n - start, _BLOCK)
+            _find_cells(layout, level, axes, start, m, cells)
+            for k in range(m):
+                x, y, z = _corner_weights(cells, k)
+                value = load_pairs(table, cells.offset, k, _BLOCK)
+                d = mul(value, spread_pair(d_out, 2 * (start + k)))
+                d_position[start + k, 0] += scale * total(mul(mul(d, load(_SIGN, 0)), mul(y, z)))
+                d_position[start + k, 1] += scale * total(mul(mul(d, load(_SIGN, 16)), mul(x, z)))
+                d_position[start + k, 2] += scale * total(mul(mul(d, load(_SIGN, 32)), mul(x, y)))
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _cells():
+    return _Cells(
+        np.empty(3 * _BLOCK, np.int32),
+        np.empty(3 * _BLOCK, np.float32),
+        np.empty(8 * _BLOCK, np.int32),
+    )
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _find_cells(layout, level, axes, start, m, cells):
+    """Fill `cells` for points start to start + m - 1."""
+    last = layout.hash_resolution[level] - 1
+    scale = layout.hash_scale[level]
+    for axis in range(3):
+        p = axes[axis, start : start + m]
+        corner = cells.corner[axis * _BLOCK : axis * _BLOCK + m]
+        fraction = cells.fraction[axis * _BLOCK : axis * _BLOCK + m]
+        for k in range(m):
+            g = max(p[k] * scale, np.float32(0.0))
+            i = np.int32(min(np.int32(g), np.int32(last)))
+            corner[k] = i
+            fraction[k] = g - np.float32(i)
+    mask = layout.hash_mask[level]
+    x = cells.corner[:m]
+    y = cells.corner[_BLOCK : _BLOCK + m]
+    z = cells.corner[2 * _BLOCK : 2 * _BLOCK + m]
+    for c in range(8):
+        dx, dy, dz = c & 1, c >> 1 & 1, c >> 2
+        out = cells.offset[c * _BLOCK : c * _BLOCK + m]
+        if mask == 0:  # dense: x + side (y + side z)
+            side = last + 2
+            far = 2 * (dx + side * (dy + side * dz))
+            for k in range(m):
+                out[k] = np.int32(2 * (x[k] + side * (y[k] + side * z[k])) + far)
+        else:  # XOR hash (Instant-NGP, eq. 4)
+            for k in range(m):
+                mixed = (x[k] + dx) ^ ((y[k] + dy) * PRIME_Y) ^ ((z[k] + dz) * PRIME_Z)
+                out[k] = np.int32(2 * (mixed & mask))
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _level(layout, level):
-    """Offset in floats, hash mask (0: dense), cells per metre and last cell of a level."""
+def _same_cell(cells, a, b):
+    corner = cells.corner
     return (
-        layout.hash_offset[level],
-        layout.hash_mask[level],
-        layout.hash_scale[level],
-        layout.hash_resolution[level] - 1,
+        corner[a] == corner[b]
+        and corner[_BLOCK + a] == corner[_BLOCK + b]
+        and corner[2 * _BLOCK + a] == corner[2 * _BLOCK + b]
     )
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _cell(x, scale, last):
-    """Lower vertex and fraction along one axis."""
-    g = max(x * scale, np.float32(0.0))
-    i = min(int(g), last)
-    return i, g - np.float32(i)
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _add(grad, touched, o, w, da, db):
-    grad[o] += w * da
-    grad[o + 1] += w * db
-    touched[o >> 4] = 1
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _corners(first, mask, last, x, y, z):
-    """Offsets in floats of the eight vertices (x fastest): dense, or XOR hash (Instant-NGP, eq. 4)."""
-    if mask == 0:
-        n = last + 2
-        o = first + 2 * (x + n * (y + n * z))
-        row = 2 * n
-        slab = 2 * n * n
-        far = o + slab
-        return o, o + 2, o + row, o + row + 2, far, far + 2, far + row, far + row + 2
-    y0 = y * PRIME_Y
-    y1 = y0 + PRIME_Y
-    z0 = z * PRIME_Z
-    z1 = z0 + PRIME_Z
-    a, b, c, d = y0 ^ z0, y1 ^ z0, y0 ^ z1, y1 ^ z1
-    x1 = x + 1
+def _corner_weights(cells, k):
+    """Weight of the eight corners along x, y, z; their product is that of the corner."""
+    fraction = cells.fraction
     return (
-        first + 2 * ((x ^ a) & mask),
-        first + 2 * ((x1 ^ a) & mask),
-        first + 2 * ((x ^ b) & mask),
-        first + 2 * ((x1 ^ b) & mask),
-        first + 2 * ((x ^ c) & mask),
-        first + 2 * ((x1 ^ c) & mask),
-        first + 2 * ((x ^ d) & mask),
-        first + 2 * ((x1 ^ d) & mask),
+        fma(spread(fraction[k]), load(_SIGN, 0), load(_LOWER, 0)),
+        fma(spread(fraction[_BLOCK + k]), load(_SIGN, 16), load(_LOWER, 16)),
+        fma(spread(fraction[2 * _BLOCK + k]), load(_SIGN, 32), load(_LOWER, 32)),
     )

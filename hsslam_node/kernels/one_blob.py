@@ -1,36 +1,123 @@
-"""One-blob encoding on the CPU: at most three bins per axis are not zero, so it is never written out."""
+"""One-blob encoding on the CPU: at most three bins per axis are not zero, so it is never written out.
+
+What a first layer needs of it is the sum of three rows of weights per axis. All take positions [n, 3]
+(m, relative to the low corner) and a block of weight rows [48, 32]: 16 bins of x, then y, then z. No
+rows: no encoding.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.simd import add, fma, load, mul, spread, store, total, where_positive
+
 BINS = 16
+_HIDDEN = 32
+BLOCK = 256  # points a pass: activations of a block stay in the L2 cache
+
+
+class OneBlob(NamedTuple):
+    """Encodings of up to 256 points: per axis three successive bins that hold all that is not zero."""
+
+    first: np.ndarray  # [3, 256] int32, row of the first of the three: 16 axis + bin
+    weight: np.ndarray  # [9, 256], bins of x, y, z
+    slope: np.ndarray  # [9, 256] 1/m, their derivative by position
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def one_blob_bins(t, weight, slope):
-    """The three bins around `t` (position in 0..1): returns the middle bin, fills weights and slopes.
+def one_blob_space():
+    """Work space."""
+    return OneBlob(
+        np.empty((3, BLOCK), np.int32),
+        np.empty((9, BLOCK), np.float32),
+        np.empty((9, BLOCK), np.float32),
+    )
 
-    Bin j - 1 + k has value weight[k] and derivative slope[k] with respect to `t`, k = 0, 1, 2; bins
-    outside 0..15 are dropped by the caller. Quartic kernel of radius 1/16 (paper III-A, one-blob).
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def one_blob(layout, position, blob):
+    """Encode up to 256 positions. Quartic kernel of radius 1/16 (paper III-A, one-blob)."""
+    one, zero, bins = np.float32(1.0), np.float32(0.0), np.float32(BINS)
+    for a in range(3):
+        scale = layout.inv_extent[a] * bins
+        w0, w1, w2 = blob.weight[3 * a], blob.weight[3 * a + 1], blob.weight[3 * a + 2]
+        s0, s1, s2 = blob.slope[3 * a], blob.slope[3 * a + 1], blob.slope[3 * a + 2]
+        first = blob.first[a]
+        for k in range(position.shape[0]):
+            scaled = position[k, a] * scale
+            j = min(max(np.int32(scaled), np.int32(0)), np.int32(BINS - 1))
+            f = scaled - np.float32(j)
+            left, right = _cdf(-f), _cdf(one - f)
+            d_left, d_right = -_pdf(-f) * scale, -_pdf(one - f) * scale
+            at_start, at_end = j == 0, j == BINS - 1  # the bin outside has no row: shift by one
+            w0[k] = right - left if at_start else (zero if at_end else left)
+            w1[k] = one - right if at_start else (left if at_end else right - left)
+            w2[k] = zero if at_start else (right - left if at_end else one - right)
+            s0[k] = d_right - d_left if at_start else (zero if at_end else d_left)
+            s1[k] = -d_right if at_start else (d_left if at_end else d_right - d_left)
+            s2[k] = zero if at_start else (d_right - d_left if at_end else -d_right)
+            first[k] = np.int32(BINS * a + min(max(j - 1, 0), BINS - 3))
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def add_one_blob(blob, rows, hidden):
+    """hidden [n, 32] becomes the ReLU of itself plus the encoding times its weight rows [48, 32]."""
+    axes = rows.shape[0] // BINS
+    for k in range(hidden.shape[0]):
+        low, high = load(hidden, _HIDDEN * k), load(hidden, _HIDDEN * k + 16)
+        for a in range(axes):
+            row = _HIDDEN * blob.first[a, k]
+            for b in range(3):
+                w = spread(blob.weight[3 * a + b, k])
+                low = fma(w, load(rows, row + _HIDDEN * b), low)
+                high = fma(w, load(rows, row + _HIDDEN * b + 16), high)
+        store(hidden, _HIDDEN * k, where_positive(low, low))
+        store(hidden, _HIDDEN * k + 16, where_positive(high, high))
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def scatter_one_blob(blob, d_hidden, d_rows):
+    """Add the gradient by the weight rows, d_hidden [n, 32] being that before the ReLU.
+
+    Successive points with the same bins, as samples of a ray often have, are added up first.
     """
-    scaled = t * np.float32(BINS)
-    j = int(scaled)
-    if j > BINS - 1:
-        j = BINS - 1
-    if j < 0:
-        j = 0
-    f = scaled - np.float32(j)
-    left = _cdf(-f)
-    right = _cdf(np.float32(1.0) - f)
-    weight[0] = left
-    weight[1] = right - left
-    weight[2] = np.float32(1.0) - right
-    d_left = -_pdf(-f) * np.float32(BINS)
-    d_right = -_pdf(np.float32(1.0) - f) * np.float32(BINS)
-    slope[0] = d_left
-    slope[1] = d_right - d_left
-    slope[2] = -d_right
-    return j
+    n = d_hidden.shape[0]
+    zero = spread(np.float32(0.0))
+    for a in range(d_rows.shape[0] // BINS):
+        first = blob.first[a]
+        w0, w1, w2 = blob.weight[3 * a], blob.weight[3 * a + 1], blob.weight[3 * a + 2]
+        for half in range(0, _HIDDEN, 16):
+            k = 0
+            while k < n:
+                row = first[k]
+                d0 = d1 = d2 = zero
+                while k < n and first[k] == row:
+                    d = load(d_hidden, _HIDDEN * k + half)
+                    d0 = fma(spread(w0[k]), d, d0)
+                    d1 = fma(spread(w1[k]), d, d1)
+                    d2 = fma(spread(w2[k]), d, d2)
+                    k += 1
+                o = _HIDDEN * row + half
+                store(d_rows, o, add(d0, load(d_rows, o)))
+                store(d_rows, o + _HIDDEN, add(d1, load(d_rows, o + _HIDDEN)))
+                store(d_rows, o + 2 * _HIDDEN, add(d2, load(d_rows, o + 2 * _HIDDEN)))
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def one_blob_position_gradient(blob, rows, d_hidden, d_position):
+    """Add the derivative by position of the contribution to d_hidden [n, 32] to d_position [n, 3]."""
+    axes = rows.shape[0] // BINS
+    for k in range(d_hidden.shape[0]):
+        low, high = load(d_hidden, _HIDDEN * k), load(d_hidden, _HIDDEN * k + 16)
+        for a in range(axes):
+            row = _HIDDEN * blob.first[a, k]
+            along = spread(np.float32(0.0))
+            for b in range(3):
+                r = mul(low, load(rows, row + _HIDDEN * b))
+                r = fma(high, load(rows, row + _HIDDEN * b + 16), r)
+                along = fma(spread(blob.slope[3 * a + b, k]), r, along)
+            d_position[k, a] += total(along)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")

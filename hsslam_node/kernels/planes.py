@@ -2,121 +2,131 @@
 
 All take a block of positions [n, 3] (m, relative to the low corner) and C columns of a feature
 matrix [n, W] from column `first` on. Channels are innermost and a multiple of 16, so each corner is
-one or two vector operations; planes are the outer loop, so their rows stay in the cache. Without
-channels nothing is done.
+one or two vectors; the three planes of a set are summed in registers.
 """
 
 import numpy as np
 from numba import njit
+
+from hsslam_node.kernels.simd import add, fma, load, spread, store, sub, total
+from hsslam_node.kernels.touched import touch_rows
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_planes(params, layout, plane_set, position, features, first):
     """Sum of the three planes' features."""
     C = layout.channels
-    if C == 0:
-        return
-    inv_cell = layout.plane_inv_cell[plane_set]
-    for plane in range(3):
-        u, v, n_u, n_v, offset = _plane(layout, plane_set, plane)
-        for k in range(position.shape[0]):
-            i, fu = _corner(position[k, u], inv_cell, n_u)
-            j, fv = _corner(position[k, v], inv_cell, n_v)
-            o00 = offset + (j * n_u + i) * C
-            o10 = o00 + n_u * C
-            w11 = fu * fv
-            w01 = fu - w11
-            w10 = fv - w11
-            w00 = np.float32(1.0) - fu - fv + w11
-            a = params[o00 : o00 + 2 * C]
-            b = params[o10 : o10 + 2 * C]
-            out = features[k]
-            if plane == 0:
-                for c in range(C):
-                    out[first + c] = w00 * a[c] + w01 * a[C + c] + w10 * b[c] + w11 * b[C + c]
-            else:
-                for c in range(C):
-                    out[first + c] += w00 * a[c] + w01 * a[C + c] + w10 * b[c] + w11 * b[C + c]
+    stride = features.shape[1]
+    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    for k in range(position.shape[0]):
+        x, fx = _corner(position[k, 0], inv_cell, n_x)
+        y, fy = _corner(position[k, 1], inv_cell, n_y)
+        z, fz = _corner(position[k, 2], inv_cell, n_z)
+        o_xy = xy + (y * n_x + x) * C
+        o_xz = xz + (z * n_x + x) * C
+        o_yz = yz + (z * n_y + y) * C
+        for c in range(0, C, 16):
+            out = spread(np.float32(0.0))
+            out = _blend(params, o_xy + c, C, n_x * C, fx, fy, out)
+            out = _blend(params, o_xz + c, C, n_x * C, fx, fz, out)
+            out = _blend(params, o_yz + c, C, n_y * C, fy, fz, out)
+            store(features, k * stride + first + c, out)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def scatter_planes(grad, touched, layout, plane_set, position, d_features, first):
-    """Add the gradient of `gather_planes` and mark the 16-float chunks it lies in."""
-    C = layout.channels
-    if C == 0:
-        return
-    inv_cell = layout.plane_inv_cell[plane_set]
-    chunks = 2 * (C >> 4)
-    for plane in range(3):
-        u, v, n_u, n_v, offset = _plane(layout, plane_set, plane)
-        for k in range(position.shape[0]):
-            i, fu = _corner(position[k, u], inv_cell, n_u)
-            j, fv = _corner(position[k, v], inv_cell, n_v)
-            o00 = offset + (j * n_u + i) * C
-            o10 = o00 + n_u * C
-            w11 = fu * fv
-            w01 = fu - w11
-            w10 = fv - w11
-            w00 = np.float32(1.0) - fu - fv + w11
-            d = d_features[k, first : first + C]
-            # one loop a corner: fused, the rows may alias and nothing is vectorised
-            a = grad[o00 : o00 + C]
-            for c in range(C):
-                a[c] += w00 * d[c]
-            a = grad[o00 + C : o00 + 2 * C]
-            for c in range(C):
-                a[c] += w01 * d[c]
-            a = grad[o10 : o10 + C]
-            for c in range(C):
-                a[c] += w10 * d[c]
-            a = grad[o10 + C : o10 + 2 * C]
-            for c in range(C):
-                a[c] += w11 * d[c]
-            for chunk in range(chunks):
-                touched[(o00 >> 4) + chunk] = 1
-                touched[(o10 >> 4) + chunk] = 1
+def scatter_planes(grad, layout, plane_set, position, d_features, first):
+    """Add the gradient of `gather_planes` to `grad` (a `Gradient`) and mark where it lies.
+
+    Successive points in one cell, as samples of a ray often are, are added up first.
+    """
+    C, n = layout.channels, position.shape[0]
+    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    cell = np.empty((3, n), np.int64)
+    fraction = np.empty((3, n), np.float32)
+    for k in range(n):
+        cell[0, k], fraction[0, k] = _corner(position[k, 0], inv_cell, n_x)
+        cell[1, k], fraction[1, k] = _corner(position[k, 1], inv_cell, n_y)
+        cell[2, k], fraction[2, k] = _corner(position[k, 2], inv_cell, n_z)
+    _scatter_plane(
+        grad, xy, n_x * C, C, cell[0], cell[1], fraction[0], fraction[1], d_features, first
+    )
+    _scatter_plane(
+        grad, xz, n_x * C, C, cell[0], cell[2], fraction[0], fraction[2], d_features, first
+    )
+    _scatter_plane(
+        grad, yz, n_y * C, C, cell[1], cell[2], fraction[1], fraction[2], d_features, first
+    )
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _scatter_plane(grad, offset, row, C, cell_u, cell_v, fraction_u, fraction_v, d_features, first):
+    n, stride = d_features.shape
+    zero = spread(np.float32(0.0))
+    for c in range(first, first + C, 16):
+        k = 0
+        while k < n:
+            i, j = cell_u[k], cell_v[k]
+            s = s_u = s_v = s_uv = zero  # sums of d, fu d, fv d, fu fv d over the cell
+            while k < n and cell_u[k] == i and cell_v[k] == j:
+                fu, fv = fraction_u[k], fraction_v[k]
+                d = load(d_features, k * stride + c)
+                s = add(d, s)
+                s_u = fma(spread(fu), d, s_u)
+                s_v = fma(spread(fv), d, s_v)
+                s_uv = fma(spread(fu * fv), d, s_uv)
+                k += 1
+            corner = offset + j * row + i * C
+            o = corner + c - first
+            u, v = sub(s_u, s_uv), sub(s_v, s_uv)
+            store(grad.values, o, add(load(grad.values, o), sub(sub(s, s_u), v)))
+            store(grad.values, o + C, add(load(grad.values, o + C), u))
+            store(grad.values, o + row, add(load(grad.values, o + row), v))
+            store(grad.values, o + row + C, add(load(grad.values, o + row + C), s_uv))
+            if c == first:
+                touch_rows(grad, corner, row, C)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def plane_position_gradient(params, layout, plane_set, position, d_features, first, d_position):
-    """Add d(loss)/d(position) to d_position [n, 3] (1/m); zero across a clamped border."""
+    """Add d(loss)/d(position) to d_position [n, 3] (1/m)."""
     C = layout.channels
-    if C == 0:
-        return
-    inv_cell = layout.plane_inv_cell[plane_set]
-    for plane in range(3):
-        u, v, n_u, n_v, offset = _plane(layout, plane_set, plane)
-        for k in range(position.shape[0]):
-            i, fu = _corner(position[k, u], inv_cell, n_u)
-            j, fv = _corner(position[k, v], inv_cell, n_v)
-            o00 = offset + (j * n_u + i) * C
-            o10 = o00 + n_u * C
-            a = params[o00 : o00 + 2 * C]
-            b = params[o10 : o10 + 2 * C]
-            d = d_features[k]
-            d00 = np.float32(0.0)
-            d01 = np.float32(0.0)
-            d10 = np.float32(0.0)
-            d11 = np.float32(0.0)
-            for c in range(C):
-                d00 += d[first + c] * a[c]
-                d01 += d[first + c] * a[C + c]
-                d10 += d[first + c] * b[c]
-                d11 += d[first + c] * b[C + c]
-            twist = d11 - d10 - d01 + d00
-            d_position[k, u] += inv_cell * (d01 - d00 + fv * twist)
-            d_position[k, v] += inv_cell * (d10 - d00 + fu * twist)
+    stride = d_features.shape[1]
+    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    for k in range(position.shape[0]):
+        x, fx = _corner(position[k, 0], inv_cell, n_x)
+        y, fy = _corner(position[k, 1], inv_cell, n_y)
+        z, fz = _corner(position[k, 2], inv_cell, n_z)
+        o_xy = xy + (y * n_x + x) * C
+        o_xz = xz + (z * n_x + x) * C
+        o_yz = yz + (z * n_y + y) * C
+        d_x = d_y = d_z = spread(np.float32(0.0))
+        for c in range(0, C, 16):
+            d = load(d_features, k * stride + first + c)
+            u, v = _slopes(params, o_xy + c, C, n_x * C, fx, fy)
+            d_x = fma(d, u, d_x)
+            d_y = fma(d, v, d_y)
+            u, v = _slopes(params, o_xz + c, C, n_x * C, fx, fz)
+            d_x = fma(d, u, d_x)
+            d_z = fma(d, v, d_z)
+            u, v = _slopes(params, o_yz + c, C, n_y * C, fy, fz)
+            d_y = fma(d, u, d_y)
+            d_z = fma(d, v, d_z)
+        d_position[k, 0] += inv_cell * total(d_x)
+        d_position[k, 1] += inv_cell * total(d_y)
+        d_position[k, 2] += inv_cell * total(d_z)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _plane(layout, plane_set, plane):
-    """World axes u and v, vertices along them, and offset of one plane."""
+def _planes(layout, s):
+    """1 / cell, vertices along x, y, z, and the offsets of the xy, xz and yz planes of a set."""
     return (
-        layout.plane_axes[plane, 0],
-        layout.plane_axes[plane, 1],
-        layout.plane_resolution[plane_set, plane, 0],
-        layout.plane_resolution[plane_set, plane, 1],
-        layout.plane_offset[plane_set, plane],
+        layout.plane_inv_cell[s],
+        layout.plane_resolution[s, 0, 0],
+        layout.plane_resolution[s, 0, 1],
+        layout.plane_resolution[s, 1, 1],
+        layout.plane_offset[s, 0],
+        layout.plane_offset[s, 1],
+        layout.plane_offset[s, 2],
     )
 
 
@@ -126,3 +136,23 @@ def _corner(x, inv_cell, n):
     g = min(max(x * inv_cell, np.float32(0.0)), np.float32(n - 1))
     i = min(int(g), n - 2)
     return i, g - np.float32(i)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _blend(params, o, C, row, fu, fv, out):
+    """out + the bilinear value of 16 channels; `o` the lower corner, `row` floats to the next row."""
+    w11 = fu * fv
+    out = fma(spread(np.float32(1.0) - fu - fv + w11), load(params, o), out)
+    out = fma(spread(fu - w11), load(params, o + C), out)
+    out = fma(spread(fv - w11), load(params, o + row), out)
+    return fma(spread(w11), load(params, o + row + C), out)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _slopes(params, o, C, row, fu, fv):
+    """Derivative of `_blend` by fu and by fv."""
+    v00, v01 = load(params, o), load(params, o + C)
+    v10, v11 = load(params, o + row), load(params, o + row + C)
+    along_u, across = sub(v01, v00), sub(v10, v00)
+    twist = sub(sub(v11, v10), along_u)
+    return fma(spread(fv), twist, along_u), fma(spread(fu), twist, across)

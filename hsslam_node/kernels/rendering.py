@@ -13,30 +13,60 @@ def render_forward(sdf, rgb, inside, z, beta, weights, color, depth, opacity):
 
     sdf, z, inside, weights: [R, S]; rgb: [R, S, 3]; color [R, 3], depth [R] m, opacity [R] are written.
     """
-    R, S = z.shape
-    b = np.float32(beta)
-    one = np.float32(1.0)
+    rendering_weights(sdf, inside, beta, weights)
+    render_sums(rgb, z, weights, color, depth, opacity)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def rendering_weights(sdf, inside, beta, weights):
+    """Weight of each sample of rays from near to far: sdf, inside, weights [R, S]."""
+    R, S = sdf.shape
+    b, one = np.float32(beta), np.float32(1.0)
     for r in range(R):
         through = one
-        red = green = blue = d = total = np.float32(0.0)
         for s in range(S):
             w = np.float32(0.0)
             if inside[r, s]:
-                sigma = b / (one + np.exp(b * sdf[r, s]))
-                kept = np.exp(-sigma)
+                kept = np.exp(-b / (one + np.exp(b * sdf[r, s])))
                 w = through * (one - kept)
                 through *= kept
-                red += w * rgb[r, s, 0]
-                green += w * rgb[r, s, 1]
-                blue += w * rgb[r, s, 2]
-                d += w * z[r, s]
-                total += w
             weights[r, s] = w
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def render_sums(rgb, z, weights, color, depth, opacity):
+    """Weighted sums along the rays; see `render_forward`."""
+    R, S = z.shape
+    for r in range(R):
+        red = green = blue = d = total = np.float32(0.0)
+        for s in range(S):
+            w = weights[r, s]
+            red += w * rgb[r, s, 0]
+            green += w * rgb[r, s, 1]
+            blue += w * rgb[r, s, 2]
+            d += w * z[r, s]
+            total += w
         color[r, 0] = red
         color[r, 1] = green
         color[r, 2] = blue
         depth[r] = d
         opacity[r] = total
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def samples_with_color(weights, least, sample):
+    """Number of samples whose weight is at least `least`; their numbers into `sample`, ascending.
+
+    Grey instead of the colour of the others changes a ray's colour by at most S least / 2. They lose
+    their colour gradient, which is the loss gradient times their weight, and the change that their
+    colour's difference to grey makes in the gradient of their SDF, at most beta least times it.
+    """
+    flat = weights.reshape(weights.size)
+    found = 0
+    for k in range(flat.size):
+        sample[found] = k
+        found += flat[k] >= least
+    return found
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -3,10 +3,25 @@
 import numpy as np
 from numba import njit
 
-from hsslam_node.kernels.field_backward import one_blob_position_gradient
-from hsslam_node.kernels.field_forward import BLOCK, HIDDEN, add_one_blob, relative_position, relu
+from hsslam_node.kernels.aligned import aligned_rows
+from hsslam_node.kernels.decoder_weights import HIDDEN, geometry_weights
+from hsslam_node.kernels.field_forward import (
+    join_hash_features,
+    relative_positions,
+    split_hash_gradient,
+)
 from hsslam_node.kernels.hash_grid import gather_hash, hash_position_gradient
+from hsslam_node.kernels.one_blob import (
+    BLOCK,
+    add_one_blob,
+    one_blob,
+    one_blob_position_gradient,
+    one_blob_space,
+)
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient
+from hsslam_node.kernels.simd import fma, load, mul, spread, store, total, where_positive
+
+_CHUNK = 8 * BLOCK  # points whose hash features are gathered level by level
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -15,49 +30,59 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
 
     Reads the geometry prefix of `params` only. Outside the bound: sdf 1, inside 0, gradient 0.
     """
-    L2 = 2 * layout.hash_offset.shape[0]
-    C = layout.channels
-    width = L2 + 2 * C
-    rows = width + layout.blob_rows
-    W1 = params[layout.geometry_W1 : layout.geometry_W1 + rows * HIDDEN].reshape(rows, HIDDEN)
-    W2 = params[layout.geometry_W2 : layout.geometry_W2 + HIDDEN * 16].reshape(HIDDEN, 16)
-    W1_T = W1[:width].T.copy()
+    L, C = layout.hash_offset.shape[0], layout.channels
+    W1, blob_W1, W2 = geometry_weights(params, layout)
+    W1_T = aligned_rows(HIDDEN, 2 * L + 2 * C)
+    W1_T[:] = W1.T
     w2 = W2[:, 0].copy()
     n = points.shape[0]
-    position = np.empty((BLOCK, 3), np.float32)
-    x = np.empty((BLOCK, width), np.float32)
-    hidden = np.empty((BLOCK, HIDDEN), np.float32)
-    d_hidden = np.empty((BLOCK, HIDDEN), np.float32)
-    d_x = np.empty((BLOCK, width), np.float32)
-    for start in range(0, n, BLOCK):
-        m = min(start + BLOCK, n) - start
-        for k in range(m):
-            inside[start + k] = relative_position(layout, points[start + k], position[k])
-        gather_hash(params, layout, position[:m], x)
-        for s in range(2):
-            gather_planes(params, layout, s, position[:m], x, L2 + s * C)
-        np.dot(x[:m], W1[:width], hidden[:m])
-        add_one_blob(layout, position[:m], W1[width:], hidden[:m])
-        relu(hidden[:m])
-        for k in range(m):
-            total = np.float32(0.0)
-            for c in range(HIDDEN):
-                total += hidden[k, c] * w2[c]
-            s_k = np.tanh(total)
-            sdf[start + k] = s_k if inside[start + k] else np.float32(1.0)
-            if want_gradient:
-                slope = np.float32(1.0) - s_k * s_k
-                if inside[start + k] == 0:
-                    slope = np.float32(0.0)
-                for c in range(HIDDEN):
-                    d_hidden[k, c] = slope * w2[c] if hidden[k, c] > 0 else np.float32(0.0)
-        if want_gradient:
-            np.dot(d_hidden[:m], W1_T, d_x[:m])
-            d_position = gradient[start : start + m]
-            d_position[:] = np.float32(0.0)
-            hash_position_gradient(params, layout, position[:m], d_x, d_position)
+    chunk = min(n, _CHUNK)
+    position, axes = aligned_rows(chunk, 3), aligned_rows(3, chunk)
+    feature = np.empty((L, chunk, 2), np.float32)
+    x, d_x = aligned_rows(BLOCK, 2 * L + 2 * C), aligned_rows(BLOCK, 2 * L + 2 * C)
+    hidden, d_hidden = aligned_rows(BLOCK, HIDDEN), aligned_rows(BLOCK, HIDDEN)
+    blob = one_blob_space()
+    for first in range(0, n, chunk):
+        size = min(n - first, chunk)
+        relative_positions(
+            layout, points[first : first + size], position, axes, inside[first : first + size]
+        )
+        gather_hash(params, layout, axes, size, feature)
+        for start in range(0, size, BLOCK):
+            m = min(size - start, BLOCK)
+            p = position[start : start + m]
+            join_hash_features(feature, start, x[:m])
             for s in range(2):
-                plane_position_gradient(
-                    params, layout, s, position[:m], d_x, L2 + s * C, d_position
-                )
-            one_blob_position_gradient(layout, position[:m], W1[width:], d_hidden, d_position)
+                gather_planes(params, layout, s, p, x, 2 * L + s * C)
+            np.dot(x[:m], W1, hidden[:m])
+            one_blob(layout, p, blob)
+            add_one_blob(blob, blob_W1, hidden[:m])
+            at = first + start
+            _decode(hidden[:m], w2, inside[at : at + m], sdf[at : at + m], d_hidden)
+            if want_gradient:
+                np.dot(d_hidden[:m], W1_T, d_x[:m])
+                d_position = gradient[at : at + m]
+                d_position[:] = np.float32(0.0)
+                split_hash_gradient(feature, start, d_x[:m])
+                for s in range(2):
+                    plane_position_gradient(params, layout, s, p, d_x, 2 * L + s * C, d_position)
+                one_blob_position_gradient(blob, blob_W1, d_hidden[:m], d_position)
+        if want_gradient:
+            hash_position_gradient(
+                params, layout, axes, size, feature, gradient[first : first + size]
+            )
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _decode(hidden, w2, inside, sdf, d_hidden):
+    """SDF of hidden activations [m, 32] and its derivative by what they were before the ReLU."""
+    w_low, w_high = load(w2, 0), load(w2, 16)
+    for k in range(hidden.shape[0]):
+        low, high = load(hidden, HIDDEN * k), load(hidden, HIDDEN * k + 16)
+        s = np.tanh(total(fma(low, w_low, mul(high, w_high))))
+        slope = np.float32(1.0) - s * s
+        if inside[k] == 0:
+            s, slope = np.float32(1.0), np.float32(0.0)
+        sdf[k] = s
+        store(d_hidden, HIDDEN * k, where_positive(low, mul(spread(slope), w_low)))
+        store(d_hidden, HIDDEN * k + 16, where_positive(high, mul(spread(slope), w_high)))

@@ -10,29 +10,38 @@ from hsslam_node.kernels.hash_grid import gather_hash, scatter_hash
 def smoothness_backward(params, layout, cube, scale, grad):
     """Returns the loss of the cube's vertices [n, n, n, 3] (m, world); adds `scale` times its gradient."""
     n = cube.shape[0]
-    F = 2 * layout.hash_offset.shape[0]
-    position = np.empty((n**3, 3), np.float32)
+    L = layout.hash_offset.shape[0]
+    axes = np.empty((3, n**3), np.float32)
     for k in range(n**3):
         for a in range(3):
-            position[k, a] = cube[k // (n * n), k // n % n, k % n, a] - layout.low[a]
-    flat = np.empty((n**3, F), np.float32)
-    gather_hash(params, layout, position, flat)
-    feature = flat.reshape(n, n, n, F)
-    d_flat = np.zeros((n**3, F), np.float32)
-    d_feature = d_flat.reshape(n, n, n, F)
-    total = 0.0
+            axes[a, k] = cube[k // (n * n), k // n % n, k % n, a] - layout.low[a]
+    feature = np.empty((L, n**3, 2), np.float32)
+    gather_hash(params, layout, axes, n**3, feature)
+    d_feature = np.zeros((L, n**3, 2), np.float32)
     norm = np.float32(2.0 * scale / n**3)
-    for i in range(n):
-        for j in range(n):
-            for k in range(n):
-                for di, dj, dk in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):
-                    if i + di < n and j + dj < n and k + dk < n:
-                        a = feature[i, j, k]
-                        b = feature[i + di, j + dj, k + dk]
-                        for f in range(F):
-                            e = b[f] - a[f]
-                            total += e * e
-                            d_feature[i + di, j + dj, k + dk, f] += norm * e
-                            d_feature[i, j, k, f] -= norm * e
-    scatter_hash(grad.values, grad.touched, layout, position, d_flat)
+    total = 0.0
+    for level in range(L):
+        value = feature[level].reshape(n, n, n, 2)
+        d_value = d_feature[level].reshape(n, n, n, 2)
+        total += _pull(value[1:], value[:-1], d_value[1:], d_value[:-1], norm)
+        total += _pull(value[:, 1:], value[:, :-1], d_value[:, 1:], d_value[:, :-1], norm)
+        total += _pull(
+            value[:, :, 1:], value[:, :, :-1], d_value[:, :, 1:], d_value[:, :, :-1], norm
+        )
+    scatter_hash(grad, layout, axes, n**3, d_feature)
     return total / n**3
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _pull(a, b, d_a, d_b, norm):
+    """Sum of squared differences of neighbours a and b, [., ., ., 2]; adds norm times them."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            for k in range(a.shape[2]):
+                for f in range(2):
+                    e = a[i, j, k, f] - b[i, j, k, f]
+                    total += e * e
+                    d_a[i, j, k, f] += norm * e
+                    d_b[i, j, k, f] -= norm * e
+    return total

@@ -7,13 +7,20 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.kernels.adam import sparse_adam
-from hsslam_node.kernels.field_backward import field_backward, gradient
-from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_backward import field_backward
+from hsslam_node.kernels.field_forward import color_forward, geometry_forward
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.kernels.patch_ssim import patch_ssim_backward
 from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
-from hsslam_node.kernels.rendering import losses_backward, render_forward
+from hsslam_node.kernels.rendering import (
+    losses_backward,
+    render_sums,
+    rendering_weights,
+    samples_with_color,
+)
 from hsslam_node.kernels.smoothness import smoothness_backward
+from hsslam_node.kernels.touched import gradient, touch_range
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.losses.patch import window_weights
 from hsslam_node.losses.smoothness import smoothness_cube
@@ -100,15 +107,16 @@ class MapOptimiser:
             np.float32(sampling.free_reach), np.float32(sampling.surface_reach * T), z, points,
         )  # fmt: skip
         params, acts = self._parameters.params, self._acts
-        field_forward(params, self._layout, points, R * S, acts)
+        geometry_forward(params, self._layout, points, R * S, acts)
         sdf = acts.sdf[: R * S].reshape(R, S)
         rgb = acts.rgb[: R * S].reshape(R, S, 3)
         inside = acts.inside[: R * S].reshape(R, S)
         beta = float(np.exp(params[self._layout.log_beta]))
-        color, depth = self._color[:R], self._depth[:R]
-        render_forward(
-            sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._opacity[:R]
-        )
+        weights, color, depth = self._weights[:R], self._color[:R], self._depth[:R]
+        rendering_weights(sdf, inside, beta, weights)
+        with_color = samples_with_color(weights, np.float32(m.least_color_weight), acts.color_row)
+        color_forward(params, self._layout, R * S, with_color, acts)
+        render_sums(rgb, z, weights, color, depth, self._opacity[:R])
 
         d_color = np.zeros((R, 3), np.float32)
         patch = 0.0
@@ -117,7 +125,7 @@ class MapOptimiser:
         terms = np.zeros(5)
         ray_weight = ray_weights(self._batch.depth[:R], m)
         d_log_beta = losses_backward(
-            sdf, rgb, inside, z, beta, self._weights[:R], color, depth, self._batch.color[:R],
+            sdf, rgb, inside, z, beta, weights, color, depth, self._batch.color[:R],
             self._batch.depth[:R], ray_weight, self._loss_weight, T, d_color,
             self._d_sdf[:R], self._d_rgb[:R], self._ray_loss[:R], terms,
         )  # fmt: skip
@@ -132,7 +140,7 @@ class MapOptimiser:
                 pose_gradients(self._batch, R, matrices, z, self._d_points, d_twist)
             smooth = self._smoothness_term(generator)
             self._gradient.values[self._layout.log_beta] += d_log_beta
-            self._gradient.touched[self._layout.log_beta >> 4] = 1
+            touch_range(self._gradient, self._layout.log_beta, self._layout.log_beta + 1)
             self._adam(rate_factor)
         slot = self._batch.slot[:R]
         n = np.maximum(np.bincount(slot, minlength=len(keyframes)), 1)
@@ -169,5 +177,5 @@ class MapOptimiser:
         rates = learning_rates(p.layout, self._config.mapper, factor)
         sparse_adam(
             p.params, p.first_moment, p.second_moment, self._gradient, p.count_step(), rates,
-            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at,
+            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at, p.page_stepped_at,
         )  # fmt: skip

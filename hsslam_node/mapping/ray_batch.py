@@ -50,18 +50,19 @@ def draw_rays(
     """
     camera = store.camera
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    candidates = (8 if even_area else 2) * np.asarray(counts, np.int64) + 16
+    last = np.cumsum(candidates)
+    total = int(last[-1])
+    uv = np.empty((total, 2), np.int64)
+    uv[:, 0] = generator.integers(0, camera.width_px, total, np.int32)
+    uv[:, 1] = generator.integers(0, camera.height_px, total, np.int32)
+    reach_m = EVEN_AREA_M * np.sqrt(generator.random(total)) if even_area else np.zeros(total)
     filled = 0
     for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
         color, depth_raw = store.pixels(int(k))
-        candidates = (8 if even_area else 2) * int(wanted) + 16
-        uv = np.empty((candidates, 2), np.int64)
-        uv[:, 0] = generator.integers(0, camera.width_px, candidates)
-        uv[:, 1] = generator.integers(0, camera.height_px, candidates)
-        reach_m = np.zeros(candidates)
-        if even_area:
-            reach_m = EVEN_AREA_M * np.sqrt(generator.random(candidates))
+        mine = slice(last[slot] - candidates[slot], last[slot])
         filled += gather_pixels(
-            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv, reach_m, slot, batch,
-            filled, int(wanted),
+            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv[mine], reach_m[mine],
+            slot, batch, filled, int(wanted),
         )  # fmt: skip
     return filled

@@ -1,5 +1,7 @@
 """What a mapping step needs beside rays; the same on every device, drawn with the same random numbers."""
 
+from functools import lru_cache
+
 import numpy as np
 import torch
 
@@ -20,7 +22,15 @@ def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generato
     patches = random_patches(rays, config.patch_repeats, generator)
     if len(patches) == 0:
         return np.zeros((0, k * k), np.int64)
-    return window_rays(torch.from_numpy(patches), k, config.patch_stride_px).numpy()
+    places = _window_places(patches.shape[1], k, config.patch_stride_px)
+    return patches.reshape(len(patches), -1)[:, places].reshape(-1, k * k)
+
+
+@lru_cache(maxsize=64)
+def _window_places(side: int, kernel: int, stride: int) -> np.ndarray:
+    """Places [W, k^2] in a patch, row by row, of its windows; a handful of sides occurs in a run."""
+    places = torch.arange(side * side).reshape(1, side, side)
+    return window_rays(places, kernel, stride).numpy()
 
 
 def learning_rates(layout: FieldLayout, config: MapperConfig, factor: float) -> np.ndarray:

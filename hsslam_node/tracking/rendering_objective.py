@@ -4,7 +4,8 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.field_forward import FieldActivations, field_activations, field_forward
+from hsslam_node.kernels.field_activations import FieldActivations, field_activations
+from hsslam_node.kernels.field_forward import field_forward
 from hsslam_node.kernels.field_pose_backward import field_pose_backward
 from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
 from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward

@@ -27,7 +27,7 @@ def _step_on_host(parameters: FieldParameters, chunks: np.ndarray, value: float)
     arrays = parameters.params, parameters.first_moment, parameters.second_moment
     for k, array in enumerate(arrays):
         array.reshape(-1, 16)[chunks] += value + k
-    parameters.stepped_at[chunks] = parameters.count_step()
+    parameters.mark_stepped(chunks, parameters.count_step())
 
 
 def _step_on_device(copy: ParameterCopy, chunks: np.ndarray, value: float) -> None:

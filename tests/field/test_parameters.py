@@ -24,7 +24,7 @@ def parameters(arrays, layout) -> FieldParameters:
 def _touch(parameters: FieldParameters, chunks: np.ndarray, value: float) -> None:
     """What Adam does to the chunks it steps."""
     parameters.params.reshape(-1, 16)[chunks] += value
-    parameters.stepped_at[chunks] = parameters.count_step()
+    parameters.mark_stepped(chunks, parameters.count_step())
 
 
 def test_new_parameters(parameters: FieldParameters, layout: FieldLayout):
@@ -48,6 +48,18 @@ def test_publication_is_a_full_copy(layout, rounds):
         now, published = parameters.published()
         assert now == version
         np.testing.assert_array_equal(published, parameters.params)
+
+
+def test_publication_asks_only_marked_pages(parameters: FieldParameters):
+    """A chunk that is said to have moved without its page is not looked at."""
+    parameters.publish()
+    parameters.publish()
+    parameters.params[:] += 1.0
+    parameters.mark_stepped(np.array([70]), parameters.count_step())
+    parameters.stepped_at[200] = parameters.step
+    parameters.publish()
+    moved = (parameters.published()[1] == parameters.params).reshape(-1, 16).all(axis=1)
+    assert np.flatnonzero(moved).tolist() == [70]
 
 
 def test_a_published_map_does_not_move_with_the_parameters(parameters: FieldParameters):

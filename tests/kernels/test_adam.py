@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from hsslam_node.kernels.adam import sparse_adam
-from hsslam_node.kernels.field_backward import Gradient
+from hsslam_node.kernels.touched import Gradient, touch_range
 
 P = 640
 RATES = np.array([[0, 320, 1e-2], [320, 640, 1e-3]])
@@ -10,13 +10,22 @@ RATES = np.array([[0, 320, 1e-2], [320, 640, 1e-3]])
 
 def _state(seed=0):
     params = np.random.default_rng(seed).normal(size=P).astype(np.float32)
-    grad = Gradient(np.zeros(P, np.float32), np.zeros(-(-P // 128) * 8, np.uint8))
+    grad = Gradient(np.zeros(P, np.float32), np.zeros(64, np.uint8), np.ones(1, np.uint8))
     moments = np.zeros((2, P), np.float32)
     return params, grad, moments, np.zeros(P // 16, np.int32)
 
 
 def _step(params, grad, moments, stepped_at, step):
-    sparse_adam(params, moments[0], moments[1], grad, step, RATES, 1e-15, 0.9, 0.99, stepped_at)
+    _step_at(RATES, params, grad, moments, stepped_at, step)
+
+
+def _step_at(rates, params, grad, moments, stepped_at, step):
+    grad.pages[:] = 1
+    pages = np.zeros(1, np.int32)
+    sparse_adam(
+        params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stepped_at, pages
+    )
+    assert pages[0] == step
 
 
 def test_dense_gradients_give_adam():
@@ -49,7 +58,7 @@ def test_sparse_gradients_give_sparse_adam():
         rows.grad = torch.sparse_coo_tensor(
             torch.from_numpy(chunks)[None], torch.from_numpy(g), rows.shape, check_invariants=True
         )
-        sparse_adam(params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stepped_at)
+        _step_at(rates, params, grad, moments, stepped_at, step)
         adam.step()
     np.testing.assert_allclose(params, rows.detach().numpy().ravel(), atol=1e-5)
 
@@ -72,6 +81,30 @@ def test_frozen_region_stays():
     params, grad, moments, stepped_at = _state()
     before = params.copy()
     grad.values[:], grad.touched[: P // 16] = 1.0, 1
-    sparse_adam(params, moments[0], moments[1], grad, 1, RATES[1:], 1e-15, 0.9, 0.99, stepped_at)
+    _step_at(RATES[1:], params, grad, moments, stepped_at, 1)
     np.testing.assert_array_equal(params[:320], before[:320])
     assert (params[320:] != before[320:]).all()
+    assert grad.pages[0]  # what was left is still marked
+
+
+def test_only_marked_pages_are_looked_at():
+    """A map of a million chunks in which three have a gradient: dense and sparse step agree."""
+    chunks = 1 << 20
+    touched = [5, 64 * 100 + 63, chunks - 1]
+    params, moments = np.ones(16 * chunks, np.float32), np.zeros((2, 16 * chunks), np.float32)
+    grad = Gradient(
+        np.zeros(16 * chunks, np.float32),
+        np.zeros(chunks, np.uint8),
+        np.zeros(chunks // 64, np.uint8),
+    )
+    stepped_at, pages = np.zeros(chunks, np.int32), np.zeros(chunks // 64, np.int32)
+    for chunk in touched:
+        grad.values[16 * chunk : 16 * chunk + 16] = 2.0
+        touch_range(grad, 16 * chunk, 16 * chunk + 16)
+    grad.touched[64 * 7] = 1  # in a page that is not marked: not seen
+    rates = np.array([[0, 16 * chunks, 0.25]])
+    sparse_adam(params, moments[0], moments[1], grad, 3, rates, 1e-15, 0.9, 0.99, stepped_at, pages)
+    moved = np.flatnonzero((params != 1.0).reshape(-1, 16).all(axis=1))
+    assert moved.tolist() == touched == np.flatnonzero(stepped_at == 3).tolist()
+    assert np.flatnonzero(pages).tolist() == [0, 100, chunks // 64 - 1]
+    assert not grad.values.any() and not grad.pages.any()

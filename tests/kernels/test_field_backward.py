@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 import torch
 
-from hsslam_node.kernels.field_backward import field_backward, gradient
-from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_backward import field_backward
+from hsslam_node.kernels.field_forward import field_forward
+from hsslam_node.kernels.touched import gradient
 
 
 def _run(field, points, d_sdf, d_rgb, params=None):
@@ -31,9 +33,21 @@ def _reference(field, points, d_sdf, d_rgb):
     return d_params.numpy(), d_points.numpy()
 
 
-@pytest.mark.parametrize("reach", [1.0, 1.6], ids=["inside", "in and out"])
-def test_gradients_are_the_reference_block_by_block(field, close, reach):
-    points = field.points(600, seed=5, reach=reach)
+def _along_rays(field, count, seed):
+    """Samples close to each other on rays, so that many successive ones share a cell of every grid."""
+    rng = np.random.default_rng(seed)
+    start = np.repeat(field.points(-(-count // 20), seed=seed, reach=0.8), 20, axis=0)[:count]
+    step = np.repeat(rng.normal(size=(-(-count // 20), 3)), 20, axis=0)[:count]
+    points = start + 0.003 * step * (np.arange(count) % 20)[:, None]
+    return points.astype(np.float32)
+
+
+@pytest.mark.parametrize("where", ["inside", "in and out", "along rays"])
+def test_gradients_are_the_reference_block_by_block(field, close, where):
+    if where == "along rays":
+        points = _along_rays(field, 600, seed=7)
+    else:
+        points = field.points(600, seed=5, reach=1.0 if where == "inside" else 1.6)
     d_sdf, d_rgb = _upstream(600)
     _, grad, d_points = _run(field, points, d_sdf, d_rgb)
     expected, expected_points = _reference(field, points, d_sdf, d_rgb)

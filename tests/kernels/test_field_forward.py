@@ -1,7 +1,8 @@
 import numpy as np
 import torch
 
-from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_forward import field_forward
 
 
 def test_distance_and_colour_are_the_reference(field, close):

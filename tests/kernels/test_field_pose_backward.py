@@ -1,8 +1,10 @@
 import numpy as np
 
-from hsslam_node.kernels.field_backward import field_backward, gradient
-from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_backward import field_backward
+from hsslam_node.kernels.field_forward import field_forward
 from hsslam_node.kernels.field_pose_backward import field_pose_backward
+from hsslam_node.kernels.touched import gradient
 
 
 def test_points_get_the_gradient_of_the_whole_backward_pass(field):

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from hsslam_node.kernels.field_backward import gradient
 from hsslam_node.kernels.smoothness import smoothness_backward
+from hsslam_node.kernels.touched import gradient
 from hsslam_node.losses.smoothness import smoothness_cube, smoothness_loss
 
 

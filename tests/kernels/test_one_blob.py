@@ -3,18 +3,27 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.config import FieldConfig
+from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.oneblob import oneblob
-from hsslam_node.kernels.one_blob import BINS, one_blob_bins
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.one_blob import BINS, one_blob, one_blob_space
+
+_UNIT = kernel_layout(
+    FieldLayout(FieldConfig(hash_levels=0), Bound((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
+)
 
 
 def _scattered(t):
-    """All 16 bins and their slopes from the three that the kernel gives."""
-    weight, slope = np.zeros(3, np.float32), np.zeros(3, np.float32)
-    middle = one_blob_bins(np.float32(t), weight, slope)
-    bins, slopes = np.zeros(BINS), np.zeros(BINS)
-    for k, b in enumerate(range(middle - 1, middle + 2)):
-        if 0 <= b < BINS:
-            bins[b], slopes[b] = weight[k], slope[k]
+    """All 16 bins and their slopes from the three that the kernel gives, for each axis."""
+    blob = one_blob_space()
+    one_blob(_UNIT, np.full((1, 3), t, np.float32), blob)
+    bins, slopes = np.zeros(3 * BINS), np.zeros(3 * BINS)
+    for a in range(3):
+        for k in range(3):
+            bins[blob.first[a, 0] + k] = blob.weight[3 * a + k, 0]
+            slopes[blob.first[a, 0] + k] = blob.slope[3 * a + k, 0]
     return bins, slopes
 
 
@@ -22,6 +31,6 @@ def _scattered(t):
 def test_bins_and_slopes_are_the_reference(t):
     bins, slopes = _scattered(t)
     x = torch.tensor([t], dtype=torch.float64)
-    np.testing.assert_allclose(bins, oneblob(x)[0].numpy(), atol=2e-6)
+    np.testing.assert_allclose(bins, np.tile(oneblob(x)[0].numpy(), 3), atol=2e-6)
     jacobian = torch.autograd.functional.jacobian(lambda v: oneblob(v).sum(dim=0), x)
-    np.testing.assert_allclose(slopes, np.asarray(jacobian).ravel(), atol=2e-4)
+    np.testing.assert_allclose(slopes, np.tile(np.asarray(jacobian).ravel(), 3), atol=2e-4)

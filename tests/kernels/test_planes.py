@@ -4,6 +4,7 @@ import torch
 from hsslam_node.field.tri_plane import tri_plane_features
 from hsslam_node.kernels.kernel_layout import PLANE_SETS
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient, scatter_planes
+from hsslam_node.kernels.touched import gradient
 
 
 def _cell_m(field, name):
@@ -29,13 +30,13 @@ def test_gather_scatter_and_slope_are_the_reference(field, close):
             out, d_p = np.empty((1, C), np.float32), np.zeros((1, 3), np.float32)
             gather_planes(field.params, field.kernel, s, p, out, 0)
             plane_position_gradient(field.params, field.kernel, s, p, d_out[None], 0, d_p)
-            grad = np.zeros_like(field.params)
-            touched = np.zeros(len(grad) // 16 + 8, np.uint8)
-            scatter_planes(grad, touched, field.kernel, s, p, d_out[None], 0)
+            grad = gradient(field.kernel)
+            scatter_planes(grad, field.kernel, s, p, d_out[None], 0)
             close(out[0], expected.detach()[0])
             close(d_p[0], d_x[0], 1e-3)
-            close(grad, d_params.numpy())
-            assert touched[np.flatnonzero(grad) // 16].all()
+            close(grad.values, d_params.numpy())
+            written = np.flatnonzero(grad.values)
+            assert grad.touched[written // 16].all() and grad.pages[written // 1024].all()
 
 
 def test_the_border_is_clamped(field):

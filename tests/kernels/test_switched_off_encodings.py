@@ -7,9 +7,11 @@ import pytest
 import torch
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.kernels.field_backward import field_backward, gradient
-from hsslam_node.kernels.field_forward import field_activations, field_forward
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_backward import field_backward
+from hsslam_node.kernels.field_forward import field_forward
 from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.kernels.touched import gradient
 from tests.kernels.conftest import Field, field_of
 
 FULL = FieldConfig(plane_channels=16, hash_table_log2=13)

@@ -38,7 +38,7 @@ TINY: SlamConfig = replace(
     SMALL,
     field=_FIELD,
     bound=BoundConfig(margin=1.0, least_m=2.0, most_m=4.0),
-    mapper=replace(SMALL.mapper, smoothness_vertices=2, smoothness_every=2),
+    mapper=replace(SMALL.mapper, smoothness_vertices=2, smoothness_every=2, least_color_weight=0.0),
 )
 WITH_PATCHES: SlamConfig = replace(
     TINY,
