@@ -53,7 +53,8 @@ def _disturb(parameters, seed: int) -> None:
     """What a step of somebody else does, to every third chunk."""
     rows = parameters.params.reshape(-1, 16)[::3]
     rows += np.random.default_rng(seed).normal(0, 0.3, rows.shape).astype(np.float32)
-    parameters.stepped_at[::3] = parameters.count_step()
+    chunks = np.arange(0, len(parameters.stepped_at), 3)
+    parameters.mark_stepped(chunks, parameters.count_step())
 
 
 def _linearised(
