@@ -75,6 +75,11 @@ def _columns(found: Sequence[Mapping[str, float]]) -> str:
     return "; ".join(texts)
 
 
+def _tracked(run: ServeRun) -> Mapping[str, float]:
+    frames = run.summary["frames"]
+    return {"all": 100 * (frames["tracked"] - 1) / max(frames["in"] - 1, 1)}
+
+
 def _time(run: ServeRun) -> Mapping[str, float]:
     used = run.core_ms_of_last(_LAST_FRAMES)
     return {"all": sum(used.values()), **{name: ms for name, ms in used.items() if ms >= 0.05}}
@@ -108,6 +113,7 @@ def _end(run: ServeRun) -> Mapping[str, float]:
 
 
 _READINGS: tuple[tuple[str, str, Reading], ...] = (
+    ("tracked, of the frames after the first", "%", _tracked),
     (f"time, of the last {_LAST_FRAMES} frames", "ms of core time a frame", _time),
     ("stages, at the end", "ms", _stages),
     ("memory, when the last frame comes", "MiB", _memory_of),

@@ -19,6 +19,7 @@ _CPU_EVERY_S, _TREE_EVERY_S, _MEMORY_EVERY_S = (
 )  # reading memory stops the reader's core
 _SUPERVISOR, _VIEWER, _UNKNOWN = "supervisor", "viewer", "other"
 _VIEWER_PROGRAM = "rerun"
+_PACKAGE = "hsslam_node.services."
 _BLOCK_BYTES = 512
 
 
@@ -36,7 +37,7 @@ class Sample:
 class Usage:
     """Looks at the processes below `root` when `poll` is called; cheap enough for every 0.2 s.
 
-    A process is named after the log file in the run folder that it prints to.
+    A process is named after the log file in the run folder that it prints to, or its module.
     """
 
     root: psutil.Process
@@ -89,7 +90,10 @@ class Usage:
             output = Path(f"/proc/{process.pid}/fd/1").readlink()
             if output.parent == self.run_folder / "logs":
                 return output.stem
-            return _VIEWER if process.name() == _VIEWER_PROGRAM else _UNKNOWN
+            if process.name() == _VIEWER_PROGRAM:
+                return _VIEWER
+            modules = (part for part in process.cmdline() if part.startswith(_PACKAGE))
+            return next((module.removeprefix(_PACKAGE) for module in modules), _UNKNOWN)
         except (psutil.Error, OSError):
             return _UNKNOWN
 
