@@ -149,7 +149,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run
-    os.nice(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
+    _give_way(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
     try:
         run = RunInfo.read(run_dir)
         if os.getppid() != run.supervisor_pid:
@@ -163,6 +163,14 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         sys.exit(2)
+
+
+def _give_way(nice: int) -> None:
+    """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
+    its own, only that of the session counts between them."""
+    os.nice(nice)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(nice), encoding="utf-8")
 
 
 def _rss_bytes() -> int:

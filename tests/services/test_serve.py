@@ -1,7 +1,9 @@
 """The main job end to end: what a run leaves, and what it leaves nothing of."""
 
 import signal
+from pathlib import Path
 
+import psutil
 import pytest
 from mcap.reader import make_reader
 
@@ -17,7 +19,11 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate")
     run.wait_for_poses(20)
     for spec in PROCESSES:
-        assert run.pid_of(spec.name) is not None, spec.name
+        pid = run.pid_of(spec.name)
+        assert pid is not None, spec.name
+        assert psutil.Process(pid).nice() == spec.nice
+        sessions = Path(f"/proc/{pid}/autogroup")
+        assert not sessions.exists() or sessions.read_text().split()[-1] == str(spec.nice)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
 
