@@ -5,7 +5,7 @@ import numpy as np
 from hsslam_node.gpu_kernels.activations import Gradient
 from hsslam_node.gpu_kernels.adam import sparse_adam
 from hsslam_node.kernels import adam as cpu
-from hsslam_node.kernels.field_backward import Gradient as CpuGradient
+from hsslam_node.kernels.touched import Gradient as CpuGradient
 from tests.gpu_kernels.conftest import on_device
 
 P = 80 * 16  # chunks: more than a block, not a multiple of it
@@ -17,19 +17,22 @@ def test_steps_are_those_of_the_twin(close):
     params = rng.normal(size=P).astype(np.float32)
     start = params.copy()
     moments, stepped_at = np.zeros((2, P), np.float32), np.zeros(P // 16, np.int32)
-    grad = CpuGradient(np.zeros(P, np.float32), np.zeros(P // 16, np.uint8))
+    # the twin looks at whole pages of 64 chunks
+    touched_pages, page_stepped_at = np.zeros(128, np.uint8), np.zeros(2, np.int32)
+    grad = CpuGradient(np.zeros(P, np.float32), touched_pages, np.ones(2, np.uint8))
+    marks = grad.touched[: P // 16]
     gpu = [on_device(x) for x in (params, moments[0], moments[1])]
-    gpu_grad = Gradient(on_device(grad.values), on_device(grad.touched))
+    gpu_grad = Gradient(on_device(grad.values), on_device(marks))
     gpu_stepped = on_device(stepped_at)
     for step in [*range(1, 9), 1000]:
         g = rng.normal(size=(P // 16, 16)).astype(np.float32)
         g *= 10.0 ** rng.uniform(-8, 2, (P // 16, 1)).astype(np.float32)
         touched = rng.random(P // 16) < 0.3
-        grad.values.reshape(-1, 16)[touched], grad.touched[touched] = g[touched], 1
+        grad.values.reshape(-1, 16)[touched], marks[touched], grad.pages[:] = g[touched], 1, 1
         gpu_grad.values.copy_(on_device(grad.values))
-        gpu_grad.touched.copy_(on_device(grad.touched))
+        gpu_grad.touched.copy_(on_device(marks))
         cpu.sparse_adam(
-            params, moments[0], moments[1], grad, step, RATES, 1e-15, 0.9, 0.99, stepped_at
+            params, *moments, grad, step, RATES, 1e-15, 0.9, 0.99, stepped_at, page_stepped_at
         )
         sparse_adam(
             *gpu, gpu_grad, on_device(np.array([step], np.int32)), on_device(RATES), 1e-15, 0.9,
@@ -39,7 +42,7 @@ def test_steps_are_those_of_the_twin(close):
         close(gpu[1].cpu().numpy(), moments[0])
         close(gpu[2].cpu().numpy(), moments[1])
         np.testing.assert_array_equal(gpu_stepped.cpu().numpy(), stepped_at)
-        np.testing.assert_array_equal(gpu_grad.touched.cpu(), grad.touched)
+        np.testing.assert_array_equal(gpu_grad.touched.cpu(), marks)
         np.testing.assert_array_equal(gpu_grad.values.cpu(), grad.values)
     assert len(set(stepped_at.tolist())) > 4  # lazy: chunks moved at different steps
     assert grad.touched[71:].any() and not grad.touched[:71].any()
