@@ -28,7 +28,14 @@ CONFIG = replace(
     bound=BoundConfig(margin=1.0, least_m=2.0, most_m=4.0),
     keyframes=replace(SMALL.keyframes, every_frames=1),
     tracker=replace(SMALL.tracker, points=120, iterations=1, min_inlier_ratio=0.0),
-    mapper=replace(SMALL.mapper, rays=8, first_iterations=1, iterations=1, last_iterations=1),
+    mapper=replace(
+        SMALL.mapper,
+        rays=8,
+        first_iterations=1,
+        iterations=1,
+        last_iterations=1,
+        least_color_weight=0.0,  # the GPU asks colour of all samples
+    ),
     ba=replace(
         SMALL.ba,
         every_keyframes=1,
