@@ -102,7 +102,7 @@ def test_a_pose_that_does_not_fit_the_map_is_not_published(view):
     moved_m, _ = pose_error(room_poses()[39], room_poses()[0])
     assert moved_m > 0.1  # more than the descent can go
     assert tracker.track(far, view).status == "lost"
-    assert _is_right(tracker.track(room_frames()[2], view))
+    assert _is_right(tracker.track(room_frames()[2], view), 0.015)  # two frames from the start
 
 
 def test_without_a_map_frames_are_lost():
