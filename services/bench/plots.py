@@ -137,11 +137,17 @@ def _draw_core_time(axes: Axes, run: Mapping[str, Any]) -> None:
     if used:
         axes.stackplot(middles, rows, labels=names, colors=colors)
     axes.set(xlabel="frame", ylabel="core time, ms a frame", title=run["name"])
-    axes.legend(fontsize=7, ncols=2)
+    axes.set_ylim(0, 1.35 * max((sum(ms.values()) for ms in used), default=1.0))
+    axes.legend(fontsize=7, ncols=4, loc="upper center")
 
 
 def _draw_memory(axes: Axes, run: Mapping[str, Any]) -> None:
-    poses, samples = _poses(run), [s for s in _samples(run) if s.pss_bytes]
+    poses = _poses(run)
+    while_tracking = (poses[0].publish_ns, poses[-1].publish_ns) if poses else (0, 0)
+    looks = [sample for sample in _samples(run) if sample.pss_bytes]
+    samples = [s for s in looks if while_tracking[0] <= s.time_ns <= while_tracking[1]]
+    if not samples:
+        return
     at = np.interp(
         [sample.time_ns for sample in samples],
         [pose.publish_ns for pose in poses],
