@@ -29,7 +29,7 @@ REALTIME: Final = replace(
     sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
     weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0),
     mapper=MapperConfig(
-        rays=768,
+        rays=896,
         iterations=4,
         first_iterations=150,
         last_iterations=8,
