@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from hsslam_node.services.bench.check import Check, Measured
 from hsslam_node.services.bench.session import Session
 
-BATCHES = {"light": (768, 6), "86k": (2000, 43)}  # rays, samples a ray
+BATCHES = {"light": (640, 12), "86k": (2000, 43)}  # rays, samples a ray
 CHANNELS = (16, 32)
 _BOUNDS = {"86k": 30.0}  # times as fast
 _US_PER_POINT, _LIGHT_MS = 1.6, 15.0
@@ -39,9 +39,9 @@ def _iteration_checks() -> list[Check]:
         ),
         Check(
             "iteration:realtime",
-            f"{of}: 768 x (2 + 4) points, 16 channels",
+            f"{of}: 896 x (2 + 4) points, 16 channels",
             "",
-            lambda session: _iteration(session, (768, 2, 4, 16), median_ms=None),
+            lambda session: _iteration(session, (896, 2, 4, 16), median_ms=None),
         ),
     ]
 

@@ -43,7 +43,12 @@ def _at_30_hz(sequence: str) -> list[Check]:
         Check(
             f"{name}:latency", f"{of}: latency to published pose", f"p99 {_P99_MS:g} ms", latency
         ),
-        Check(f"{name}:iterations", f"{of}: mapping", f"{_ITERATIONS_HZ:g} a second", iterations),
+        Check(
+            f"{name}:iterations",
+            f"{of}: light mapping iterations",
+            f"{_ITERATIONS_HZ:g} a second",
+            iterations,
+        ),
         Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", f"{_ATE_FACTOR:g} x lockstep", accuracy),
     ]
 
