@@ -81,12 +81,11 @@ class FieldParameters:
     def publish(self) -> int:
         """Writer: bring the free slot up to date and make it current; returns the new version."""
         version = self.version + 1
-        slot = version % 2
         self._state[_BEGUN] = version
-        since = self._state[_SLOT_STEP + slot]
-        _copy_stepped(self.params, self._slots[slot], self.stepped_at, self.page_stepped_at, since)
-        self._state[_SLOT_STEP + slot] = self.step
+        self._bring_up_to_date(version % 2)
         self._state[_VERSION] = version
+        if version == 1:  # the first copy is of everything: for the other slot, before frames come
+            self._bring_up_to_date(0)
         return version
 
     def published(self) -> tuple[int, np.ndarray]:
@@ -101,6 +100,11 @@ class FieldParameters:
     def is_intact(self, version: int) -> bool:
         """Reader: whether the slot of `version` has not been written to since it was current."""
         return int(self._state[_BEGUN]) < version + 2
+
+    def _bring_up_to_date(self, slot: int) -> None:
+        since = self._state[_SLOT_STEP + slot]
+        _copy_stepped(self.params, self._slots[slot], self.stepped_at, self.page_stepped_at, since)
+        self._state[_SLOT_STEP + slot] = self.step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
