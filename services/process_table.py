@@ -37,7 +37,7 @@ def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
     return ProcessSpec(name, f"{_PACKAGE}.{name}", purpose, **fields)
 
 
-WARM_UP = "hsslam_node.kernels.warm_up"
+WARM_UP = f"{_PACKAGE}.warm_up"
 SAVER, EVALUATOR, WATCHDOG = (f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog"))
 
 PROCESSES: tuple[ProcessSpec, ...] = (

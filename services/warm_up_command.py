@@ -8,8 +8,8 @@ from rich.console import Console
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
-from hsslam_node.kernels.warm_up import warm_up
 from hsslam_node.services.process_table import environment_of_threads
+from hsslam_node.services.warm_up import warm_up
 
 _HELP = """usage: hsslam-serve warm-up
 

@@ -117,6 +117,7 @@ class Worker:
         self._publish_health()
 
     def _publish_health(self) -> None:
+        state = self._state  # first, so that what was counted before "running" goes with it
         counters = dict(self.counters)
         for subscription in self.bus.subscriptions:
             topic = subscription.topic.name
@@ -130,7 +131,7 @@ class Worker:
             Health(
                 process=self.name,
                 pid=os.getpid(),
-                state=self._state,
+                state=state,
                 rss_bytes=_rss_bytes(),
                 counters=counters,
                 stage_ms=dict(self.stage_ms),
