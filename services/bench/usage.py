@@ -12,11 +12,8 @@ import psutil
 from hsslam_node.errors import UserError
 from hsslam_node.services.run_info import RunInfo
 
-_CPU_EVERY_S, _TREE_EVERY_S, _MEMORY_EVERY_S = (
-    0.5,
-    2.0,
-    5.0,
-)  # reading memory stops the reader's core
+_CPU_EVERY_S, _TREE_EVERY_S = 0.5, 1.0
+_MEMORY_EVERY_S = 5.0  # seldom, as reading it keeps a core busy
 _SUPERVISOR, _VIEWER, _UNKNOWN = "supervisor", "viewer", "other"
 _VIEWER_PROGRAM = "rerun"
 _PACKAGE = "hsslam_node.services."
