@@ -1,0 +1,132 @@
+"""Which keyframes share features with an image: votes of descriptors that fall into the same cells."""
+
+from functools import cache
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.place_recognition.image_features import (
+    DESCRIPTOR_SIZE,
+    ImageFeatures,
+    image_features,
+)
+
+_TABLES, _BITS = 8, 16  # each table cuts the space of descriptors into 2^16 cells
+_CODES = _TABLES << _BITS
+_NOTHING = _CODES  # the code of a feature that is not there
+_FEATURES = 400  # of a keyframe that vote, the strongest
+
+
+class KeyframeIndex:
+    """Features of the keyframes of a store, of those that show something new.
+
+    A keyframe is left out where one within `spacing_m` and `spacing_rad` has been taken in, so
+    memory (100 kB a keyframe) and time follow the space that was seen and not the time it took;
+    beyond `most` keyframes none is added. It only reads the store: each process has its own.
+
+    The descriptors' cells are those of random hyperplanes (Charikar 2002), the same in every index:
+    no vocabulary, nothing learnt. A shared cell counts the more the fewer keyframes have it.
+    """
+
+    def __init__(
+        self,
+        store: KeyframeStore,
+        spacing_m: float = 0.25,
+        spacing_rad: float = 0.25,
+        most: int = 2000,
+    ) -> None:
+        self._store = store
+        self._spacing = spacing_m, spacing_rad
+        self._most = most
+        self._next = 0  # the first keyframe that has not been looked at
+        self._features: dict[int, ImageFeatures] = {}
+        self._codes = np.full((16, _FEATURES * _TABLES), _NOTHING, np.int32)  # row: a keyframe
+        self._keyframes_with = np.zeros(_CODES + 1, np.int32)
+
+    def __len__(self) -> int:
+        return len(self._features)
+
+    @property
+    def keyframes(self) -> np.ndarray:
+        """Ids of the keyframes taken in, [n] int, ascending."""
+        return np.array(list(self._features), int)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every keyframe of the store has been looked at."""
+        return self._next >= self._store.count
+
+    def update(self, most: int | None = None) -> int:
+        """Take in keyframes that came since, at most `most` (15 ms each); returns how many were."""
+        taken = 0
+        while not self.is_complete and (most is None or taken < most):
+            k = self._next
+            self._next += 1
+            if len(self) < self._most and self._is_new(k):
+                self._take(k, image_features(self._store.frame(k)))
+                taken += 1
+        return taken
+
+    def features(self, k: int) -> ImageFeatures:
+        """Features of keyframe k, computed now where it was not taken in."""
+        return self._features.get(k) or image_features(self._store.frame(k))
+
+    def similar(
+        self, features: ImageFeatures, wanted: int, among: np.ndarray | None = None
+    ) -> list[tuple[int, float]]:
+        """The `wanted` keyframes that share most with an image, best first, with their votes.
+
+        among: ids [n] of those that may be chosen; None: all. Keyframes without a vote are left out.
+        """
+        keyframes = self.keyframes
+        if len(keyframes) == 0 or len(features) == 0:
+            return []
+        n = len(keyframes)
+        rarity = np.zeros(_CODES + 1, np.float32)
+        codes = np.unique(_codes(features))
+        codes = codes[codes < _NOTHING]
+        shared = self._keyframes_with[codes]
+        rarity[codes] = np.log((1 + n) / np.maximum(shared, 1))
+        votes = rarity[self._codes[:n]].sum(axis=1)  # [n]
+        votes /= np.sqrt(np.maximum((self._codes[:n] < _NOTHING).sum(axis=1), 1))
+        if among is not None:
+            votes[~np.isin(keyframes, among)] = 0.0
+        order = np.argsort(-votes, kind="stable")[:wanted]
+        return [(int(keyframes[i]), float(votes[i])) for i in order if votes[i] > 0]
+
+    def _is_new(self, k: int) -> bool:
+        if not self._features:
+            return True
+        T_cam_world = inverse(self._store.pose(k))
+        near_m, near_rad = self._spacing
+        relative = T_cam_world @ self._store.poses()[self.keyframes]  # [n, 4, 4]
+        for T in relative[np.linalg.norm(relative[:, :3, 3], axis=1) < near_m]:
+            if np.linalg.norm(so3_log(T[:3, :3])) < near_rad:
+                return False
+        return True
+
+    def _take(self, k: int, features: ImageFeatures) -> None:
+        row = len(self._features)
+        if row == len(self._codes):
+            self._codes = np.concatenate([self._codes, np.full_like(self._codes, _NOTHING)])
+        codes = _codes(features)
+        self._codes[row, : len(codes)] = codes
+        self._keyframes_with[np.unique(codes)] += 1
+        self._features[k] = features
+
+
+def _codes(features: ImageFeatures) -> np.ndarray:
+    """Cells of the strongest features in all tables, [n * tables] int32."""
+    descriptors = features.descriptors[:_FEATURES].astype(np.float32)
+    descriptors -= descriptors.mean(axis=1, keepdims=True)
+    bits = (descriptors @ _hyperplanes() > 0).reshape(len(descriptors), _TABLES, _BITS)
+    cells = bits @ (1 << np.arange(_BITS))  # [n, tables]
+    return (cells + (np.arange(_TABLES) << _BITS)).astype(np.int32).ravel()
+
+
+@cache
+def _hyperplanes() -> np.ndarray:
+    """Normals of random hyperplanes, [128, tables * bits] float32."""
+    normals = np.random.default_rng(0).normal(size=(DESCRIPTOR_SIZE, _TABLES * _BITS))
+    return normals.astype(np.float32)
