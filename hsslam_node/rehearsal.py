@@ -1,6 +1,8 @@
-"""A tiny alignment, so that machine code is loaded before the first frame waits for it."""
+"""Tracking and mapping of a few tiny frames, so that machine code is loaded before the first frame
+waits for it."""
 
 import dataclasses
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -25,9 +27,15 @@ def rehearse(config: SlamConfig, device: Device = CPU) -> None:
         ba=dataclasses.replace(config.ba, enabled=False),
     )
     slam = Slam(small, device=device)
+    for frame in textured_wall(3):
+        slam.process(frame)
+
+
+def textured_wall(count: int) -> Iterator[Frame]:
+    """Frames of a wall 2 m away, from a camera that stands still."""
     camera = Camera(_WIDTH_PX, _HEIGHT_PX, 130.0, 130.0, 79.5, 59.5)
     texture = np.random.default_rng(0).integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
     color = np.kron(texture, np.ones((8, 8, 1))).astype(np.uint8)
     depth = np.full((_HEIGHT_PX, _WIDTH_PX), 2000, np.uint16)
-    for index in range(3):
-        slam.process(Frame(index, index * 33_000_000, camera, color, depth, _UNITS_PER_M))
+    for index in range(count):
+        yield Frame(index, index * 33_000_000, camera, color, depth, _UNITS_PER_M)

@@ -16,7 +16,7 @@ from hsslam_node.services.worker_device import tell_device, worker_device
 
 PARAMETERS_LEASE = "params"
 _POLL_S = 0.05
-_LONGEST_BACKLOG = 3  # keyframes whose iterations may be outstanding in real time
+_LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
 
 
 def main() -> None:

@@ -1,12 +1,21 @@
 """Compile every kernel once, into the cache: `hsslam-serve warm-up`."""
 
+import ctypes
+import dataclasses
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator
+from multiprocessing import get_context
+from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
 
+if TYPE_CHECKING:
+    from hsslam_node.config import SlamConfig
+
+_PR_SET_PDEATHSIG = 1
 _WIDTH_PX, _HEIGHT_PX = 160, 120
 
 
@@ -43,9 +52,35 @@ def main() -> None:
 
 
 def _compile_all() -> Iterator[str]:
-    """Names each part, then compiles it."""
-    import dataclasses
+    """Names each part, then compiles it; the largest part in a process of its own beside the others."""
+    mapping = get_context("spawn").Process(target=_map_a_wall, args=(os.getpid(),), daemon=True)
+    mapping.start()
+    yield from _compile_the_rest()
+    yield "mapping, bundle adjustment, tracking by rendering"
+    mapping.join()
+    if mapping.exitcode != 0:
+        raise RuntimeError(f"compiling the kernels of mapping ended with code {mapping.exitcode}")
 
+
+def _map_a_wall(parent_pid: int) -> None:
+    """Mapping, bundle adjustment and tracking by rendering on three frames."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent_pid:  # it died before that
+        return
+    from hsslam_node.presets import PRESETS
+    from hsslam_node.rehearsal import textured_wall
+    from hsslam_node.slam import Slam
+
+    preset = PRESETS["realtime"]
+    ba = dataclasses.replace(
+        preset.ba, every_keyframes=1, loss_threshold=1e-9, iterations=1, pose_rate=1e-4
+    )
+    slam = Slam(_briefly(dataclasses.replace(preset, ba=ba), "rendering"))
+    for frame in textured_wall(3):
+        slam.process(frame)
+
+
+def _compile_the_rest() -> Iterator[str]:
     yield "the built-in room"
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
@@ -62,48 +97,59 @@ def _compile_all() -> Iterator[str]:
     )
     frames = [f for f in open_source("synth:room", options).frames() if isinstance(f, Frame)]
 
-    from hsslam_node.slam import Slam
-
-    preset = PRESETS["realtime"]
-    config = dataclasses.replace(
-        preset,
-        keyframes=dataclasses.replace(preset.keyframes, every_frames=1),
-        mapper=dataclasses.replace(preset.mapper, first_iterations=1, iterations=1),
-        ba=dataclasses.replace(
-            preset.ba, every_keyframes=1, loss_threshold=1e-9, iterations=1, pose_rate=1e-4
-        ),
-    )
-    by_rendering = dataclasses.replace(
-        config, tracker=dataclasses.replace(preset.tracker, method="rendering")
-    )
-    yield "mapping, bundle adjustment, tracking by rendering"
-    slam = Slam(by_rendering)
-    for frame in frames:
-        slam.process(frame)
     yield "tracking by alignment"
-    slam = Slam(config)
+    import numpy as np
+
+    from hsslam_node.device.device import CPU
+    from hsslam_node.field.layout import FieldLayout
+    from hsslam_node.field.parameters import FieldParameters
+    from hsslam_node.keyframes.allocator import MemoryAllocator
+    from hsslam_node.keyframes.store import KeyframeStore
+    from hsslam_node.mapping.initial_bound import initial_bound
+    from hsslam_node.tracking.map_views import MapViews
+    from hsslam_node.tracking.tracker import Tracker
+
+    config = _briefly(PRESETS["realtime"], "alignment")
+    arrays, first = MemoryAllocator(), frames[0]
+    store = KeyframeStore.create(arrays, first.camera, first.depth_units_per_m, 8)
+    bound = initial_bound(first, config.bound, config.mapper.max_depth_m)
+    parameters = FieldParameters.create(arrays, FieldLayout.over(config.field, bound), 0)
+    parameters.publish()
+    view = MapViews(parameters, CPU, with_color=False).newest()
+    tracker = Tracker(config, store, 0)
     for frame in frames:
-        slam.process(frame)
-    assert slam.store and slam.parameters
+        tracker.track(frame, view)
 
     yield "meshing"
     from hsslam_node.meshing.extract_mesh import extract_mesh
     from hsslam_node.meshing.map_queries import MapQueries
 
-    queries = MapQueries(slam.parameters.layout, slam.parameters.params)
-    depth_m, T_world_cam, camera = (
-        slam.store.frame(0).depth_m(),
-        slam.store.pose(0),
-        frames[0].camera,
-    )
-    bound = slam.parameters.layout.bound
-    mesh = extract_mesh(queries.sdf, queries.color, bound, camera, [(depth_m, T_world_cam)], 0.1)
+    depth_m, T_world_cam = store.frame(0).depth_m(), store.pose(0)
+    queries = MapQueries(parameters.layout, parameters.params)
+    depth_at_center_m = float(np.median(depth_m))
+
+    def plane(points: np.ndarray) -> np.ndarray:  # the map knows no surface yet
+        return depth_at_center_m - points[:, 2] + 0.0 * queries.sdf(points)
+
+    keyframes = [(depth_m, T_world_cam)]
+    mesh = extract_mesh(plane, queries.color, bound, first.camera, keyframes, 0.1)
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh_metrics import compare_meshes
     from hsslam_node.evaluation.visibility import Views
 
-    compare_meshes(mesh, mesh, Views(camera, T_world_cam[None], depth_m[None]), samples=100)
+    views = Views(first.camera, T_world_cam[None], depth_m[None])
+    compare_meshes(mesh, mesh, views, samples=100)
+
+
+def _briefly(config: "SlamConfig", method: Literal["alignment", "rendering"]) -> "SlamConfig":
+    """One iteration of everything for every frame."""
+    return dataclasses.replace(
+        config,
+        tracker=dataclasses.replace(config.tracker, method=method),
+        keyframes=dataclasses.replace(config.keyframes, every_frames=1),
+        mapper=dataclasses.replace(config.mapper, first_iterations=1, iterations=1),
+    )
 
 
 if __name__ == "__main__":

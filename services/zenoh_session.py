@@ -15,7 +15,7 @@ _COMMON: Mapping[str, object] = {
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,  # nobody is scouted, so open at once
     "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
-    "queries_default_timeout": 1000,  # ms; a frozen publisher delays a new subscriber by this much
+    "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
     "transport/link/rx/max_message_size": 512 * 2**20,
     # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
