@@ -19,8 +19,8 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
 
-    Sources: synth:room | tum:fr1/desk | tum:FOLDER | replica:FOLDER | zenoh: (frames that somebody
-    else publishes).
+    Sources: synth:room | tum:fr1/desk | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens |
+    zenoh: (frames that somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.

@@ -38,9 +38,9 @@ ZERO_OR_MORE = {
 }
 OTHERS = [  # value, and the nearest one that is good
     ("field", "hash_table_log2", 7, 8),
-    ("field", "hash_table_log2", 23, 22),
+    ("field", "hash_table_log2", 25, 24),
     ("field", "plane_channels", 24, 32),
-    ("field", "hash_features", 4, 2),
+    ("field", "hash_features", 3, 4),
     ("field", "oneblob_bins", 8, 16),
     ("field", "hidden_width", 64, 32),
     ("field", "geometry_feature_width", 16, 15),

@@ -16,7 +16,7 @@ from hsslam_node.errors import UserError
 class FieldConfig:
     """Scene model (paper III-A; widths from the parents' code, see docs/architecture.md)."""
 
-    plane_channels: Literal[0, 16, 32] = 32
+    plane_channels: Literal[0, 16, 32, 64] = 32
     """Features per plane vertex; 0 leaves the planes out."""
     coarse_cell_m: float = 0.24
     """Cell of the coarse geometry and appearance planes, m."""
@@ -26,10 +26,10 @@ class FieldConfig:
     """Cell of the fine appearance planes, m."""
     hash_levels: int = 16
     """Levels of the hash grid; 0 leaves it out."""
-    hash_features: Literal[2] = 2
-    """Features per hash entry."""
+    hash_features: Literal[2, 4] = 2
+    """Features of a hash level; four are kept in two tables of two."""
     hash_table_log2: int = 16
-    """log2 of the entries per level."""
+    """log2 of the entries per level; a level whose vertices fit is a dense grid."""
     hash_base_resolution: int = 16
     """Cells along the longest side at the coarsest level."""
     hash_finest_cell_m: float = 0.02
@@ -52,9 +52,9 @@ class FieldConfig:
         expect_positive(self, "field", "hash_base_resolution", "hash_finest_cell_m")
         expect_not_negative(self, "field", "hash_levels")
         expect_positive(self, "field", "truncation_m", "beta_init")
-        expect_in_range(self, "field", "hash_table_log2", 8, 22)
-        expect_one_of(self, "field", "plane_channels", 0, 16, 32)
-        expect_one_of(self, "field", "hash_features", 2)
+        expect_in_range(self, "field", "hash_table_log2", 8, 24)
+        expect_one_of(self, "field", "plane_channels", 0, 16, 32, 64)
+        expect_one_of(self, "field", "hash_features", 2, 4)
         expect_one_of(self, "field", "oneblob_bins", 0, 16)
         expect_one_of(self, "field", "hidden_width", 32)
         expect_one_of(self, "field", "geometry_feature_width", 15)
@@ -71,6 +71,11 @@ class FieldConfig:
     @property
     def hash_width(self) -> int:
         return self.hash_levels * self.hash_features
+
+    @property
+    def hash_tables(self) -> int:
+        """Tables of two features; those of one level follow each other."""
+        return self.hash_width // 2
 
     @property
     def oneblob_width(self) -> int:

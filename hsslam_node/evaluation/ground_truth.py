@@ -10,6 +10,7 @@ import trimesh
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.replica_folder import ReplicaFolder
+from hsslam_node.sources.scannet_scene import ScanNetScene
 from hsslam_node.sources.source import SourceOptions
 from hsslam_node.sources.synth_room.synth_room import synth_room_truth
 from hsslam_node.sources.tum_folder import MAX_DT_NS, TumFolder, associate
@@ -53,6 +54,8 @@ def open_ground_truth(spec: str, options: SourceOptions | None = None) -> Ground
         return _tum_truth(TumFolder.find(rest), options)
     if kind == "replica" and rest:
         return _replica_truth(ReplicaFolder.find(rest), options)
+    if kind == "scannet" and rest:
+        return _scannet_truth(ScanNetScene.find(rest), options)
     return None
 
 
@@ -81,6 +84,18 @@ def _replica_truth(folder: ReplicaFolder, options: SourceOptions) -> GroundTruth
     mesh_file = folder.mesh_file
     load_mesh = None if mesh_file is None else lambda: _load_mesh(mesh_file)
     return GroundTruth(Trajectory(stamps, poses[rows]), load_mesh)
+
+
+def _scannet_truth(scene: ScanNetScene, options: SourceOptions) -> GroundTruth | None:
+    """Frames whose pose the scene's authors could not tell (-inf) have no truth; None: no frame has."""
+    rows = np.array(options.selected(len(scene.numbers())), np.int64)
+    poses = scene.T_world_cam()[rows]
+    known = np.isfinite(poses).all(axis=(1, 2))
+    if not known.any():
+        return None
+    mesh_file = scene.mesh_file
+    load_mesh = None if mesh_file is None else lambda: _load_mesh(mesh_file)
+    return GroundTruth(Trajectory(scene.stamps_ns()[rows][known], poses[known]), load_mesh)
 
 
 def _read_matrices(path: Path) -> np.ndarray:

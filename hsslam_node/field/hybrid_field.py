@@ -63,8 +63,8 @@ class HybridField(nn.Module):
 
     def hash_feature(self, points: Tensor) -> Tensor:
         """Hash-grid feature [N, levels * 2] of points [N, 3] m (the smoothness loss acts on it)."""
-        levels = range(self.layout.config.hash_levels)
-        tables = [self.block(f"hash.{level:02d}") for level in levels]
+        count = self.layout.config.hash_tables
+        tables = [self.block(f"hash.{table:02d}") for table in range(count)]
         return hash_grid_features(self.layout, tables, points)
 
     def inside(self, points: Tensor) -> Tensor:

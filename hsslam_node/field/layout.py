@@ -36,7 +36,7 @@ class FieldLayout:
 
     An encoding that is switched off has planes without channels, no hash levels, or no one-blob rows.
 
-    Order: geometry planes (coarse xy xz yz, fine xy xz yz), hash levels, decoders, log_beta,
+    Order: geometry planes (coarse xy xz yz, fine xy xz yz), hash tables, decoders, log_beta,
     appearance planes (coarse, fine). Planes are [n_v, n_u, C], vertex (0, 0) at the low corner.
     `bound` must be snapped to the coarse cell (`FieldLayout.over` does it).
     """
@@ -56,26 +56,29 @@ class FieldLayout:
 
     @cached_property
     def hash_resolutions(self) -> tuple[int, ...]:
-        """Cells per longest side of the bound, for each hash level (Co-SLAM's growth rule)."""
+        """Cells per longest side of the bound, for each hash table (Co-SLAM's growth rule by level)."""
         c = self.config
         finest = max(
             float(self.bound.extent_m.max()) / c.hash_finest_cell_m, c.hash_base_resolution
         )
         growth = math.exp(math.log(finest / c.hash_base_resolution) / max(c.hash_levels - 1, 1))
-        return tuple(
+        levels = [
             math.floor(c.hash_base_resolution * growth**level + 1e-6)
             for level in range(c.hash_levels)
+        ]
+        return tuple(
+            levels[table * c.hash_levels // c.hash_tables] for table in range(c.hash_tables)
         )
 
     @cached_property
     def hash_entries(self) -> tuple[int, ...]:
-        """Table entries of each level: (res + 1)^3 where that fits 2^table_log2 (dense), else the table."""
+        """Entries of each table: (res + 1)^3 where that fits 2^table_log2 (dense), else the table."""
         table = 1 << self.config.hash_table_log2
         return tuple(min((res + 1) ** 3, table) for res in self.hash_resolutions)
 
     @cached_property
     def hash_is_dense(self) -> tuple[bool, ...]:
-        """Whether a level is indexed densely, x + (res+1) y + (res+1)^2 z, or by the XOR hash."""
+        """Whether a table is indexed densely, x + (res+1) y + (res+1)^2 z, or by the XOR hash."""
         table = 1 << self.config.hash_table_log2
         return tuple((res + 1) ** 3 <= table for res in self.hash_resolutions)
 
@@ -92,8 +95,8 @@ class FieldLayout:
 
         add_planes("geometry_coarse", c.coarse_cell_m)
         add_planes("geometry_fine", c.geometry_fine_cell_m)
-        for level, entries in enumerate(self.hash_entries):
-            shapes.append((f"hash.{level:02d}", (entries, c.hash_features)))
+        for table, entries in enumerate(self.hash_entries):
+            shapes.append((f"hash.{table:02d}", (entries, 2)))
         shapes.append(("geometry_decoder.W1", (c.geometry_input_width, c.hidden_width)))
         shapes.append(("geometry_decoder.W2", (c.hidden_width, 1 + c.geometry_feature_width)))
         shapes.append(("color_decoder.W1", (c.color_input_width, c.hidden_width)))

@@ -19,7 +19,7 @@ class KernelLayout(NamedTuple):
     plane_offset: np.ndarray  # [4, 3] int64
     plane_resolution: np.ndarray  # [4, 3, 2] int64, vertices (u, v)
     plane_inv_cell: np.ndarray  # [4] float32 1/m
-    hash_offset: np.ndarray  # [L] int64; no level: no hash grid
+    hash_offset: np.ndarray  # [L] int64, of each table; none: no hash grid
     hash_resolution: np.ndarray  # [L] int64
     hash_scale: np.ndarray  # [L] float32 cells per m
     hash_mask: np.ndarray  # [L] int64, entries - 1; 0 where the level is dense
@@ -50,7 +50,7 @@ def kernel_layout(layout: FieldLayout) -> KernelLayout:
             block = blocks[f"{name}.{axes}"]
             offset[s, p] = block.offset
             resolution[s, p] = block.shape[1], block.shape[0]
-    hashes = [blocks[f"hash.{level:02d}"] for level in range(config.hash_levels)]
+    hashes = [blocks[f"hash.{level:02d}"] for level in range(config.hash_tables)]
     longest = float(layout.bound.extent_m.max())
     return KernelLayout(
         low=np.asarray(layout.bound.low, np.float32),

@@ -22,9 +22,19 @@ def read_color(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, or of another size than the camera.
     """
-    image = _decode(path, cv2.IMREAD_COLOR)
+    image = read_any_color(path)
     _expect_size(path, image, camera)
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
+    return image
+
+
+def read_any_color(path: Path) -> np.ndarray:
+    """Colour image [H, W, 3] uint8 RGB, whatever its size; raises as `read_color`."""
+    return _as_rgb(_decode(path, cv2.IMREAD_COLOR))
+
+
+def decode_color(data: bytes, name: str) -> np.ndarray:
+    """The same from memory; `name` is what messages call it."""
+    return _as_rgb(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_COLOR))
 
 
 def read_depth(path: Path, camera: Camera) -> np.ndarray:
@@ -48,21 +58,29 @@ def _decode(path: Path, flags: int) -> np.ndarray:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    return _decoded(data, str(path), flags)
+
+
+def _decoded(data: np.ndarray, name: str, flags: int) -> np.ndarray:
     if data.size == 0:
-        raise BadImageError(f"{path}: empty file")
+        raise BadImageError(f"{name}: empty file")
     # libjpeg fills what is missing with grey and calls it a success, so look for the end marker.
     start, tail = data[:4].tobytes(), data[-_TAIL_BYTES:].tobytes()
     if (start.startswith(_PNG_START) and _PNG_END not in tail) or (
         start.startswith(_JPEG_START) and _JPEG_END not in tail
     ):
-        raise BadImageError(f"{path}: truncated at {data.size} bytes")
+        raise BadImageError(f"{name}: truncated at {data.size} bytes")
     try:
         image = cv2.imdecode(data, flags)
     except cv2.error:
         image = None
     if image is None:
-        raise BadImageError(f"{path}: not an image that can be decoded")
+        raise BadImageError(f"{name}: not an image that can be decoded")
     return image
+
+
+def _as_rgb(image: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
 
 
 def _expect_size(path: Path, image: np.ndarray, camera: Camera) -> None:

@@ -12,12 +12,14 @@ _EXAMPLES = (
     "tum:fr3/office",
     "tum:<folder>",
     "replica:<folder>",
+    "scannet:<folder or .sens>",
     "zenoh:",
 )
 
 
 def open_source(spec: str, options: SourceOptions | None = None) -> Source:
-    """The source that `spec` names: `synth:room`, `tum:<name or folder>` or `replica:<folder>`.
+    """The source that `spec` names: `synth:room`, `tum:<name or folder>`, `replica:<folder>` or
+    `scannet:<folder or .sens>`.
 
     Raises:
         UserError: no such source, its files are not there, or its camera makes no sense.
@@ -50,6 +52,10 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
         from hsslam_node.sources.replica import ReplicaSource
 
         return ReplicaSource(rest, options)
+    if kind == "scannet" and rest:
+        from hsslam_node.sources.scannet import ScanNetSource
+
+        return ScanNetSource(rest, options)
     if kind == "zenoh" and colon and not rest:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")
     raise unknown_source(spec)

@@ -1,6 +1,7 @@
-"""`python -m hsslam_node.services.bench`: run the service, measure the table, print and store it.
+"""`hsslam-bench`: run the service, measure the table, print and store it.
 
-`... compare A.json B.json` and `... plots FILE.json` look at results; see `result_commands`.
+`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... compare A.json B.json`
+and `... plots FILE.json` look at results; see `result_commands`.
 """
 
 import argparse
@@ -22,6 +23,8 @@ from hsslam_node.services.bench.document import fill_document
 from hsslam_node.services.bench.report import machine, report, write_report
 from hsslam_node.services.bench.result_commands import RESULT_COMMANDS
 from hsslam_node.services.bench.session import Session
+from hsslam_node.services.bench.tables.command import table_command
+from hsslam_node.services.bench.tables.paper_tables import TABLES
 
 _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
 
@@ -29,6 +32,8 @@ _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
 def main() -> int:
     """Exit code 0: all bounds met; 1: one is not met, or interrupted; 2: bad input."""
     try:
+        if sys.argv[1:2] and sys.argv[1] in TABLES:
+            return table_command(sys.argv[1], sys.argv[2:])
         if sys.argv[1:2] and sys.argv[1] in RESULT_COMMANDS:
             RESULT_COMMANDS[sys.argv[1]](sys.argv[2:])
             return 0
@@ -50,11 +55,12 @@ def _arguments(args: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
         at = own.index("--")
         own, extra = own[:at], own[at + 1 :]
     parser = argparse.ArgumentParser(
-        prog="bench",
+        prog="hsslam-bench",
         description="Measure what the README claims. A bound that is not met gives exit code 1.",
         epilog="Options after -- are added to every hsslam-serve; the figures are then not those "
         "of the protocol. With --docs nothing is measured. Two commands look at results: "
-        "compare A.json B.json, and plots FILE.json --to FOLDER.",
+        "compare A.json B.json, and plots FILE.json --to FOLDER. Four measure the paper's tables: "
+        f"{', '.join(TABLES)}; each has its own --help.",
     )
     data = os.environ.get("HSSLAM_TEST_DATA", "../shared/data")
     out = Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"

@@ -72,7 +72,7 @@ def report(session: Session, on: Machine, rows: Sequence[Row]) -> Report:
     }
     return Report(
         time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        commit=_commit(),
+        commit=source_commit(),
         machine=on,
         versions={
             "python": platform.python_version(),
@@ -131,7 +131,7 @@ def _cpu_model() -> str:
     return platform.processor() or platform.machine()
 
 
-def _commit() -> str:
+def source_commit() -> str:
     """Commit of the source tree, with + if it has been changed since."""
     here = Path(__file__).parent
     try:

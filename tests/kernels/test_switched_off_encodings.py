@@ -1,4 +1,4 @@
-"""A field without planes, hash grid or one-blob: kernels and reference leave out the same."""
+"""A field without planes, hash grid or one-blob, or with more of one: kernels and reference agree."""
 
 from dataclasses import replace
 
@@ -21,6 +21,11 @@ SWITCHED_OFF = {
     "hash grid only": replace(FULL, plane_channels=0, oneblob_bins=0),
     "no hash grid": replace(FULL, hash_levels=0),
     "no one-blob": replace(FULL, oneblob_bins=0),
+    "twice the hash features": replace(FULL, plane_channels=0, oneblob_bins=0, hash_features=4),
+    "twice the channels": replace(FULL, plane_channels=64, hash_levels=0, oneblob_bins=0),
+    "dense grid and planes": replace(
+        FULL, oneblob_bins=0, hash_levels=4, hash_features=4, hash_finest_cell_m=0.1
+    ),
 }
 N = 600
 

@@ -1,0 +1,143 @@
+"""ScanNet scenes: exported frames, or a `.sens` recording read frame by frame."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import cv2
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.image_files import BadImageError, decode_color, read_any_color, read_depth
+from hsslam_node.sources.scannet_folder import DEPTH_UNITS_PER_M
+from hsslam_node.sources.scannet_scene import RATE_HZ, ScanNetScene
+from hsslam_node.sources.source import BadFrame, SourceOptions
+
+_CROP_PX = 10  # colour has a black border
+
+
+class ScanNetSource:
+    """A ScanNet scene. Depth lies on colour; the colour is brought onto the pixels of depth, and ten
+    pixels are cropped on every side. Frame n is stamped n / 30 s.
+
+    Raises:
+        UserError: the scene or its calibration is missing or damaged.
+    """
+
+    def __init__(self, name: str, options: SourceOptions) -> None:
+        self._scene = ScanNetScene.find(name)
+        stamps = self._scene.stamps_ns()
+        self._rows = list(options.selected(len(stamps)))
+        self._stamps_ns = [int(stamps[row]) for row in self._rows]
+        if not self._rows:
+            raise UserError(f"source scannet:{name}: holds no frame: expected some")
+        self._whole, self.depth_units_per_m, K_color = _calibration(self._scene)
+        self._K_color = K_color
+        self.name = f"scannet:{name}"
+        self.camera = _cropped(self._whole)
+        self.rate_hz = RATE_HZ / options.stride
+        self.frame_count: int | None = len(self._rows)
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Every frame; one that cannot be read comes as a `BadFrame`."""
+        with ExitStack() as stack:
+            read = self._reader(stack)
+            for index, (row, stamp_ns) in enumerate(zip(self._rows, self._stamps_ns, strict=True)):
+                try:
+                    color, depth = read(row)
+                except BadImageError as error:
+                    yield BadFrame(index, stamp_ns, str(error))
+                    continue
+                inner = np.s_[_CROP_PX:-_CROP_PX, _CROP_PX:-_CROP_PX]
+                color = on_depth(color, self._K_color, self._whole)
+                yield Frame(
+                    index=index,
+                    stamp_ns=stamp_ns,
+                    camera=self.camera,
+                    color=np.ascontiguousarray(color[inner]),
+                    depth_raw=np.ascontiguousarray(depth[inner]),
+                    depth_units_per_m=self.depth_units_per_m,
+                )
+
+    def _reader(self, stack: ExitStack) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
+        """From the row of a frame to colour [H, W, 3] RGB, of any size, and depth [H, W]."""
+        sens, folder = self._scene.sens, self._scene.folder
+        if sens is not None:
+            file = stack.enter_context(sens.path.open("rb"))
+
+            def from_sens(row: int) -> tuple[np.ndarray, np.ndarray]:
+                jpeg, depth = sens.images(file, row)
+                return decode_color(jpeg, f"{sens.path}: colour of frame {row}"), depth
+
+            return from_sens
+        assert folder is not None
+
+        def from_folder(row: int) -> tuple[np.ndarray, np.ndarray]:
+            _, color_file, depth_file = folder.files[row]
+            return read_any_color(color_file), read_depth(depth_file, self._whole)
+
+        return from_folder
+
+
+def on_depth(color: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarray:
+    """The colour image [h, w, 3] as the camera of the depth sees it, [H, W, 3]; same centre and axes.
+
+    Shrunk by area first, so that nothing is left out, then shifted by the rest (pixel centres at
+    integers).
+    """
+    h, w = color.shape[:2]
+    size = (camera.width_px, camera.height_px)
+    small = cv2.resize(color, size, interpolation=cv2.INTER_AREA)
+    s_x, s_y = size[0] / w, size[1] / h
+    fx, fy = K_color[0, 0] * s_x, K_color[1, 1] * s_y
+    cx, cy = (K_color[0, 2] + 0.5) * s_x - 0.5, (K_color[1, 2] + 0.5) * s_y - 0.5
+    a_x, a_y = fx / camera.fx, fy / camera.fy
+    from_depth = np.array([[a_x, 0, cx - a_x * camera.cx], [0, a_y, cy - a_y * camera.cy]])
+    return cv2.warpAffine(
+        small,
+        from_depth,
+        size,
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+
+
+def _calibration(scene: ScanNetScene) -> tuple[Camera, float, np.ndarray]:
+    """The camera of the whole depth image, its units per metre, and K of colour [3, 3]."""
+    if scene.sens is not None:
+        K, units = scene.sens.K_depth, scene.sens.depth_units_per_m
+        size, K_color = scene.sens.depth_size_px, scene.sens.K_color
+    else:
+        assert scene.folder is not None
+        (K_color, K), units = scene.folder.intrinsics(), DEPTH_UNITS_PER_M
+        size = _depth_size(scene)
+    if min(size) <= 2 * _CROP_PX:
+        raise UserError(
+            f"{scene.path}: depth of {size[0]}x{size[1]} pixels: expected larger images"
+        )
+    values = [float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2])]
+    if not (np.isfinite(K_color).all() and K_color[0, 0] > 0 and K_color[1, 1] > 0):
+        raise UserError(f"{scene.path}: K of colour {K_color.tolist()}: expected focal lengths > 0")
+    return Camera(*size, *values), units, K_color
+
+
+def _cropped(camera: Camera) -> Camera:
+    return Camera(
+        camera.width_px - 2 * _CROP_PX,
+        camera.height_px - 2 * _CROP_PX,
+        camera.fx,
+        camera.fy,
+        camera.cx - _CROP_PX,
+        camera.cy - _CROP_PX,
+    )
+
+
+def _depth_size(scene: ScanNetScene) -> tuple[int, int]:
+    """Width and height of the first depth image that can be read."""
+    assert scene.folder is not None
+    for _, _, depth_file in scene.folder.files:
+        image = cv2.imread(str(depth_file), cv2.IMREAD_UNCHANGED) if depth_file.exists() else None
+        if image is not None:
+            return image.shape[1], image.shape[0]
+    raise UserError(f"{scene.path}/depth: no image can be read: expected 0.png and so on")

@@ -1,0 +1,1 @@
+"""`hsslam-bench ablation|replica|tum|scannet`: the tables of the paper, measured."""

@@ -1,0 +1,128 @@
+"""`hsslam-bench ablation|replica|tum|scannet`."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from hsslam_node.services.bench.report import machine, source_commit
+from hsslam_node.services.bench.tables.figures import disagreements, measured_rows
+from hsslam_node.services.bench.tables.job import RunResult
+from hsslam_node.services.bench.tables.options import TableOptions
+from hsslam_node.services.bench.tables.paper_tables import METHOD_OF_PRESET, TABLES, PaperTable
+from hsslam_node.services.bench.tables.plan import Plan, plan_table
+from hsslam_node.services.bench.tables.rendering import markdown_table, rich_table
+from hsslam_node.services.bench.tables.result_file import ResultFile
+from hsslam_node.services.bench.tables.run_job import run_job
+from hsslam_node.services.parse_options import parse_options
+
+_WIDTH = 160  # characters, where the output is no terminal
+
+
+def table_command(name: str, args: Sequence[str]) -> int:
+    """Measure the table of this name; returns the exit code.
+
+    Raises:
+        UserError: an option that cannot be used, or a file that cannot be read or written.
+    """
+    options = parse_options(TableOptions, f"hsslam-bench {name}", args)
+    table = TABLES[name]
+    plan = plan_table(table, options)
+    path = options.out or Path("runs/tables") / f"{name}.json"
+    file = ResultFile(path, name)
+    width = None if sys.stdout.isatty() else _WIDTH
+    console = Console(emoji=False, highlight=False, markup=False, width=width)
+    for line in plan.skipped:
+        console.print(line, soft_wrap=True)
+    interrupted = False
+    if options.show:
+        results = [found for job in plan.jobs if (found := file.newest(job))]
+    else:
+        results = []
+        try:
+            _measure(plan, file, path.with_suffix(""), results, console)
+        except KeyboardInterrupt:
+            interrupted = True
+    _print(table, plan, options, results, path, console)
+    return int(interrupted or any(result.error for result in results))
+
+
+def _measure(
+    plan: Plan, file: ResultFile, runs: Path, results: list[RunResult], console: Console
+) -> None:
+    """Fill `results`, showing how far it is; off a terminal one line a run."""
+    commit, on = source_commit(), machine()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True
+    ) as progress:
+        all_runs = progress.add_task("runs", total=len(plan.jobs))
+        frames = progress.add_task("frames", total=None)
+        for job in plan.jobs:
+            result = file.done(job, commit)
+            if result is None:
+                progress.reset(frames, description=job.name, total=None)
+                result = run_job(
+                    job,
+                    runs / job.name,
+                    commit,
+                    lambda done, total: progress.update(frames, completed=done, total=total),
+                )
+                file.add(result, on)
+                told = result.error or f"ATE {result.values.get('ate_cm', float('nan')):.3f} cm"
+            else:
+                told = "kept from an earlier call"
+            results.append(result)
+            progress.advance(all_runs)
+            if result.error or not console.is_terminal:
+                console.print(f"{job.name}: {told}", soft_wrap=True)
+
+
+def _print(
+    table: PaperTable,
+    plan: Plan,
+    options: TableOptions,
+    results: Sequence[RunResult],
+    path: Path,
+    console: Console,
+) -> None:
+    if not results:
+        console.print("nothing was measured: no table")
+        return
+    method = METHOD_OF_PRESET[options.preset]
+    rows = measured_rows(table, plan.rows, results, method)
+    notes = _protocol(options, results)
+    if table.sequences:
+        notes += disagreements(rows, table.metrics)
+    console.print(rich_table(table.title, rows, table.metrics))
+    for note in notes:
+        console.print(note, soft_wrap=True)
+    text = markdown_table(rows, table.metrics) + "".join(f"\n{note}\n" for note in notes)
+    path.with_suffix(".md").write_text(text)
+    console.print(f"results: {path}, {path.with_suffix('.md')}", soft_wrap=True)
+
+
+def _protocol(options: TableOptions, results: Sequence[RunResult]) -> list[str]:
+    """What a reader must know to make the table again."""
+    used = [f"preset {options.preset}", *options.set]
+    used.append(f"{options.frames or 'all'} frames")
+    if options.stride > 1:
+        used.append(f"every {options.stride}th")
+    used.append(f"noise {options.noise}")
+    used.append(f"seeds {' '.join(map(str, options.seeds))}")
+    commits = sorted({result.commit or "unknown" for result in results})
+    used.append(f"commit {', '.join(commits)}")
+    if options.device == "cpu":
+        used.append("frames/s of processor time, one thread")
+    lines = [f"{'; '.join(used)}."]
+    failed = [f"{r.row} {r.sequence} seed {r.seed}: {r.error}" for r in results if r.error]
+    return lines + [f"failed: {text}" for text in failed]

@@ -1,0 +1,122 @@
+"""Mean and standard deviation over the seeds, and what disagrees with the paper."""
+
+import math
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from hsslam_node.services.bench.tables.job import RunResult
+from hsslam_node.services.bench.tables.paper_tables import PaperRow, PaperTable
+
+HIGHER_IS_BETTER = ("completion_pct", "fps")
+_UNORDERED = ("model_mib", "fps", "lost")  # what the paper's ablation says nothing about
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Mean over the seeds; the deviation is that of a sample, None with one seed."""
+
+    mean: float
+    deviation: float | None
+    seeds: int
+
+
+@dataclass(frozen=True)
+class MeasuredRow:
+    """A row with its figures by metric, and the paper's beside them."""
+
+    row: PaperRow
+    figures: Mapping[str, Figure]
+    paper: Mapping[str, float]
+    note: str = ""  # why something is missing
+
+
+def measured_rows(
+    table: PaperTable, rows: Sequence[PaperRow], results: Iterable[RunResult], method: str
+) -> list[MeasuredRow]:
+    """The rows, and their mean where the table has one (over sequences first, then over seeds)."""
+    good = [result for result in results if not result.error]
+    found = []
+    for row in rows:
+        mine = [result for result in good if result.row == row.name]
+        figures = {metric: _figure(mine, metric) for metric in table.metrics}
+        found.append(_measured(row, figures, method, "" if mine else "no result"))
+    if table.mean is not None:
+        measured = {row.row.name for row in found if row.figures}
+        of_rows = [result for result in good if result.row in measured]
+        figures = {metric: _figure(of_rows, metric) for metric in table.metrics}
+        note = "" if len(measured) == len(table.rows) else f"of {len(measured)}/{len(table.rows)}"
+        found.append(_measured(table.mean, figures, method, note))
+    return found
+
+
+def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
+    """A line for each row that is better than the first one where the paper says worse, or the other
+    way round.
+
+    Differences below one standard deviation (of both, added in squares) say nothing, nor does one seed.
+    """
+    full, *others = rows
+    lines = []
+    for other in others:
+        found = []
+        for metric in (m for m in metrics if m not in _UNORDERED):
+            ours = _difference(full, other, metric)
+            if ours * _paper_difference(full, other, metric) < 0:
+                word = "better" if ours > 0 else "worse"
+                here = f"{_text(other.figures[metric])} against {_text(full.figures[metric])}"
+                paper = f"{other.paper[metric]:g} against {full.paper[metric]:g}"
+                found.append(f"{metric} {word} ({here}; paper {paper})")
+        if found:
+            title = f"({other.row.name}) {other.row.title}"
+            lines.append(
+                f"Not as in the paper, against the full model: {title}: {', '.join(found)}."
+            )
+    return lines
+
+
+def _measured(
+    row: PaperRow, figures: Mapping[str, Figure | None], method: str, note: str
+) -> MeasuredRow:
+    present = {metric: figure for metric, figure in figures.items() if figure is not None}
+    return MeasuredRow(row, present, row.paper.get(method, {}), note)
+
+
+def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
+    """Over the seeds that have a value on every sequence that any seed has one on."""
+    by_seed: dict[int, dict[tuple[str, str], float]] = {}
+    for result in results:
+        value = result.values.get(metric)
+        if value is not None and math.isfinite(value):
+            by_seed.setdefault(result.seed, {})[result.row, result.sequence] = value
+    places = {place for values in by_seed.values() for place in values}
+    means = [
+        statistics.fmean(values.values()) for values in by_seed.values() if values.keys() == places
+    ]
+    if not means:
+        return None
+    deviation = statistics.stdev(means) if len(means) > 1 else None
+    return Figure(statistics.fmean(means), deviation, len(means))
+
+
+def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
+    """How much better `other` is than `full`; 0 where that is not known."""
+    a, b = full.figures.get(metric), other.figures.get(metric)
+    if a is None or b is None or a.deviation is None or b.deviation is None:
+        return 0.0
+    better = (b.mean - a.mean) * _sign(metric)
+    return better if abs(better) > math.hypot(a.deviation, b.deviation) else 0.0
+
+
+def _paper_difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
+    if metric not in full.paper or metric not in other.paper:
+        return 0.0
+    return (other.paper[metric] - full.paper[metric]) * _sign(metric)
+
+
+def _sign(metric: str) -> float:
+    return 1.0 if metric in HIGHER_IS_BETTER else -1.0
+
+
+def _text(figure: Figure) -> str:
+    return f"{figure.mean:.3g}" + ("" if figure.deviation is None else f" ± {figure.deviation:.2g}")

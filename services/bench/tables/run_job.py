@@ -1,0 +1,84 @@
+"""A job in a process of its own, so that whatever happens to it costs this one run."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from hsslam_node.services.bench.tables.job import Job, RunResult
+from hsslam_node.services.process_table import environment_of_threads
+
+_MODULE = f"{__package__}.table_run"
+_JOB, _RESULT, _ERRORS = "job.json", "result.json", "stderr.txt"
+
+
+def run_job(
+    job: Job, folder: Path, commit: str, tell: Callable[[int, int], None] = lambda *_: None
+) -> RunResult:
+    """Run it to its end in `folder`, which is emptied first; a failure is a result with its last words.
+
+    `tell` gets frames done and frames in all. Interrupted, it takes the process with it.
+
+    Raises:
+        UserError: the folder cannot be written.
+    """
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        (folder / _JOB).write_bytes(msgspec.json.encode(job))
+    except OSError as error:
+        raise UserError(f"{folder}: {error.strerror}: expected a folder for the run") from None
+    found, error = {}, ""
+    code = _run(folder, tell)
+    if code == 0:
+        found = msgspec.json.decode((folder / _RESULT).read_bytes())
+    else:
+        error = f"ended with code {code}: {_last_line(folder / _ERRORS)}"
+    return RunResult(
+        key=job.key,
+        row=job.row,
+        sequence=job.sequence,
+        seed=job.seed,
+        preset=job.preset,
+        commit=commit,
+        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        error=error,
+        **found,
+    )
+
+
+def _run(folder: Path, tell: Callable[[int, int], None]) -> int:
+    """Exit code of the process."""
+    cache = {"NUMBA_CACHE_DIR": str(kernel_cache_folder())}
+    with (folder / _ERRORS).open("wb") as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", _MODULE, str(folder)],
+            env={**cache, **os.environ, **environment_of_threads(1)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+        )
+        try:
+            assert process.stdout is not None
+            for line in process.stdout:
+                done, _, total = line.strip().partition(" ")
+                if done.isdigit() and total.isdigit():
+                    tell(int(done), int(total))
+            return process.wait()
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+
+
+def _last_line(path: Path) -> str:
+    lines = path.read_text(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "it said nothing"

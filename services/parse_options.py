@@ -1,0 +1,76 @@
+"""A command line into a frozen dataclass of options: every mistake is one line."""
+
+import contextlib
+import dataclasses
+import difflib
+import io
+import typing
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+import tyro
+
+from hsslam_node.errors import UserError
+
+_Options = TypeVar("_Options")
+
+
+def parse_options(
+    cls: type[_Options], prog: str, args: Sequence[str], default: _Options | None = None
+) -> _Options:
+    """The options of this command line, over the defaults; `--help` prints and exits with code 0.
+
+    Raises:
+        UserError: an unknown option (the nearest is suggested), or a bad value.
+    """
+    start = cls() if default is None else default
+    if "-h" in args or "--help" in args:
+        tyro.cli(cls, prog=prog, args=["--help"], default=start)
+    errors = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(errors):
+            options, unknown = tyro.cli(
+                cls, prog=prog, args=args, default=start, return_unknown_args=True
+            )
+    except SystemExit:
+        raise UserError(_condensed(errors.getvalue())) from None
+    if unknown:
+        raise UserError(_unknown(cls, prog, unknown[0]))
+    return options
+
+
+def nearest(name: str, known: Sequence[str]) -> str:
+    """`; did you mean ...?`, or nothing where nothing is near."""
+    same_leaf = [option for option in known if option.endswith("." + name.lstrip("-"))]
+    near = same_leaf or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _unknown(cls: type, prog: str, arg: str) -> str:
+    name = arg.partition("=")[0]
+    known = [f"--{option}" for option in _option_names(cls, "")]
+    if not name.startswith("-"):
+        example = f"as {known[0]} {known[0].lstrip('-').upper()}"
+        return f"{arg}: expected an option, {example}; see {prog} --help"
+    return f"{name}: unknown option{nearest(name.replace('_', '-'), known)}; see {prog} --help"
+
+
+def _option_names(cls: type, prefix: str) -> Iterator[str]:
+    for name, kind in typing.get_type_hints(cls).items():
+        dashed = prefix + name.replace("_", "-")
+        if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+            yield from _option_names(kind, dashed + ".")
+        elif name in {f.name for f in dataclasses.fields(cls)}:
+            yield dashed
+
+
+def _condensed(text: str) -> str:
+    """The message inside tyro's box, on one line."""
+    lines = [line.strip(" │╭╮╰╯─-") for line in text.splitlines()]
+    blocks: list[list[str]] = [[]]
+    for line in lines[1:]:
+        if line:
+            blocks[-1].append(line)
+        elif blocks[-1]:
+            blocks.append([])
+    return " ".join(blocks[0]) or "the options cannot be read: see --help"
