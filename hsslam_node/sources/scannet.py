@@ -116,10 +116,10 @@ def _calibration(scene: ScanNetScene) -> tuple[Camera, float, np.ndarray]:
         raise UserError(
             f"{scene.path}: depth of {size[0]}x{size[1]} pixels: expected larger images"
         )
-    values = [float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2])]
     if not (np.isfinite(K_color).all() and K_color[0, 0] > 0 and K_color[1, 1] > 0):
         raise UserError(f"{scene.path}: K of colour {K_color.tolist()}: expected focal lengths > 0")
-    return Camera(*size, *values), units, K_color
+    fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
+    return Camera(size[0], size[1], fx, fy, cx, cy), units, K_color
 
 
 def _cropped(camera: Camera) -> Camera:
