@@ -16,7 +16,8 @@ from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 
 FORMAT = "hsslam-map"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_READABLE = ("1", "2")  # 1: before bounds could grow
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,13 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     tensors = {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
     tensors["keyframes/stamps_ns"] = np.ascontiguousarray(checkpoint.keyframe_stamps_ns)
     tensors["keyframes/T_world_keyframe"] = np.ascontiguousarray(checkpoint.T_world_keyframe)
-    bound = checkpoint.layout.bound
+    bound, first = checkpoint.layout.bound, checkpoint.layout.first_bound
     metadata = {
         "format": FORMAT,
         "version": str(FORMAT_VERSION),
         "field": json.dumps(dataclasses.asdict(checkpoint.layout.config)),
         "bound": json.dumps([bound.low, bound.high]),
+        "first_bound": json.dumps([first.low, first.high]) if first else "null",
     }
     partial = path.with_name(f"{path.name}.partial")
     try:
@@ -87,9 +89,9 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
 def _check_format(path: Path, metadata: dict[str, str]) -> None:
     if metadata.get("format") != FORMAT:
         raise UserError(f"{path}: format {metadata.get('format')!r}: expected a {FORMAT} file")
-    if metadata.get("version") != str(FORMAT_VERSION):
+    if metadata.get("version") not in _READABLE:
         raise UserError(
-            f"{path}: map version {metadata.get('version')}: expected {FORMAT_VERSION}; "
+            f"{path}: map version {metadata.get('version')}: expected {' or '.join(_READABLE)}; "
             "load it with the release that saved it"
         )
 
@@ -103,7 +105,12 @@ def _layout(path: Path, metadata: dict[str, str]) -> FieldLayout:
             hint = f"; did you mean {near[0]}?" if near else ""
             raise UserError(f"{path}: field.{name}: expected an option of the field{hint}")
     low, high = json.loads(metadata["bound"])
-    return FieldLayout(FieldConfig(**values), Bound(tuple(low), tuple(high)))
+    first = json.loads(metadata.get("first_bound", "null"))
+    return FieldLayout(
+        FieldConfig(**values),
+        Bound(tuple(low), tuple(high)),
+        Bound(tuple(first[0]), tuple(first[1])) if first else None,
+    )
 
 
 def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheckpoint:

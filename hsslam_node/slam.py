@@ -76,6 +76,7 @@ class Slam:
                 self._mapper.initialise(self.store)
             self._mapper.publish()
         elif result.is_keyframe:
+            self._mapper.cover(self.store)
             for _ in range(self.config.mapper.iterations):
                 self._mapper.iterate(self.store)
             self._mapper.publish()

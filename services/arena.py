@@ -71,6 +71,12 @@ class Arena:
         """Whether an array of this name is ready."""
         return self._path(name, ".json").exists()
 
+    def remove(self, name: str) -> None:
+        """Unlink the array, if it is there; processes that map it keep its memory until they let go."""
+        with self.lease("arena-create"):
+            self._path(name, ".json").unlink(missing_ok=True)
+            self._path(name, ".bin").unlink(missing_ok=True)
+
     @contextlib.contextmanager
     def lease(self, name: str) -> Iterator[None]:
         """Hold the only lease of this name; the kernel frees it when its holder dies."""

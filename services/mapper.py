@@ -2,6 +2,7 @@
 
 import time
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
@@ -98,6 +99,7 @@ class _MapperLoop:
         start = time.perf_counter()
         n = min(self._due, max(self._slam.mapper.iterations, 1))
         with self._worker.arena.lease(PARAMETERS_LEASE):
+            self._cover(store)
             for _ in range(n):
                 with self._worker.timed("iteration"):
                     report = self._mapper.iterate(store)
@@ -105,6 +107,20 @@ class _MapperLoop:
         self._due -= n
         self._iterations += n
         self._publish(report, store, start)
+
+    def _cover(self, store: KeyframeStore) -> None:
+        """Let the map grow to what the new keyframes see; the caller holds the lease."""
+        assert self._mapper is not None
+        with self._worker.timed("cover"):
+            try:
+                bound = self._mapper.cover(store)
+            except OutOfMemoryError as error:
+                self._worker.event("warning", f"the map cannot grow any more: {error}")
+                return
+        if bound is not None:
+            sides = " x ".join(f"{side:.1f}" for side in bound.extent_m)
+            self._worker.count("growths")
+            self._worker.event("info", f"the map grows to {sides} m")
 
     def polish(self) -> None:
         """The last iterations, over all keyframes alike; then publish."""

@@ -58,13 +58,13 @@ class _MesherLoop:
         store, parameters = self._link.store(), self._link.parameters()
         assert store is not None and parameters is not None
         start = time.perf_counter()
+        version = self._copy_map(parameters)
         mesher = self._mesher_over(parameters)
         if store.pose_version != self._pose_version:
             self._pose_version = store.pose_version
             mesher.clear()
             self._observed = 0
         self._observe(mesher, store)
-        version = self._copy_map(parameters)
         queries = open_map_queries(parameters.layout, self._params, self._device)
         while not self._worker.should_stop():
             if mesher.update(queries.sdf, queries.color, _BLOCKS_AT_A_TIME).waiting == 0:
@@ -78,10 +78,11 @@ class _MesherLoop:
         self._worker.stage_ms["mesh"] = 1e3 * (time.perf_counter() - start)
 
     def _mesher_over(self, parameters: FieldParameters) -> BlockMesher:
-        if self._mesher is None:
+        bound = parameters.layout.bound
+        if self._mesher is None or self._mesher.space.bound != bound:  # or the map has grown
             voxel_m = self._worker.options.slam.mesher.voxel_m
-            self._mesher = BlockMesher(ObservedSpace(parameters.layout.bound, voxel_m))
-            self._params = np.zeros(parameters.layout.parameter_count, np.float32)
+            self._mesher = BlockMesher(ObservedSpace(bound, voxel_m))
+            self._observed = 0
         return self._mesher
 
     def _observe(self, mesher: BlockMesher, store: KeyframeStore) -> None:
@@ -94,6 +95,8 @@ class _MesherLoop:
     def _copy_map(self, parameters: FieldParameters) -> int:
         while True:
             version, params = parameters.published()
+            if len(self._params) != len(params):
+                self._params = np.zeros(len(params), np.float32)
             np.copyto(self._params, params)
             if parameters.is_intact(version):
                 return version

@@ -1,5 +1,6 @@
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,20 @@ def test_what_was_saved_is_loaded(checkpoint, saved):
     assert [p.name for p in saved.parent.iterdir()] == [saved.name]
 
 
+def test_a_map_that_has_grown_is_loaded(checkpoint, tmp_path):
+    layout = checkpoint.layout.grown(Bound((-1.0, 0.1, 0.2), (0.5, 1.2, 0.9)))
+    grown = replace(checkpoint, layout=layout, params=initial_parameters(layout, 2))
+    save_checkpoint(tmp_path / "map.safetensors", grown)
+    loaded = load_checkpoint(tmp_path / "map.safetensors")
+    assert loaded.layout == layout
+    np.testing.assert_array_equal(loaded.params, grown.params)
+
+
+def test_a_map_from_before_bounds_could_grow_is_loaded(checkpoint, saved):
+    _rewrite_metadata(saved, version="1", first_bound="null")
+    assert load_checkpoint(saved).layout == checkpoint.layout
+
+
 def test_missing_file_is_told(tmp_path):
     with pytest.raises(UserError, match="no such file"):
         load_checkpoint(tmp_path / "map.safetensors")
@@ -66,8 +81,8 @@ def _rewrite_metadata(path, **changes):
 
 
 def test_another_version_is_refused(saved):
-    _rewrite_metadata(saved, version="2")
-    with pytest.raises(UserError, match="map version 2: expected 1"):
+    _rewrite_metadata(saved, version="3")
+    with pytest.raises(UserError, match="map version 3: expected 1 or 2"):
         load_checkpoint(saved)
 
 

@@ -25,7 +25,7 @@ ABOVE_ZERO = {
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "mesher": "voxel_m final_voxel_m",
-    "bound": "margin least_m most_m",
+    "bound": "margin least_m most_m growth_m farthest_m",
 }
 ZERO_OR_MORE = {
     "field": "hash_levels",

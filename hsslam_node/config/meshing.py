@@ -24,7 +24,7 @@ class MesherConfig:
 
 @dataclass(frozen=True)
 class BoundConfig:
-    """The box that the map covers, derived from the first frame (world = first camera)."""
+    """The box that the map covers, derived from the first frame (world = first camera), and its growth."""
 
     margin: float = 1.6
     """Reach of the box beyond the farthest depth of the first frame, times that depth."""
@@ -32,9 +32,15 @@ class BoundConfig:
     """Least reach, m."""
     most_m: float = 12.0
     """Most reach, m."""
+    grow: bool = True
+    """Whether the box grows when a keyframe sees past it."""
+    growth_m: float = 2.0
+    """It then grows so far beyond what was seen, m; up and down 0.4 times that."""
+    farthest_m: float = 50.0
+    """It never reaches farther from the first camera, m."""
 
     def __post_init__(self) -> None:
-        expect_positive(self, "bound", "margin", "least_m")
+        expect_positive(self, "bound", "margin", "least_m", "growth_m", "farthest_m")
         if not self.most_m >= self.least_m:
             raise UserError(
                 f"bound.most_m = {self.most_m}: expected at least bound.least_m = {self.least_m}"

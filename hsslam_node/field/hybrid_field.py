@@ -69,8 +69,8 @@ class HybridField(nn.Module):
 
     def inside(self, points: Tensor) -> Tensor:
         """Mask [N] of points [N, 3] m within the bound, borders included."""
-        above = points >= self._corner("low").to(points)
-        return (above & (points <= self._corner("high").to(points))).all(dim=-1)
+        low, high = (points.new_tensor(c) for c in (self.layout.bound.low, self.layout.bound.high))
+        return ((points >= low) & (points <= high)).all(dim=-1)
 
     @property
     def beta(self) -> Tensor:
@@ -103,8 +103,10 @@ class HybridField(nn.Module):
         levels = []
         for level, cell_m in cells:
             planes = [self.block(f"{kind}_{level}.{axes}") for axes in _AXES]
-            levels.append(tri_plane_features(planes, points, low, cell_m))
+            first = torch.as_tensor(self.layout.plane_vertices(cell_m)[0]).to(points)
+            levels.append(tri_plane_features(planes, points, low, cell_m, first))
         return torch.cat(levels, dim=-1)
 
     def _corner(self, which: str) -> Tensor:
-        return self.params.new_tensor(getattr(self.layout.bound, which))
+        """Of the first bound."""
+        return self.params.new_tensor(getattr(self.layout.lattice, which))

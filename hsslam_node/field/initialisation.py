@@ -10,7 +10,7 @@ PLANE_SIGMA = 0.01
 HASH_RANGE = 1e-4
 
 
-def initial_parameters(layout: FieldLayout, seed: int) -> np.ndarray:
+def initial_parameters(layout: FieldLayout, seed: int | tuple[int, ...]) -> np.ndarray:
     """Fresh flat parameters [P] float32; the same for the same layout and seed.
 
     Planes N(0, 0.01^2) (ESLAM), hash tables U(-1e-4, 1e-4) (Instant-NGP), decoder weights

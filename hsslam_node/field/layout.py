@@ -39,27 +39,59 @@ class FieldLayout:
     Order: geometry planes (coarse xy xz yz, fine xy xz yz), hash tables, decoders, log_beta,
     appearance planes (coarse, fine). Planes are [n_v, n_u, C], vertex (0, 0) at the low corner.
     `bound` must be snapped to the coarse cell (`FieldLayout.over` does it).
+
+    Vertices of planes and hash levels are numbered from the low corner of the *first* bound, whose
+    longest side also sets the cells of the hash levels and whose sides normalise one-blob. A bound that
+    has grown changes none of that: what was learnt keeps its place and its meaning.
     """
 
     config: FieldConfig
     bound: Bound
+    first_bound: Bound | None = None  # None: the bound has not grown
 
     @classmethod
     def over(cls, config: FieldConfig, bound: Bound) -> "FieldLayout":
         """Layout over the bound, its sides rounded up to whole coarse cells."""
         return cls(config, bound.snapped(config.coarse_cell_m))
 
-    def plane_resolution(self, cell_m: float) -> tuple[int, int, int]:
-        """Vertices along x, y, z of planes with this cell."""
-        n = np.round(self.bound.extent_m / cell_m).astype(int) + 1
-        return int(n[0]), int(n[1]), int(n[2])
+    def grown(self, bound: Bound) -> "FieldLayout":
+        """The layout over this bound and `bound`, in whole coarse cells of the same lattice."""
+        cell, origin = self.config.coarse_cell_m, np.asarray(self.lattice.low)
+        below = np.floor((np.minimum(bound.low, self.bound.low) - origin) / cell + 1e-6)
+        above = np.ceil((np.maximum(bound.high, self.bound.high) - origin) / cell - 1e-6)
+        whole = Bound.of(origin + below * cell, origin + above * cell)
+        return FieldLayout(self.config, whole, self.lattice)
+
+    @property
+    def lattice(self) -> Bound:
+        """The first bound: its low corner is vertex 0 of everything."""
+        return self.first_bound or self.bound
+
+    def plane_vertices(self, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """First vertex and number of vertices along x, y, z of planes with this cell, [3] each."""
+        first = np.round(np.subtract(self.bound.low, self.lattice.low) / cell_m).astype(int)
+        last = np.round(np.subtract(self.bound.high, self.lattice.low) / cell_m).astype(int)
+        return first, last - first + 1
+
+    def hash_vertices(self, table: int) -> tuple[np.ndarray, np.ndarray]:
+        """First vertex and number of vertices along x, y, z of a hash table, [3] each.
+
+        At least those of the cube over the longest side of the first bound.
+        """
+        resolution = self.hash_resolutions[table]
+        scale = resolution / float(self.lattice.extent_m.max())
+        low = np.subtract(self.bound.low, self.lattice.low) * scale
+        high = np.subtract(self.bound.high, self.lattice.low) * scale
+        first = np.minimum(np.floor(low + 1e-4), 0).astype(int)
+        last = np.maximum(np.ceil(high - 1e-4), resolution).astype(int)
+        return first, last - first + 1
 
     @cached_property
     def hash_resolutions(self) -> tuple[int, ...]:
-        """Cells per longest side of the bound, for each hash table (Co-SLAM's growth rule by level)."""
+        """Cells per longest side of the first bound, for each hash table (Co-SLAM's growth rule by level)."""
         c = self.config
         finest = max(
-            float(self.bound.extent_m.max()) / c.hash_finest_cell_m, c.hash_base_resolution
+            float(self.lattice.extent_m.max()) / c.hash_finest_cell_m, c.hash_base_resolution
         )
         growth = math.exp(math.log(finest / c.hash_base_resolution) / max(c.hash_levels - 1, 1))
         levels = [
@@ -72,13 +104,19 @@ class FieldLayout:
 
     @cached_property
     def hash_entries(self) -> tuple[int, ...]:
-        """Entries of each table: (res + 1)^3 where that fits 2^table_log2 (dense), else the table."""
+        """Entries of each table: one a vertex where it is dense, else 2^table_log2."""
         table = 1 << self.config.hash_table_log2
-        return tuple(min((res + 1) ** 3, table) for res in self.hash_resolutions)
+        return tuple(
+            math.prod(map(int, self.hash_vertices(index)[1])) if dense else table
+            for index, dense in enumerate(self.hash_is_dense)
+        )
 
     @cached_property
     def hash_is_dense(self) -> tuple[bool, ...]:
-        """Whether a table is indexed densely, x + (res+1) y + (res+1)^2 z, or by the XOR hash."""
+        """Whether a table is indexed densely, x fastest, or by the XOR hash.
+
+        Dense: where the (res + 1)^3 vertices of the first bound fit the table.
+        """
         table = 1 << self.config.hash_table_log2
         return tuple((res + 1) ** 3 <= table for res in self.hash_resolutions)
 
@@ -89,7 +127,7 @@ class FieldLayout:
         shapes: list[tuple[str, tuple[int, ...]]] = []
 
         def add_planes(prefix: str, cell_m: float) -> None:
-            n = self.plane_resolution(cell_m)
+            n = self.plane_vertices(cell_m)[1].tolist()
             for (u, v), axes in zip(PLANE_AXES, ("xy", "xz", "yz"), strict=True):
                 shapes.append((f"{prefix}.{axes}", (n[v], n[u], c.plane_channels)))
 

@@ -8,22 +8,27 @@ from hsslam_node.field.layout import PLANE_AXES
 
 
 def tri_plane_features(
-    planes: Sequence[Tensor], points: Tensor, low: Tensor, cell_m: float
+    planes: Sequence[Tensor],
+    points: Tensor,
+    low: Tensor,
+    cell_m: float,
+    first: Tensor | float = 0.0,
 ) -> Tensor:
     """Sum of the bilinear features of the xy, xz and yz planes; border values outside.
 
     Args:
-        planes: three of [n_v, n_u, C], vertex (0, 0) at the low corner, axes as in PLANE_AXES.
+        planes: three of [n_v, n_u, C], axes as in PLANE_AXES.
         points: [N, 3] m, world.
-        low: [3] m, low corner of the bound.
+        low: [3] m, where vertex (0, 0, 0) lies.
         cell_m: distance of two vertices, m.
+        first: [3] number of the planes' first vertex along each axis.
 
     Returns:
         [N, C]
 
     Source: Johari et al., ESLAM (2023).
     """
-    position = (points - low) / cell_m  # [N, 3] cells
+    position = (points - low) / cell_m - first  # [N, 3] cells
     out = _bilinear(planes[0], position[:, PLANE_AXES[0][0]], position[:, PLANE_AXES[0][1]])
     for plane, (u, v) in zip(planes[1:], PLANE_AXES[1:], strict=True):
         out = out + _bilinear(plane, position[:, u], position[:, v])

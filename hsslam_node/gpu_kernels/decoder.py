@@ -7,14 +7,13 @@ multiplied encoding by encoding, so that no row of features has to be put togeth
 import triton
 import triton.language as tl
 
+from hsslam_node.gpu_kernels.gpu_layout import INVERSE_EXTENT, ORIGIN
 from hsslam_node.gpu_kernels.one_blob import one_blob, one_blob_slope
-
-_INVERSE_EXTENT = tl.constexpr(6)  # in the layout's floats
 
 
 @triton.jit
 def relative_position(points, floats, k, on):
-    """x, y, z [B] of points[k] from the low corner (m) and whether they are inside; 0 where they are not."""
+    """x, y, z [B] of points[k] from the origin (m) and whether they are inside; 0 where they are not."""
     x = tl.load(points + 3 * k, mask=on, other=0.0)
     y = tl.load(points + 3 * k + 1, mask=on, other=0.0)
     z = tl.load(points + 3 * k + 2, mask=on, other=0.0)
@@ -129,28 +128,31 @@ def one_blob_position_gradient(layer, first, floats, x, y, z, d_hidden):
 def _blob_axis(layer, first, floats, x, y, z, d_hidden, axis: tl.constexpr):
     rows = weight_rows(layer, first + 16 * axis, 16)
     d_blob = tl.dot(d_hidden, tl.trans(rows), input_precision="ieee")
-    slope = one_blob_slope(_unit(floats, x, y, z, axis))
-    return tl.sum(d_blob * slope, axis=1) * tl.load(floats + _INVERSE_EXTENT + axis)
+    t = _unclamped_unit(floats, x, y, z, axis)
+    slope = tl.where(((t >= 0.0) & (t <= 1.0))[:, None], one_blob_slope(t), 0.0)
+    return tl.sum(d_blob * slope, axis=1) * tl.load(floats + INVERSE_EXTENT + axis)
 
 
 @triton.jit
 def _unit(floats, x, y, z, axis: tl.constexpr):
-    """Position along an axis, 0..1 over the bound."""
+    """Position along an axis, 0..1 over the first bound, 0 or 1 beyond."""
+    return tl.minimum(tl.maximum(_unclamped_unit(floats, x, y, z, axis), 0.0), 1.0)
+
+
+@triton.jit
+def _unclamped_unit(floats, x, y, z, axis: tl.constexpr):
     p = x if axis == 0 else (y if axis == 1 else z)
-    return p * tl.load(floats + _INVERSE_EXTENT + axis)
+    return p * tl.load(floats + INVERSE_EXTENT + axis)
 
 
 @triton.jit
 def _in_box(floats, x, y, z, on):
-    lx = tl.load(floats)
-    ly = tl.load(floats + 1)
-    lz = tl.load(floats + 2)
-    inside = on & (x >= lx) & (x <= tl.load(floats + 3))
-    inside = inside & (y >= ly) & (y <= tl.load(floats + 4))
-    inside = inside & (z >= lz) & (z <= tl.load(floats + 5))
-    x = tl.where(inside, x - lx, 0.0)
-    y = tl.where(inside, y - ly, 0.0)
-    z = tl.where(inside, z - lz, 0.0)
+    inside = on & (x >= tl.load(floats)) & (x <= tl.load(floats + 3))
+    inside = inside & (y >= tl.load(floats + 1)) & (y <= tl.load(floats + 4))
+    inside = inside & (z >= tl.load(floats + 2)) & (z <= tl.load(floats + 5))
+    x = tl.where(inside, x - tl.load(floats + ORIGIN), 0.0)
+    y = tl.where(inside, y - tl.load(floats + ORIGIN + 1), 0.0)
+    z = tl.where(inside, z - tl.load(floats + ORIGIN + 2), 0.0)
     return x, y, z, inside
 
 

@@ -8,24 +8,28 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
+from hsslam_node.field.layout import PLANE_AXES
 from hsslam_node.kernels.kernel_layout import KernelLayout
 
 HIDDEN = 32
 
-# ints: decoder offsets [4], planes [12, 3] (offset, vertices u, v), hash offset, mask, last cell [L] each
+# ints: decoder offsets [4], planes [12, 5] (offset, first vertex u, v, vertices u, v), and of the hash
+# levels [L] each: offset, mask, first vertex x, y, z, vertices x, y, z
 PLANES = tl.constexpr(4)
-LEVELS = tl.constexpr(40)
-# floats: low [3], high [3], inverse extent [3], inverse cells [4], hash scale [L]
-CELLS = tl.constexpr(9)
-SCALES = tl.constexpr(13)
+LEVELS = tl.constexpr(64)
+# floats: low [3], high [3], origin [3], inverse extent [3], inverse cells [4], hash scale [L]
+ORIGIN = tl.constexpr(6)
+INVERSE_EXTENT = tl.constexpr(9)
+CELLS = tl.constexpr(12)
+SCALES = tl.constexpr(16)
 
 
 @dataclass(frozen=True)
 class GpuLayout:
     """A `KernelLayout` whose arrays are on a device; the sizes that kernels are compiled for."""
 
-    ints: Tensor  # [40 + 3 L] int32
-    floats: Tensor  # [13 + L] float32
+    ints: Tensor  # [64 + 8 L] int32
+    floats: Tensor  # [16 + L] float32
     channels: int  # C, of the planes; 0: none
     levels: int  # L, of the hash grid; 0: none
     blob_rows: int  # 48, or 0 without one-blob
@@ -54,18 +58,30 @@ def gpu_layout(layout: KernelLayout, device: torch.device | str) -> GpuLayout:
     """Copy the layout's tables to `device` (int32 offsets: at most 2^31 parameters)."""
     L = len(layout.hash_offset)
     decoders = [layout.geometry_W1, layout.geometry_W2, layout.color_W1, layout.color_W2]
-    planes = np.concatenate([layout.plane_offset[..., None], layout.plane_resolution], axis=-1)
+    axes = np.asarray(PLANE_AXES)  # [3, 2]
+    planes = np.concatenate(  # [4, 3, 5]
+        [layout.plane_offset[..., None], layout.plane_first[:, axes], layout.plane_count[:, axes]],
+        axis=-1,
+    )
     ints = np.concatenate(
         [
             decoders,
             planes.ravel(),
-            layout.hash_offset,
+            _hash_offset(layout),
             layout.hash_mask,
-            layout.hash_resolution - 1,
+            layout.hash_first.T.ravel(),
+            layout.hash_count.T.ravel(),
         ]
     )
     floats = np.concatenate(
-        [layout.low, layout.high, layout.inv_extent, layout.plane_inv_cell, layout.hash_scale]
+        [
+            layout.low,
+            layout.high,
+            layout.origin,
+            layout.inv_extent,
+            layout.plane_inv_cell,
+            layout.hash_scale,
+        ]
     )
     return GpuLayout(
         ints=torch.from_numpy(ints.astype(np.int32)).to(device),
@@ -78,3 +94,10 @@ def gpu_layout(layout: KernelLayout, device: torch.device | str) -> GpuLayout:
         log_beta=layout.log_beta,
         parameter_count=layout.parameter_count,
     )
+
+
+def _hash_offset(layout: KernelLayout) -> np.ndarray:
+    """Where vertex (0, 0, 0) of each level lies [L]: the first entry where the level is hashed."""
+    first, n_x, n_y = layout.hash_first, layout.hash_count[:, 0], layout.hash_count[:, 1]
+    zero = -2 * (first[:, 0] + n_x * (first[:, 1] + n_y * first[:, 2]))
+    return layout.hash_offset + np.where(layout.hash_mask == 0, zero, 0)

@@ -1,6 +1,6 @@
 """Tri-plane look-ups on the GPU: bilinear gather, its scatter, and its derivative by position.
 
-Device functions over a block of B points with positions x, y, z [B] (m, relative to the low corner).
+Device functions over a block of B points with positions x, y, z [B] (m, from vertex (0, 0, 0)).
 Plane sets and planes are numbered as in `kernel_layout`; C channels are innermost, so that a warp reads
 one vertex in one go.
 """
@@ -88,18 +88,18 @@ def scatter_plane(values, touched, ints, floats, plane, u, v, live, d, C: tl.con
 @triton.jit
 def plane_corners(ints, plane, inv_cell, u, v, C: tl.constexpr):
     """Offsets of the two rows of a cell [B] and the fractions in it [B], clamped to the border."""
-    row = ints + PLANES + 3 * plane
+    row = ints + PLANES + 5 * plane
     offset = tl.load(row)
-    n_u = tl.load(row + 1)
-    n_v = tl.load(row + 2)
-    i, fu = _cell(u, inv_cell, n_u)
-    j, fv = _cell(v, inv_cell, n_v)
+    n_u = tl.load(row + 3)
+    i, fu = _cell(u, inv_cell, tl.load(row + 1), n_u)
+    j, fv = _cell(v, inv_cell, tl.load(row + 2), tl.load(row + 4))
     o00 = tl.multiple_of(offset, 16) + (j * n_u + i) * C
     return o00, o00 + n_u * C, fu, fv
 
 
 @triton.jit
-def _cell(x, inv_cell, n):
-    g = tl.minimum(tl.maximum(x * inv_cell, 0.0), (n - 1).to(tl.float32))
-    i = tl.minimum(g.to(tl.int32), n - 2)
+def _cell(x, inv_cell, first, n):
+    last = first + n - 1
+    g = tl.minimum(tl.maximum(x * inv_cell, first.to(tl.float32)), last.to(tl.float32))
+    i = tl.minimum(tl.floor(g).to(tl.int32), last - 1)
     return i, g - i.to(tl.float32)

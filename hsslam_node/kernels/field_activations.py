@@ -12,7 +12,7 @@ from hsslam_node.kernels.kernel_layout import KernelLayout
 class FieldActivations(NamedTuple):
     """For up to N points; C channels, L hash levels. Colour rows are compact: see `color_row`."""
 
-    position: np.ndarray  # [N, 3] m, relative to the low corner
+    position: np.ndarray  # [N, 3] m, from the origin of the layout
     axes: np.ndarray  # [3, N] the same
     inside: np.ndarray  # [N] uint8, 1 where the point is in the bound
     hash_feature: np.ndarray  # [L, N, 2], overwritten by its gradient in the backward pass

@@ -69,20 +69,20 @@ def color_forward(params, layout, n, rows, acts):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def relative_positions(layout, points, position, axes, inside):
-    """position [N, 3] and axes [3, N]: points [n, 3] - low, clamped to the box; inside [N] 0 or 1."""
+    """position [N, 3] and axes [3, N]: points [n, 3], clamped to the box, less the origin; inside [N]."""
     n = points.shape[0]
     for k in range(n):
         inside[k] = 1
     for a in range(3):
-        low, high = layout.low[a], layout.high[a]
+        low, high, origin = layout.low[a], layout.high[a], layout.origin[a]
         axis = axes[a]
         for k in range(n):
             x = points[k, a]
             if not (x >= low and x <= high):
                 inside[k] = 0
                 x = low if not x > high else high
-            axis[k] = x - low
-            position[k, a] = x - low
+            axis[k] = x - origin
+            position[k, a] = x - origin
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -1,6 +1,6 @@
 """Multi-resolution hash grid on the CPU: trilinear gather, its scatter, its derivative by position.
 
-All take a block of positions [n, 3] (m, relative to the low corner) and the first 2 L columns of a
+All take a block of positions [n, 3] (m, from vertex (0, 0, 0)) and the first 2 L columns of a
 feature matrix [n, W]. Levels are the outer loop, so one table at a time is in the cache. Cells and
 corner offsets of a level are computed for the whole block at once; then the eight corners of a point
 (two features each) are one vector of 16 lanes: x alternates with every pair, y with every second, z in
@@ -65,7 +65,12 @@ def scatter_hash(grad, layout, axes, n, d_features):
     Successive points in one cell, as samples of a ray often are, are added up first.
     """
     cells = _cells()
+    first_hashed = layout.geometry_W1
+    for level in range(layout.hash_offset.shape[0] - 1, -1, -1):
+        if layout.hash_mask[level] != 0:
+            first_hashed = layout.hash_offset[level]
     for level in range(layout.hash_offset.shape[0]):
+        dense = layout.hash_mask[level] == 0
         table = grad.values[layout.hash_offset[level] :]
         marks = grad.touched[layout.hash_offset[level] >> 4 :]
         d_out = d_features[level]
@@ -83,8 +88,11 @@ def scatter_hash(grad, layout, axes, n, d_features):
                 add_pairs(table, cells.offset, first, _BLOCK, d)
                 for c in range(8):
                     marks[cells.offset[c * _BLOCK + first] >> 4] = 1
-    if layout.hash_offset.shape[0] > 0:  # the tables do not grow with the map: all their pages
-        grad.pages[layout.hash_offset[0] >> 10 : (layout.geometry_W1 >> 10) + 1] = 1
+                    if dense:
+                        at = layout.hash_offset[level] + cells.offset[c * _BLOCK + first]
+                        grad.pages[at >> 10] = 1
+    # hashed levels do not grow with the map: all their pages
+    grad.pages[first_hashed >> 10 : ((layout.geometry_W1 - 1) >> 10) + 1] = 1
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -119,15 +127,16 @@ def _cells():
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _find_cells(layout, level, axes, start, m, cells):
     """Fill `cells` for points start to start + m - 1."""
-    last = layout.hash_resolution[level] - 1
     scale = layout.hash_scale[level]
     for axis in range(3):
         p = axes[axis, start : start + m]
         corner = cells.corner[axis * _BLOCK : axis * _BLOCK + m]
         fraction = cells.fraction[axis * _BLOCK : axis * _BLOCK + m]
+        lowest = np.float32(layout.hash_first[level, axis])
+        last = np.int32(layout.hash_first[level, axis] + layout.hash_count[level, axis] - 2)
         for k in range(m):
-            g = max(p[k] * scale, np.float32(0.0))
-            i = np.int32(min(np.int32(g), np.int32(last)))
+            g = max(p[k] * scale, lowest)
+            i = np.int32(min(np.int32(np.floor(g)), last))
             corner[k] = i
             fraction[k] = g - np.float32(i)
     mask = layout.hash_mask[level]
@@ -137,11 +146,12 @@ def _find_cells(layout, level, axes, start, m, cells):
     for c in range(8):
         dx, dy, dz = c & 1, c >> 1 & 1, c >> 2
         out = cells.offset[c * _BLOCK : c * _BLOCK + m]
-        if mask == 0:  # dense: x + side (y + side z)
-            side = last + 2
-            far = 2 * (dx + side * (dy + side * dz))
+        if mask == 0:  # dense, x fastest
+            n_x, n_y = layout.hash_count[level, 0], layout.hash_count[level, 1]
+            first = layout.hash_first[level]
+            far = 2 * (dx - first[0] + n_x * (dy - first[1] + n_y * (dz - first[2])))
             for k in range(m):
-                out[k] = np.int32(2 * (x[k] + side * (y[k] + side * z[k])) + far)
+                out[k] = np.int32(2 * (x[k] + n_x * (y[k] + n_y * z[k])) + far)
         else:  # XOR hash (Instant-NGP, eq. 4)
             for k in range(m):
                 mixed = (x[k] + dx) ^ ((y[k] + dy) * PRIME_Y) ^ ((z[k] + dz) * PRIME_Z)

@@ -1,8 +1,8 @@
 """One-blob encoding on the CPU: at most three bins per axis are not zero, so it is never written out.
 
 What a first layer needs of it is the sum of three rows of weights per axis. All take positions [n, 3]
-(m, relative to the low corner) and a block of weight rows [48, 32]: 16 bins of x, then y, then z. No
-rows: no encoding.
+(m, from the low corner of the first bound) and a block of weight rows [48, 32]: 16 bins of x, then y,
+then z. No rows: no encoding.
 """
 
 from typing import NamedTuple
@@ -45,11 +45,13 @@ def one_blob(layout, position, blob):
         s0, s1, s2 = blob.slope[3 * a], blob.slope[3 * a + 1], blob.slope[3 * a + 2]
         first = blob.first[a]
         for k in range(position.shape[0]):
-            scaled = position[k, a] * scale
-            j = min(max(np.int32(scaled), np.int32(0)), np.int32(BINS - 1))
+            unclamped = position[k, a] * scale  # beyond the first bound the value at its border
+            scaled = min(max(unclamped, zero), bins)
+            slope = scale if scaled == unclamped else zero
+            j = min(np.int32(scaled), np.int32(BINS - 1))
             f = scaled - np.float32(j)
             left, right = _cdf(-f), _cdf(one - f)
-            d_left, d_right = -_pdf(-f) * scale, -_pdf(one - f) * scale
+            d_left, d_right = -_pdf(-f) * slope, -_pdf(one - f) * slope
             at_start, at_end = j == 0, j == BINS - 1  # the bin outside has no row: shift by one
             w0[k] = right - left if at_start else (zero if at_end else left)
             w1[k] = one - right if at_start else (left if at_end else right - left)

@@ -1,6 +1,6 @@
 """Tri-plane look-ups on the CPU: bilinear gather, its scatter, and its derivative by position.
 
-All take a block of positions [n, 3] (m, relative to the low corner) and C columns of a feature
+All take a block of positions [n, 3] (m, from vertex (0, 0, 0)) and C columns of a feature
 matrix [n, W] from column `first` on. Channels are innermost and a multiple of 16, so each corner is
 one or two vectors; the three planes of a set are summed in registers.
 """
@@ -18,10 +18,11 @@ def gather_planes(params, layout, plane_set, position, features, first):
     C = layout.channels
     stride = features.shape[1]
     inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    first_x, first_y, first_z = _first_vertex(layout, plane_set)
     for k in range(position.shape[0]):
-        x, fx = _corner(position[k, 0], inv_cell, n_x)
-        y, fy = _corner(position[k, 1], inv_cell, n_y)
-        z, fz = _corner(position[k, 2], inv_cell, n_z)
+        x, fx = _corner(position[k, 0], inv_cell, first_x, n_x)
+        y, fy = _corner(position[k, 1], inv_cell, first_y, n_y)
+        z, fz = _corner(position[k, 2], inv_cell, first_z, n_z)
         o_xy = xy + (y * n_x + x) * C
         o_xz = xz + (z * n_x + x) * C
         o_yz = yz + (z * n_y + y) * C
@@ -41,12 +42,13 @@ def scatter_planes(grad, layout, plane_set, position, d_features, first):
     """
     C, n = layout.channels, position.shape[0]
     inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    first_x, first_y, first_z = _first_vertex(layout, plane_set)
     cell = np.empty((3, n), np.int64)
     fraction = np.empty((3, n), np.float32)
     for k in range(n):
-        cell[0, k], fraction[0, k] = _corner(position[k, 0], inv_cell, n_x)
-        cell[1, k], fraction[1, k] = _corner(position[k, 1], inv_cell, n_y)
-        cell[2, k], fraction[2, k] = _corner(position[k, 2], inv_cell, n_z)
+        cell[0, k], fraction[0, k] = _corner(position[k, 0], inv_cell, first_x, n_x)
+        cell[1, k], fraction[1, k] = _corner(position[k, 1], inv_cell, first_y, n_y)
+        cell[2, k], fraction[2, k] = _corner(position[k, 2], inv_cell, first_z, n_z)
     _scatter_plane(
         grad, xy, n_x * C, C, cell[0], cell[1], fraction[0], fraction[1], d_features, first
     )
@@ -92,10 +94,11 @@ def plane_position_gradient(params, layout, plane_set, position, d_features, fir
     C = layout.channels
     stride = d_features.shape[1]
     inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
+    first_x, first_y, first_z = _first_vertex(layout, plane_set)
     for k in range(position.shape[0]):
-        x, fx = _corner(position[k, 0], inv_cell, n_x)
-        y, fy = _corner(position[k, 1], inv_cell, n_y)
-        z, fz = _corner(position[k, 2], inv_cell, n_z)
+        x, fx = _corner(position[k, 0], inv_cell, first_x, n_x)
+        y, fy = _corner(position[k, 1], inv_cell, first_y, n_y)
+        z, fz = _corner(position[k, 2], inv_cell, first_z, n_z)
         o_xy = xy + (y * n_x + x) * C
         o_xz = xz + (z * n_x + x) * C
         o_yz = yz + (z * n_y + y) * C
@@ -121,9 +124,9 @@ def _planes(layout, s):
     """1 / cell, vertices along x, y, z, and the offsets of the xy, xz and yz planes of a set."""
     return (
         layout.plane_inv_cell[s],
-        layout.plane_resolution[s, 0, 0],
-        layout.plane_resolution[s, 0, 1],
-        layout.plane_resolution[s, 1, 1],
+        layout.plane_count[s, 0],
+        layout.plane_count[s, 1],
+        layout.plane_count[s, 2],
         layout.plane_offset[s, 0],
         layout.plane_offset[s, 1],
         layout.plane_offset[s, 2],
@@ -131,10 +134,16 @@ def _planes(layout, s):
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _corner(x, inv_cell, n):
+def _first_vertex(layout, s):
+    """The first vertex of a set's planes along x, y, z; not above 0."""
+    return layout.plane_first[s, 0], layout.plane_first[s, 1], layout.plane_first[s, 2]
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _corner(x, inv_cell, first, n):
     """Lower vertex and fraction of a grid coordinate, clamped to the border."""
-    g = min(max(x * inv_cell, np.float32(0.0)), np.float32(n - 1))
-    i = min(int(g), n - 2)
+    g = min(max(x * inv_cell, np.float32(first)), np.float32(first + n - 1))
+    i = min(int(np.floor(g)), first + n - 2)
     return i, g - np.float32(i)
 
 

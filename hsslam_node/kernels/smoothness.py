@@ -14,7 +14,7 @@ def smoothness_backward(params, layout, cube, scale, grad):
     axes = np.empty((3, n**3), np.float32)
     for k in range(n**3):
         for a in range(3):
-            axes[a, k] = cube[k // (n * n), k // n % n, k % n, a] - layout.low[a]
+            axes[a, k] = cube[k // (n * n), k // n % n, k % n, a] - layout.origin[a]
     feature = np.empty((L, n**3, 2), np.float32)
     gather_hash(params, layout, axes, n**3, feature)
     d_feature = np.zeros((L, n**3, 2), np.float32)

@@ -23,6 +23,10 @@ class ArrayAllocator(Protocol):
         """Whether the array is there."""
         ...
 
+    def remove(self, name: str) -> None:
+        """Let go of the array, if it is there; those who have opened it may go on using it."""
+        ...
+
 
 class MemoryAllocator:
     """Arrays in this process, each at the start of a cache line, as in the arena."""
@@ -40,6 +44,9 @@ class MemoryAllocator:
 
     def exists(self, name: str) -> bool:
         return name in self._arrays
+
+    def remove(self, name: str) -> None:
+        self._arrays.pop(name, None)
 
 
 def _zeros_at_a_line(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

@@ -41,10 +41,17 @@ class GpuMapOptimiser:
     ) -> None:
         self._config = config
         self._parameters = parameters
-        self._layout = gpu_layout(kernel_layout(parameters.layout), device.tensors_on)
-        self._copy = ParameterCopy(parameters, device)
-        self._graphs = GraphCache(device)
-        self._space = GpuWorkSpace(config, self._layout, rays, device)
+        self._rays = rays
+        self._device = device
+        self._open()
+
+    def _open(self) -> None:
+        """Copy, graphs and work space over the bound of now."""
+        self._field = self._parameters.layout
+        self._layout = gpu_layout(kernel_layout(self._field), self._device.tensors_on)
+        self._copy = ParameterCopy(self._parameters, self._device)
+        self._graphs = GraphCache(self._device)
+        self._space = GpuWorkSpace(self._config, self._layout, self._rays, self._device)
 
     def step(
         self,
@@ -60,6 +67,9 @@ class GpuMapOptimiser:
         even_area: bool = False,
     ) -> StepReport:
         """One iteration, as `MapOptimiser.step`; the caller holds the writer's lease."""
+        self._parameters.follow()
+        if self._field is not self._parameters.layout:  # the map has grown
+            self._open()
         s, m, n = self._space, self._config.mapper, len(keyframes)
         R = draw_rays(
             s.host_rays, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area

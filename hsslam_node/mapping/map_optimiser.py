@@ -49,7 +49,8 @@ class MapOptimiser:
     def __init__(self, config: SlamConfig, parameters: FieldParameters, rays: int) -> None:
         self._config = config
         self._parameters = parameters
-        self._layout = kernel_layout(parameters.layout)
+        self._field = parameters.layout
+        self._layout = kernel_layout(self._field)
         self._gradient = gradient(self._layout)
         self._rays = rays
         S = config.sampling.count
@@ -91,6 +92,7 @@ class MapOptimiser:
         `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe);
         `even_area`: see `draw_rays`.
         """
+        self._follow()
         m, sampling = self._config.mapper, self._config.sampling
         R = draw_rays(
             self._batch, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area
@@ -151,6 +153,14 @@ class MapOptimiser:
 
     def push(self) -> None:
         """Nothing: the parameters in host memory are the ones that are stepped."""
+
+    def _follow(self) -> None:
+        """Go on over the bound of now: the map may have grown since the last step."""
+        self._parameters.follow()
+        if self._field is not self._parameters.layout:
+            self._field = self._parameters.layout
+            self._layout = kernel_layout(self._field)
+            self._gradient = gradient(self._layout)
 
     def _patch_term(self, R: int, d_color: np.ndarray, generator: np.random.Generator) -> float:
         windows = patch_windows(R, self._config.mapper, generator)

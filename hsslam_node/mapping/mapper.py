@@ -4,8 +4,11 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.bound_growth import wanted_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 
@@ -20,6 +23,9 @@ class Mapper:
         self._optimiser = open_map_optimiser(config, parameters, config.mapper.rays, device)
         self._parameters = parameters
         self._seed = seed
+        self._bound_config = config.bound
+        self._may_grow = config.bound.grow
+        self._covered = 0  # keyframes that the bound was held against
 
     def initialise(self, store: KeyframeStore) -> StepReport:
         """One iteration on the first keyframe, at the raised rates."""
@@ -39,6 +45,38 @@ class Mapper:
         size = min(self._config.window_keyframes, store.count)
         keyframes = self._generator(0).choice(store.count, size, replace=False)
         return self._step(store, keyframes, 1.0, even_area=True)
+
+    def cover(self, store: KeyframeStore) -> Bound | None:
+        """Grow the map where a new keyframe sees past its bound; the new bound, None where it fits.
+
+        Raises:
+            OutOfMemoryError: there is no room. The map stays as it was and grows no more.
+        """
+        bound = wanted = self._parameters.layout.bound
+        first, self._covered = self._covered, store.count
+        if not self._may_grow:
+            return None
+        poses = store.poses()
+        for k in range(first, self._covered):
+            depth_m = store.frame(k).depth_m()
+            wider = wanted_bound(
+                wanted,
+                depth_m,
+                store.camera,
+                poses[k],
+                self._bound_config,
+                self._config.max_depth_m,
+            )
+            wanted = wider or wanted
+        if wanted == bound:
+            return None
+        self._optimiser.push()
+        try:
+            self._parameters.grow(wanted, self._seed)
+        except OutOfMemoryError:
+            self._may_grow = False
+            raise
+        return self._parameters.layout.bound
 
     def publish(self) -> int:
         """Make the map as it is now the newest version; returns its number."""

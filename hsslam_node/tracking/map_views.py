@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class MapViews:
-    """Views of the versions of one map; on a GPU they come with a copy there.
+    """Views of the versions of one map, also when it has grown; on a GPU they come with a copy there.
 
     The copy is one for all versions: only the newest view is right. With `with_color` it holds all
     parameters, else those that signed distances need.
@@ -23,24 +23,38 @@ class MapViews:
         self, parameters: FieldParameters, device: Device, *, with_color: bool = False
     ) -> None:
         self._parameters = parameters
-        self._layout = kernel_layout(parameters.layout)
-        self._view: MapView | None = None
+        self._device = device
+        self._with_color = with_color
         self._copy: PublishedCopy | None = None
         self._on_device: DeviceMap | None = None
-        if device.uses_triton:
-            self._copy, self._on_device = _open_copy(parameters, device, with_color)
+        self._open()
 
     def newest(self) -> MapView | None:
         """The version that is current now; None before the first."""
-        version, params = self._parameters.published()
-        if version == 0:
-            return None
-        if self._copy is not None:
-            version = self._copy.pull()
+        while True:
+            version, params = self._parameters.published()
+            if version == 0:
+                return None
+            if self._field is not self._parameters.layout:
+                self._open()
+            if self._copy is not None:
+                version = self._copy.pull()
+            if self._field is self._parameters.layout:  # else it has grown during the pull
+                break
         if self._view is None or self._view.version != version:
             truncation_m = self._parameters.layout.config.truncation_m
             self._view = MapView(version, self._layout, params, truncation_m, self._on_device)
         return self._view
+
+    def _open(self) -> None:
+        """Start anew over the bound of now."""
+        self._field = self._parameters.layout
+        self._layout = kernel_layout(self._field)
+        self._view: MapView | None = None
+        if self._device.uses_triton:
+            self._copy, self._on_device = _open_copy(
+                self._parameters, self._device, self._with_color
+            )
 
 
 def _open_copy(

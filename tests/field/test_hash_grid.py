@@ -4,7 +4,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.field.hash_grid import entry_index, hash_grid_features
+from hsslam_node.field.hash_grid import dense_index, hash_grid_features, hashed_index
 
 
 def _tables(layout, value=None):
@@ -27,25 +27,22 @@ def test_fixture_has_dense_and_hashed_levels(layout):
     assert layout.hash_is_dense[0] and not layout.hash_is_dense[-1]
 
 
-@given(*[st.integers(0, 4000)] * 3, st.integers(8, 20))
+@given(*[st.integers(-4000, 4000)] * 3, st.integers(8, 20))
 def test_hash_is_the_xor_of_uint32_products(x, y, z, log2):
+    x32, y32, z32 = np.array([x, y, z]).astype(np.uint32)
     with np.errstate(over="ignore"):
-        h = (
-            np.uint32(x)
-            ^ (np.uint32(y) * np.uint32(2654435761))
-            ^ (np.uint32(z) * np.uint32(805459861))
-        )
+        h = x32 ^ (y32 * np.uint32(2654435761)) ^ (z32 * np.uint32(805459861))
     expected = int(h) & ((1 << log2) - 1)
     vertex = torch.tensor([[x, y, z]])
-    assert int(entry_index(vertex, 4000, False, 1 << log2)) == expected
+    assert int(hashed_index(vertex, 1 << log2)) == expected
 
 
 def test_dense_index_visits_every_entry_once():
-    side = torch.arange(6)
-    vertices = torch.stack(torch.meshgrid(side, side, side, indexing="ij"), -1).reshape(-1, 3)
-    index = entry_index(vertices, 5, True, 216)
-    assert sorted(index.tolist()) == list(range(216))
-    assert int(entry_index(torch.tensor([[1, 2, 3]]), 5, True, 216)) == 1 + 6 * 2 + 36 * 3
+    sides = torch.arange(-1, 5), torch.arange(0, 7), torch.arange(-3, 2)
+    vertices = torch.stack(torch.meshgrid(*sides, indexing="ij"), -1).reshape(-1, 3)
+    index = dense_index(vertices, (-1, 0, -3), (6, 7, 5))
+    assert sorted(index.tolist()) == list(range(210))
+    assert int(dense_index(torch.tensor([[1, 2, -1]]), (-1, 0, -3), (6, 7, 5))) == 2 + 12 + 84
 
 
 def test_constant_tables_give_the_constant(layout):
@@ -57,13 +54,15 @@ def test_a_vertex_gives_its_own_entry(layout):
     tables = _tables(layout)
     for level in (0, len(tables) - 1):
         resolution = layout.hash_resolutions[level]
+        first, count = layout.hash_vertices(level)
         vertex = torch.tensor([[3, 1, 2]])
         cell_m = float(layout.bound.extent_m.max()) / resolution
         point = torch.tensor(layout.bound.low, dtype=torch.float64) + vertex.double() * (cell_m)
         feature = hash_grid_features(layout, tables, point)[0, 2 * level : 2 * level + 2]
         dense = layout.hash_is_dense[level]
-        entry = tables[level][entry_index(vertex, resolution, dense, len(tables[level]))][0]
-        torch.testing.assert_close(feature, entry, atol=1e-9, rtol=0)
+        entries = len(tables[level])
+        index = dense_index(vertex, first, count) if dense else hashed_index(vertex, entries)
+        torch.testing.assert_close(feature, tables[level][index][0], atol=1e-9, rtol=0)
 
 
 def test_features_are_continuous_and_clamped_outside(layout):

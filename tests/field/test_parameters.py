@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.field.initialisation import initial_parameters
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.allocator import MemoryAllocator
 
 
@@ -123,3 +125,84 @@ def test_parameters_whose_maker_died_are_not_there_and_can_be_made_again(layout)
         FieldParameters(arrays, layout.config)
     parameters = FieldParameters.create(arrays, layout, 3)
     np.testing.assert_array_equal(parameters.params, initial_parameters(layout, 3))
+
+
+WIDER = Bound((-2.0, -0.5, 0.2), (0.9, 1.5, 1.3))
+
+
+def test_growth_keeps_what_was_learnt_and_goes_on(arrays, parameters: FieldParameters, layout):
+    _touch(parameters, np.array([1, 7, 400]), 2.0)
+    parameters.first_moment[:] = 4.0
+    parameters.publish()
+    _touch(parameters, np.array([3]), 1.0)
+    before = {name: b.view(parameters.params).copy() for name, b in layout.blocks.items()}
+    parameters.grow(WIDER, seed=5)
+    assert parameters.layout == layout.grown(WIDER)
+    assert parameters.version == 1 and parameters.step == 2
+    blocks = parameters.layout.blocks
+    for name in ("geometry_decoder.W1", "hash.15"):
+        np.testing.assert_array_equal(blocks[name].view(parameters.params), before[name])
+        assert (blocks[name].view(parameters.first_moment) == 4.0).all()
+    moved = int((parameters.first_moment == 4.0).sum())
+    assert moved == sum(block.size for block in layout.blocks.values())
+    assert parameters.publish() == 2
+    for version in (2, 3):
+        now, published = parameters.published()
+        assert now == version
+        np.testing.assert_array_equal(published, parameters.params)
+        _touch(parameters, np.array([11 + version]), 1.0)
+        parameters.publish()
+
+
+def test_readers_follow_a_growth_and_old_views_stay_as_they_were(arrays, parameters, layout):
+    parameters.publish()
+    reader = FieldParameters(arrays, layout.config)
+    _, published = reader.published()
+    before = published.copy()
+    parameters.grow(WIDER, seed=5)
+    _touch(parameters, np.arange(50), 1.0)
+    parameters.publish()
+    assert reader.layout == layout  # until it asks
+    now, wider = reader.published()
+    assert now == 2 and reader.layout == parameters.layout
+    np.testing.assert_array_equal(wider, parameters.params)
+    np.testing.assert_array_equal(published, before)
+    assert not reader.follow()
+    again = FieldParameters(arrays, layout.config)
+    assert again.layout == parameters.layout
+    np.testing.assert_array_equal(again.params, parameters.params)
+
+
+class _Failing(MemoryAllocator):
+    """Runs out of memory, or dies, at the given array."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fails_at, self.error = "", OutOfMemoryError("full")
+
+    def create(self, name, shape, dtype):
+        if name == self.fails_at:
+            raise self.error
+        return super().create(name, shape, dtype)
+
+
+@pytest.mark.parametrize("name", ["params.1", "adam_second.1", "published.1", "field_bound.1"])
+@pytest.mark.parametrize("error", [OutOfMemoryError("full"), KeyboardInterrupt()])
+def test_a_growth_that_fails_or_dies_half_way_leaves_the_map_as_it_was(layout, name, error):
+    arrays = _Failing()
+    parameters = FieldParameters.create(arrays, layout, 3)
+    _touch(parameters, np.array([1, 7]), 2.0)
+    parameters.publish()
+    before = parameters.params.copy()
+    arrays.fails_at, arrays.error = name, error
+    with pytest.raises(type(error)):
+        parameters.grow(WIDER, seed=5)
+    restarted = FieldParameters.create(arrays, layout, 3)
+    assert restarted.layout == layout and restarted.version == 1
+    np.testing.assert_array_equal(restarted.params, before)
+    assert restarted.publish() == 2
+    arrays.fails_at = ""
+    wider = Bound(WIDER.low, (2.0, 1.5, 1.3))  # another size than what was left behind
+    restarted.grow(wider, seed=5)
+    assert restarted.layout == layout.grown(wider)
+    assert not arrays.exists("params") and arrays.exists("params.1")

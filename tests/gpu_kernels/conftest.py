@@ -15,11 +15,13 @@ import_gpu_kernels()
 
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout, gpu_layout  # noqa: E402
 
+_GROWN = FieldConfig(plane_channels=16, hash_table_log2=13)
 _KINDS = {
     "16 channels": FieldConfig(plane_channels=16, hash_table_log2=13),
     "32 channels": FieldConfig(plane_channels=32, hash_table_log2=13),
     "hash grid and one-blob": FieldConfig(plane_channels=0, hash_table_log2=13, hash_levels=20),
     "planes only": FieldConfig(plane_channels=16, hash_levels=0, oneblob_bins=0),
+    "grown": _GROWN,
 }
 
 
@@ -34,7 +36,7 @@ class GpuField:
 
 @pytest.fixture(scope="session", params=_KINDS.values(), ids=_KINDS.keys())
 def gpu_field(request) -> GpuField:
-    cpu = field_of(request.param)
+    cpu = field_of(request.param, grown=request.param is _GROWN)
     return GpuField(cpu, gpu_layout(cpu.kernel, DEVICE), on_device(cpu.params))
 
 

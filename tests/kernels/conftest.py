@@ -25,8 +25,9 @@ class Field:
         """Random points [count, 3] float32, none within 1e-3 cells of a grid line of any level."""
         rng = np.random.default_rng(seed)
         low, extent = np.array(self.layout.bound.low), self.layout.bound.extent_m
+        origin, longest = np.array(self.layout.lattice.low), self.layout.lattice.extent_m.max()
         config = self.layout.config
-        cells = [r / extent.max() for r in self.layout.hash_resolutions]
+        cells = [r / longest for r in self.layout.hash_resolutions]
         for cell_m in (config.coarse_cell_m, config.appearance_fine_cell_m):
             cells.append(1.0 / cell_m)
         cells.append(1.0 / config.geometry_fine_cell_m)
@@ -34,15 +35,17 @@ class Field:
         while len(kept) < count:
             unit = (rng.random((4 * count, 3)) - 0.5) * reach + 0.5
             points = (low + unit * extent).astype(np.float32)
-            grid = (points.astype(np.float64) - low)[..., None] * np.array(cells)
+            grid = (points.astype(np.float64) - origin)[..., None] * np.array(cells)
             clear = (np.abs(grid - np.rint(grid)) > 1e-3).all(axis=(1, 2))
             kept = np.concatenate([kept, points[clear]])
         return kept[:count]
 
 
-def field_of(config: FieldConfig) -> Field:
+def field_of(config: FieldConfig, *, grown: bool = False) -> Field:
     """A field of this configuration over a small room, every block filled with noise."""
     layout = FieldLayout.over(config, Bound((-1.0, -0.5, 0.2), (0.9, 0.7, 1.3)))
+    if grown:
+        layout = layout.grown(Bound((-1.7, -0.4, -0.6), (1.9, 0.9, 1.2)))
     params = initial_parameters(layout, 0)
     noise = np.random.default_rng(0).normal(0, 0.1, layout.parameter_count).astype(np.float32)
     for block in layout.blocks.values():
@@ -52,9 +55,14 @@ def field_of(config: FieldConfig) -> Field:
     return Field(layout, kernel_layout(layout), params, reference)
 
 
-@pytest.fixture(scope="session", params=[16, 32], ids=["16 channels", "32 channels"])
+@pytest.fixture(
+    scope="session",
+    params=[(16, False), (32, False), (16, True)],
+    ids=["16 channels", "32 channels", "grown"],
+)
 def field(request) -> Field:
-    field = field_of(FieldConfig(plane_channels=request.param, hash_table_log2=13))
+    channels, grown = request.param
+    field = field_of(FieldConfig(plane_channels=channels, hash_table_log2=13), grown=grown)
     assert field.layout.hash_is_dense[0] and not field.layout.hash_is_dense[-1]
     return field
 

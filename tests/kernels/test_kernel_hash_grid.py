@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import torch
 
 from hsslam_node.kernels.hash_grid import gather_hash, hash_position_gradient, scatter_hash
@@ -13,7 +14,7 @@ def test_gather_scatter_and_slope_are_the_reference(field, close):
         total = (expected[0] * torch.from_numpy(d_out).double()).sum()
         d_params, d_x = torch.autograd.grad(total, (field.reference.params, x))
 
-        p = (point - field.kernel.low)[:, None].copy()
+        p = (point - field.kernel.origin)[:, None].copy()
         out, d_p = np.empty((16, 1, 2), np.float32), np.zeros((1, 3), np.float32)
         gather_hash(field.params, field.kernel, p, 1, out)
         d_features = d_out.reshape(16, 1, 2)
@@ -27,9 +28,10 @@ def test_gather_scatter_and_slope_are_the_reference(field, close):
         assert grad.touched[written // 16].all() and grad.pages[written // 1024].all()
 
 
-def test_the_far_corner_is_inside_the_tables(field, close):
-    corner = torch.tensor([field.layout.bound.high], dtype=torch.float64)
+@pytest.mark.parametrize("name", ["low", "high"])
+def test_the_corners_are_inside_the_tables(field, close, name):
+    corner = torch.tensor([getattr(field.layout.bound, name)], dtype=torch.float64)
     out = np.empty((16, 1, 2), np.float32)
-    extent = field.layout.bound.extent_m.astype(np.float32)
-    gather_hash(field.params, field.kernel, extent[:, None].copy(), 1, out)
+    at = getattr(field.kernel, name) - field.kernel.origin
+    gather_hash(field.params, field.kernel, at[:, None].copy(), 1, out)
     close(out.ravel(), field.reference.hash_feature(corner).detach()[0], 1e-3)

@@ -15,14 +15,16 @@ def _cell_m(field, name):
 
 
 def test_gather_scatter_and_slope_are_the_reference(field, close):
-    C, low = field.kernel.channels, field.kernel.low
-    low64 = torch.tensor(field.layout.bound.low, dtype=torch.float64)
+    C, low = field.kernel.channels, field.kernel.origin
+    low64 = torch.tensor(field.layout.lattice.low, dtype=torch.float64)
     d_out = np.random.default_rng(1).normal(size=C).astype(np.float32)
     for s, name in enumerate(PLANE_SETS):
         planes = [field.reference.block(f"{name}.{axes}") for axes in ("xy", "xz", "yz")]
         for point in field.points(5, seed=s):
             x = torch.from_numpy(point[None].astype(np.float64)).requires_grad_()
-            expected = tri_plane_features(planes, x, low64, _cell_m(field, name))
+            cell_m = _cell_m(field, name)
+            first = torch.from_numpy(field.layout.plane_vertices(cell_m)[0])
+            expected = tri_plane_features(planes, x, low64, cell_m, first)
             total = (expected[0] * torch.from_numpy(d_out).double()).sum()
             d_params, d_x = torch.autograd.grad(total, (field.reference.params, x))
 
@@ -41,10 +43,11 @@ def test_gather_scatter_and_slope_are_the_reference(field, close):
 
 def test_the_border_is_clamped(field):
     """Beyond the plane the border value is read, and never memory of another block."""
-    C = field.kernel.channels
-    extent = field.layout.bound.extent_m.astype(np.float32)
-    for s in range(4):
-        at, beyond = np.empty((1, C), np.float32), np.empty((1, C), np.float32)
-        gather_planes(field.params, field.kernel, s, extent[None], at, 0)
-        gather_planes(field.params, field.kernel, s, extent[None] + np.float32(10.0), beyond, 0)
-        np.testing.assert_allclose(at, beyond, atol=1e-5)
+    C, kernel = field.kernel.channels, field.kernel
+    for corner, away in ((kernel.low, np.float32(-10.0)), (kernel.high, np.float32(10.0))):
+        border = (corner - kernel.origin)[None]
+        for s in range(4):
+            at, beyond = np.empty((1, C), np.float32), np.empty((1, C), np.float32)
+            gather_planes(field.params, kernel, s, border, at, 0)
+            gather_planes(field.params, kernel, s, border + away, beyond, 0)
+            np.testing.assert_allclose(at, beyond, atol=1e-5)

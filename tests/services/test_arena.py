@@ -42,6 +42,18 @@ def test_other_shape_is_refused_and_absence_is_a_key_error(tmp_path: Path):
     assert not arena.exists("b")
 
 
+def test_a_removed_array_stays_with_those_who_use_it(tmp_path: Path):
+    arena = Arena(tmp_path)
+    array = arena.create("a", (3,), np.int64)
+    array[:] = 5
+    Arena(tmp_path).remove("a")
+    arena.remove("a")
+    with pytest.raises(KeyError):
+        arena.open("a")
+    assert (array == 5).all()
+    assert arena.create("a", (2,), np.float32).tolist() == [0, 0]
+
+
 def test_memory_survives_a_killed_writer_and_its_lease_is_freed(tmp_path: Path):
     code = (
         "import sys, time; from pathlib import Path; import numpy as np\n"

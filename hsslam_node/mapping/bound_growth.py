@@ -1,0 +1,59 @@
+"""When and how far the bound of the map grows."""
+
+import numpy as np
+
+from hsslam_node.config import BoundConfig
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+
+_SHARE = 0.02  # of a keyframe's points that may lie outside
+_STRIDE_PX = 8
+_HEIGHT = 0.4  # rooms are lower than they are wide
+
+
+def wanted_bound(
+    bound: Bound,
+    depth_m: np.ndarray,
+    camera: Camera,
+    T_world_cam: np.ndarray,
+    config: BoundConfig,
+    max_depth_m: float,
+) -> Bound | None:
+    """The box to grow to for a keyframe, None where it lies within the bound.
+
+    It grows where the camera is outside, or more than 2 % of the measured points are: past the
+    points but for the outermost 1 %, and by `growth_m` more, so that it seldom grows.
+
+    Args:
+        bound: of the map now; the box returned may be smaller where nothing was seen.
+        depth_m: [H, W] float32, planar, 0 = no measurement.
+        T_world_cam: [4, 4].
+        max_depth_m: farther measurements are ignored.
+    """
+    points = _points(depth_m, camera, T_world_cam, max_depth_m)
+    position = np.asarray(T_world_cam)[:3, 3]
+    outside = len(points) > 0 and bool((~bound.contains(points)).mean() > _SHARE)
+    if not outside and bound.contains(position[None])[0]:
+        return None
+    low = high = position
+    if len(points) > 0:
+        low = np.minimum(position, np.quantile(points, 0.01, axis=0))
+        high = np.maximum(position, np.quantile(points, 0.99, axis=0))
+    margin = config.growth_m * np.array([1.0, _HEIGHT, 1.0])
+    farthest = config.farthest_m
+    low = np.where(low < bound.low, np.maximum(low - margin, -farthest), bound.low)
+    high = np.where(high > bound.high, np.minimum(high + margin, farthest), bound.high)
+    wanted = Bound.of(np.minimum(low, bound.low), np.maximum(high, bound.high))
+    return None if wanted == bound else wanted
+
+
+def _points(
+    depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, max_depth_m: float
+) -> np.ndarray:
+    """Measured points [N, 3] m, world, of every eighth pixel."""
+    depth = depth_m[::_STRIDE_PX, ::_STRIDE_PX]
+    v, u = np.nonzero((depth > 0) & (depth < max_depth_m))
+    z = depth[v, u].astype(np.float64)
+    x = (_STRIDE_PX * u - camera.cx) / camera.fx * z
+    y = (_STRIDE_PX * v - camera.cy) / camera.fy * z
+    return np.stack([x, y, z], axis=-1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
