@@ -73,7 +73,7 @@ def _tum_truth(folder: TumFolder, options: SourceOptions) -> GroundTruth | None:
 
 
 def _replica_truth(folder: ReplicaFolder, options: SourceOptions) -> GroundTruth | None:
-    path = folder.path / "traj.txt"
+    path = folder.trajectory_file
     if not path.exists():
         return None
     poses = _read_matrices(path)

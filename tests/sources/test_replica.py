@@ -1,9 +1,11 @@
 """Sequences in Replica layout."""
 
+import cv2
 import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.sources.replica import ReplicaSource
 from hsslam_node.sources.replica_folder import ReplicaFolder
@@ -39,6 +41,36 @@ def test_what_is_missing_is_named(replica_folder, tmp_path):
         ReplicaSource(str(replica_folder), SourceOptions())
     with pytest.raises(UserError, match="no frames"):
         _ = ReplicaFolder(tmp_path).pairs
+
+
+@pytest.fixture
+def vmap_folder(tmp_path):
+    """Two frames in the layout of vMAP."""
+    folder = tmp_path / "room_0/imap/00"
+    for kind, image in (
+        ("rgb", np.full((680, 1200, 3), 90, np.uint8)),
+        ("depth", np.full((680, 1200), 2500, np.uint16)),
+    ):
+        (folder / kind).mkdir(parents=True)
+        for k in (2, 10):
+            cv2.imwrite(str(folder / f"{kind}/{kind}_{k}.png"), image)
+    np.savetxt(folder / "traj_w_c.txt", np.stack([np.eye(4), 2 * np.eye(4)]).reshape(2, 16))
+    return folder
+
+
+def test_layout_of_vmap(vmap_folder, tmp_path):
+    frames = list(ReplicaSource(str(vmap_folder), SourceOptions()).frames())
+    assert [f.stamp_ns for f in frames] == [66666667, 333333333]  # by number, not by name
+    assert frames[0].depth_m()[0, 0] == 2.5
+    assert (frames[0].camera.fx, frames[0].camera.cx) == (600.0, 599.5)
+    truth = open_ground_truth(f"replica:{vmap_folder}")
+    assert truth is not None and truth.T_world_cam[1, 0, 0] == 2
+    assert truth.mesh() is None
+    (tmp_path / "room0_mesh.ply").touch()
+    assert ReplicaFolder.find(str(vmap_folder)).mesh_file == tmp_path / "room0_mesh.ply"
+    (vmap_folder / "rgb/rgb_2.png").unlink()
+    frames = list(ReplicaSource(str(vmap_folder), SourceOptions()).frames())
+    assert [type(f) for f in frames] == [BadFrame, Frame]
 
 
 def test_real_sequence(test_data):
