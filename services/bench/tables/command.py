@@ -15,6 +15,7 @@ from rich.progress import (
 )
 
 from hsslam_node.services.bench.report import machine, source_commit
+from hsslam_node.services.bench.tables.document_table import fill_table
 from hsslam_node.services.bench.tables.figures import disagreements, measured_rows
 from hsslam_node.services.bench.tables.job import RunResult
 from hsslam_node.services.bench.tables.options import TableOptions
@@ -108,17 +109,14 @@ def _print(
         console.print(note, soft_wrap=True)
     text = markdown_table(rows, table.metrics) + "".join(f"\n{note}\n" for note in notes)
     path.with_suffix(".md").write_text(text)
+    for document in options.docs:
+        fill_table(document, table.name, text)
     console.print(f"results: {path}, {path.with_suffix('.md')}", soft_wrap=True)
 
 
 def _protocol(options: TableOptions, results: Sequence[RunResult]) -> list[str]:
     """What a reader must know to make the table again."""
-    used = [f"preset {options.preset}", *options.set]
-    used.append(f"{options.frames or 'all'} frames")
-    if options.stride > 1:
-        used.append(f"every {options.stride}th")
-    used.append(f"noise {options.noise}")
-    used.append(f"seeds {' '.join(map(str, options.seeds))}")
+    used = [options.protocol, f"seeds {' '.join(map(str, options.seeds))}"]
     commits = sorted({result.commit or "unknown" for result in results})
     used.append(f"commit {', '.join(commits)}")
     if options.device == "cpu":

@@ -18,7 +18,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     sequence: str
     source: str  # as for --source
     seed: int
-    preset: str
+    protocol: str  # in words; preset and changes to it are in the configuration
     config: SlamConfig
     frames: SourceOptions
     device: Literal["auto", "cpu", "cuda"] = "cpu"
@@ -42,7 +42,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     row: str
     sequence: str
     seed: int
-    preset: str
+    protocol: str
     commit: str  # ends with + where files had been changed
     time: str = ""  # UTC
     values: dict[str, float | None] = {}  # by metric
@@ -50,6 +50,6 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     error: str = ""  # its last words if it failed
 
     def answers(self, job: Job) -> bool:
-        """Whether this is of the job's row, sequence, seed and preset, be it of another commit."""
-        mine = (self.row, self.sequence, self.seed, self.preset)
-        return mine == (job.row, job.sequence, job.seed, job.preset)
+        """Whether this is of the job's row, sequence, seed and protocol, be it of another commit."""
+        mine = (self.row, self.sequence, self.seed, self.protocol)
+        return mine == (job.row, job.sequence, job.seed, job.protocol)

@@ -53,7 +53,17 @@ class TableOptions:
     """Result file; beside it the table as .md and a folder of the runs (none: runs/tables/TABLE.json)."""
     show: bool = False
     """Run nothing: the table of what the file has, of whatever commit."""
+    docs: tuple[Path, ...] = ()
+    """Documents that get the table, between their lines <!-- table:TABLE --> and <!-- table:end -->."""
 
     def __post_init__(self) -> None:
         if not self.seeds or any(seed < 0 for seed in self.seeds):
             raise UserError(f"--seeds {' '.join(map(str, self.seeds))}: expected numbers from 0")
+
+    @property
+    def protocol(self) -> str:
+        """What was done to every sequence, in words."""
+        parts = [f"preset {self.preset}", *self.set, f"{self.frames or 'all'} frames"]
+        if self.stride > 1:
+            parts.append(f"one in {self.stride}")
+        return "; ".join((*parts, f"noise {self.noise}"))

@@ -51,7 +51,7 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                         sequence=sequence,
                         source=source,
                         seed=seed,
-                        preset=options.preset,
+                        protocol=options.protocol,
                         config=configs[row.name],
                         frames=replace(frames, seed=seed),
                         device=options.device,

@@ -50,7 +50,7 @@ class ResultFile:
         return same[-1] if same else None
 
     def newest(self, job: Job) -> RunResult | None:
-        """The last result of the job's row, sequence, seed and preset, of whatever commit."""
+        """The last result of the job's row, sequence, seed and protocol, of whatever commit."""
         found = [result for result in self.runs if result.answers(job)]
         return found[-1] if found else None
 

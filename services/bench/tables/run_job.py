@@ -46,7 +46,7 @@ def run_job(
         row=job.row,
         sequence=job.sequence,
         seed=job.seed,
-        preset=job.preset,
+        protocol=job.protocol,
         commit=commit,
         time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         error=error,

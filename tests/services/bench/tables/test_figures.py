@@ -17,7 +17,7 @@ def _result(row: str, seed: int, sequence: str = "house", error: str = "", **val
         row=row,
         sequence=sequence,
         seed=seed,
-        preset="paper",
+        protocol="preset paper",
         commit="c",
         values=values,
         error=error,

@@ -18,7 +18,7 @@ def _job(**changes) -> Job:
         "sequence": "house",
         "source": "replica:/data/house",
         "seed": 0,
-        "preset": "paper",
+        "protocol": "preset paper; all frames",
         "config": PRESETS["paper"],
         "frames": SourceOptions(),
     }
@@ -26,7 +26,7 @@ def _job(**changes) -> Job:
 
 
 def _result(job: Job, commit: str = "abc", **changes) -> RunResult:
-    fields = {name: getattr(job, name) for name in ("key", "row", "sequence", "seed", "preset")}
+    fields = {name: getattr(job, name) for name in ("key", "row", "sequence", "seed", "protocol")}
     return RunResult(**(fields | {"commit": commit} | changes))
 
 
@@ -38,7 +38,8 @@ def test_only_the_same_configuration_and_commit_counts_as_done(tmp_path):
     assert found is not None and found.values == {"ate_cm": 1.5}
     assert again.done(_job(source="replica:/elsewhere/house"), "abc") is not None
     assert again.done(job, "def") is None
-    assert again.newest(job) is not None
+    assert again.newest(_job(config=PRESETS["realtime"])) is not None
+    assert again.newest(_job(protocol="preset paper; 5 frames")) is None
     others = (
         {"seed": 1},
         {"row": "B"},
