@@ -19,8 +19,8 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
 
-    Sources: synth:room | tum:fr1/desk | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens |
-    zenoh: (frames that somebody else publishes).
+    Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk | tum:FOLDER |
+    replica:FOLDER | scannet:FOLDER or FILE.sens | zenoh: (frames that somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -45,6 +45,8 @@ class ServeOptions:
     """Seed of everything random."""
     noise: Literal["none", "kinect"] = "none"
     """Depth noise added to an exact source."""
+    exposure: Literal["none", "drift"] = "none"
+    """Changes of brightness added to the images: smooth drift and jumps of 20 to 30 %."""
     rate_hz: float | None = None
     """Frames per second of the sensor clock, Hz (none: the source's own)."""
     stride: int = 1
@@ -88,6 +90,7 @@ class ServeOptions:
         """What `open_source` and `open_ground_truth` take."""
         return SourceOptions(
             noise=self.noise,
+            exposure=self.exposure,
             seed=self.seed,
             stride=self.stride,
             frames=self.frames,

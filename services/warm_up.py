@@ -85,12 +85,12 @@ def _compile_the_rest() -> Iterator[str]:
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
     from hsslam_node.sources.source import Frame, SourceOptions, SynthOptions
-    from hsslam_node.sources.synth_room.atlas import build_atlas
-    from hsslam_node.sources.synth_room.renderer import scene_arrays
-    from hsslam_node.sources.synth_room.scene import build_scene
+    from hsslam_node.sources.synth.atlas import build_atlas
+    from hsslam_node.sources.synth.room import build_room
+    from hsslam_node.sources.synth.scene import Scene, Zone
 
-    shell = build_scene(SynthOptions().size_m, 0)[:1]
-    build_atlas(shell, scene_arrays(shell), 0, 4.0)
+    room = build_room(SynthOptions().size_m, 0)
+    build_atlas(Scene(room.shell, [Zone([], room.zones[0].lamps_m)]), 0, 4.0)
     next(iter(open_source("synth:room").frames()))  # its textures are kept, too
     options = SourceOptions(
         noise="kinect", frames=3, synth=SynthOptions(width_px=_WIDTH_PX, height_px=_HEIGHT_PX)

@@ -12,7 +12,8 @@ from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.replica_folder import ReplicaFolder
 from hsslam_node.sources.scannet_scene import ScanNetScene
 from hsslam_node.sources.source import SourceOptions
-from hsslam_node.sources.synth_room.synth_room import synth_room_truth
+from hsslam_node.sources.synth.scenes import SCENES
+from hsslam_node.sources.synth.synth_source import synth_truth
 from hsslam_node.sources.tum_folder import MAX_DT_NS, TumFolder, associate
 
 
@@ -47,8 +48,8 @@ def open_ground_truth(spec: str, options: SourceOptions | None = None) -> Ground
     """
     options = options or SourceOptions()
     kind, _, rest = spec.partition(":")
-    if kind == "synth" and rest == "room":
-        trajectory, load_mesh = synth_room_truth(options)
+    if kind == "synth" and rest in SCENES:
+        trajectory, load_mesh = synth_truth(rest, options)
         return GroundTruth(trajectory, load_mesh)
     if kind == "tum" and rest:
         return _tum_truth(TumFolder.find(rest), options)

@@ -7,6 +7,9 @@ from hsslam_node.sources.source import Source, SourceOptions
 
 _EXAMPLES = (
     "synth:room",
+    "synth:apartment",
+    "synth:corridor",
+    "synth:person",
     "tum:fr1/desk",
     "tum:fr2/xyz",
     "tum:fr3/office",
@@ -18,7 +21,7 @@ _EXAMPLES = (
 
 
 def open_source(spec: str, options: SourceOptions | None = None) -> Source:
-    """The source that `spec` names: `synth:room`, `tum:<name or folder>`, `replica:<folder>` or
+    """The source that `spec` names: `synth:<scene>`, `tum:<name or folder>`, `replica:<folder>` or
     `scannet:<folder or .sens>`.
 
     Raises:
@@ -30,6 +33,10 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
         from hsslam_node.sources.noise import KinectNoise
 
         source = KinectNoise(source, options.seed)
+    if options.exposure == "drift":
+        from hsslam_node.sources.exposure import ChangingExposure
+
+        source = ChangingExposure(source, options.seed)
     if options.downscale > 1:
         from hsslam_node.sources.downscaled import Downscaled
 
@@ -40,10 +47,10 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
 def _plain_source(spec: str, options: SourceOptions) -> Source:
     """Imports what this one source needs: the supervisor opens it, too, to see that it is there."""
     kind, colon, rest = spec.partition(":")
-    if kind == "synth" and rest == "room":
-        from hsslam_node.sources.synth_room.synth_room import SynthRoom
+    if kind == "synth" and spec in _EXAMPLES:
+        from hsslam_node.sources.synth.synth_source import SynthSource
 
-        return SynthRoom(options)
+        return SynthSource(rest, options)
     if kind == "tum" and rest:
         from hsslam_node.sources.tum import TumSource
 

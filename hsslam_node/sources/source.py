@@ -36,12 +36,12 @@ class BadFrame:
 
 @dataclass(frozen=True)
 class SynthOptions:
-    """The built-in procedural room, `synth:room`."""
+    """The built-in procedural scenes, `synth:room` and others."""
 
     size_m: tuple[float, float, float] = (5.6, 4.6, 2.6)
-    """Length, width and height of the room, m."""
-    length: int = 600
-    """Frames of one loop through the room."""
+    """Length, width and height of the room, m (the other scenes have their own)."""
+    length: int | None = None
+    """Frames of the camera's way through the scene (none: the scene's own, 600 for the room)."""
     seed: int = 0
     """Seed of the furniture's colours, the pictures and the hand-held motion."""
     width_px: int = 640
@@ -58,7 +58,8 @@ class SynthOptions:
                 raise UserError(
                     f"--synth.size-m {self.size_m}: expected 4 to 16, 4 to 16 and 2.4 to 4 m"
                 )
-        _expect_range("synth.length", self.length, 2, 1_000_000)
+        if self.length is not None:
+            _expect_range("synth.length", self.length, 2, 1_000_000)
         _expect_range("synth.seed", self.seed, 0, 2**31 - 1)
         _expect_range("synth.width-px", self.width_px, 32, 1920)
         _expect_range("synth.height-px", self.height_px, 32, 1440)
@@ -71,8 +72,10 @@ class SourceOptions:
 
     noise: Literal["none", "kinect"] = "none"
     """Depth noise added to an exact source."""
+    exposure: Literal["none", "drift"] = "none"
+    """Gain and bias added to the images, as of a camera that sets its own exposure."""
     seed: int = 0
-    """Seed of the noise."""
+    """Seed of noise and exposure."""
     stride: int = 1
     """Use every n-th frame."""
     frames: int | None = None
@@ -84,6 +87,8 @@ class SourceOptions:
     def __post_init__(self) -> None:
         if self.noise not in ("none", "kinect"):
             raise UserError(f"--noise {self.noise!r}: expected none or kinect")
+        if self.exposure not in ("none", "drift"):
+            raise UserError(f"--exposure {self.exposure!r}: expected none or drift")
         _expect_range("seed", self.seed, 0, 2**31 - 1)
         _expect_range("stride", self.stride, 1, 1_000_000)
         _expect_range("downscale", self.downscale, 1, 16)

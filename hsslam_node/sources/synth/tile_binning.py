@@ -3,25 +3,29 @@
 import numba
 import numpy as np
 
-from hsslam_node.sources.synth_room.texture_lookup import JIT
+from hsslam_node.sources.synth.texture_lookup import JIT
 
 TILE = 16  # pixels
 NEAR_M = 0.02
+_MARGIN = 1e-4  # well above the rounding of a depth in float32
 
 
 @numba.njit(**JIT)
 def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
-    """Counts [tiles] and members [tiles, P] of the primitives that may be seen in each tile.
+    """Which primitives may be seen in each tile, nearest first: tile k has members[starts[k] :
+    starts[k + 1]]; and closest [P] float32: no depth of primitive p is below closest[p].
 
     Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room,
     is in all of them.
     """
     n = len(centers)
     tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
-    counts = np.zeros(tiles_x * tiles_y, np.int32)
-    members = np.empty((tiles_x * tiles_y, n), np.int32)
+    starts = np.zeros(tiles_x * tiles_y + 1, np.int32)
+    closest = np.empty(n, np.float32)
     corners = np.empty((8, 3))
+    boxes = np.empty((n, 4), np.int32)  # first and last tile across, first and last down
     for p in range(n):
+        nearest = 1e9
         for c in range(8):
             corners[c] = 0.0
             for i in range(3):
@@ -30,6 +34,8 @@ def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
                     w += rotations[p, i, a] * halves[p, a] * (1.0 if (c >> a) & 1 else -1.0)
                 for b in range(3):
                     corners[c, b] += T[i, b] * w
+            nearest = min(nearest, corners[c, 2])
+        closest[p] = (1 - _MARGIN) * nearest - _MARGIN
         low_u, high_u, low_v, high_v = 1e9, -1e9, 1e9, -1e9
         for c in range(8):
             for a in range(-1, 3):  # the corner itself, then the three edges that leave it
@@ -47,14 +53,30 @@ def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
                 low_u, high_u = min(low_u, u), max(high_u, u)
                 low_v, high_v = min(low_v, v), max(high_v, v)
         if p == 0:
+            closest[0] = -1e9
             low_u, low_v, high_u, high_v = 0.0, 0.0, float(width), float(height)
         if high_u < 0 or high_v < 0 or low_u > width - 1 or low_v > height - 1:
+            boxes[p] = 0, -1, 0, -1
             continue
-        first_x, last_x = int(max(low_u, 0)) // TILE, int(min(high_u + 1, width - 1)) // TILE
-        first_y, last_y = int(max(low_v, 0)) // TILE, int(min(high_v + 1, height - 1)) // TILE
-        for y in range(first_y, last_y + 1):
-            for x in range(first_x, last_x + 1):
+        boxes[p, 0], boxes[p, 1] = (
+            int(max(low_u, 0)) // TILE,
+            int(min(high_u + 1, width - 1)) // TILE,
+        )
+        boxes[p, 2], boxes[p, 3] = (
+            int(max(low_v, 0)) // TILE,
+            int(min(high_v + 1, height - 1)) // TILE,
+        )
+        for y in range(boxes[p, 2], boxes[p, 3] + 1):
+            for x in range(boxes[p, 0], boxes[p, 1] + 1):
+                starts[y * tiles_x + x + 1] += 1
+    for tile in range(tiles_x * tiles_y):
+        starts[tile + 1] += starts[tile]
+    members = np.empty(starts[-1], np.int32)
+    places = starts[:-1].copy()
+    for p in np.argsort(closest):
+        for y in range(boxes[p, 2], boxes[p, 3] + 1):
+            for x in range(boxes[p, 0], boxes[p, 1] + 1):
                 tile = y * tiles_x + x
-                members[tile, counts[tile]] = p
-                counts[tile] += 1
-    return counts, members
+                members[places[tile]] = p
+                places[tile] += 1
+    return starts, members, closest

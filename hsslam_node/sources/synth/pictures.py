@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from hsslam_node.sources.synth_room.noise_pattern import fractal_noise, grid_m, mix, value_noise
+from hsslam_node.sources.synth.noise_pattern import fractal_noise, grid_m, mix, value_noise
 
 Rng = np.random.Generator
 Shape = tuple[int, int]

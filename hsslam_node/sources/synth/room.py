@@ -1,8 +1,8 @@
-"""The room and what stands in it."""
+"""The scene of `synth:room`: a living room."""
 
 import numpy as np
 
-from hsslam_node.sources.synth_room.furniture import (
+from hsslam_node.sources.synth.furniture import (
     armchair,
     bookshelf,
     cabinet,
@@ -17,20 +17,21 @@ from hsslam_node.sources.synth_room.furniture import (
     table,
     table_lamp,
 )
-from hsslam_node.sources.synth_room.placement import Placement, ball, box, cylinder
-from hsslam_node.sources.synth_room.primitive import Kind, Primitive
+from hsslam_node.sources.synth.placement import Placement, ball, box, cylinder
+from hsslam_node.sources.synth.primitive import Kind, Primitive
+from hsslam_node.sources.synth.scene import Scene, Zone
 
 
-def build_scene(size_m: tuple[float, float, float], seed: int) -> list[Primitive]:
-    """All primitives, the room first; floor at z = 0, one corner at the origin, m.
+def build_room(size_m: tuple[float, float, float], seed: int) -> Scene:
+    """The room of this length, width and height; one corner at the origin, m.
 
     Furniture keeps to the walls: the ellipse in the middle is the camera's.
     """
     rng = np.random.default_rng((seed, 1))
     length, width, height = size_m
     accents = rng.permutation(["mustard", "terracotta", "teal", "rose", "sky", "red"])
-    parts = [_shell(size_m, rng)]
-    parts += _north(length, width, height, accents)
+    shell = _shell(size_m, rng)
+    parts = _north(length, width, height, accents)
     parts += _east(length, width, height, rng)
     parts += _south(length, height, accents)
     parts += _west(width, height, accents)
@@ -41,7 +42,8 @@ def build_scene(size_m: tuple[float, float, float], seed: int) -> list[Primitive
     for k in range(3):  # beams
         y = width * (k + 0.5) / 3
         parts.append(box((length / 2, y, height - 0.06), (length, 0.14, 0.12), "wood:walnut"))
-    return parts
+    lamps = [(x * length, y * width, height - 0.16) for x, y in ((0.36, 0.40), (0.66, 0.62))]
+    return Scene(shell, [Zone(parts, lamps)])
 
 
 def _shell(size_m: tuple[float, float, float], rng: np.random.Generator) -> Primitive:

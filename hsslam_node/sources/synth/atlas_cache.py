@@ -1,4 +1,4 @@
-"""Atlases of rooms seen before, kept on disk: building one takes seconds."""
+"""Atlases of scenes seen before, kept on disk: building one takes seconds."""
 
 import contextlib
 import hashlib
@@ -12,25 +12,23 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.kernels.cache_folder import cache_root, processor
-from hsslam_node.sources.synth_room.atlas import Atlas, build_atlas
-from hsslam_node.sources.synth_room.primitive import Primitive
+from hsslam_node.sources.synth.atlas import Atlas, build_atlas
+from hsslam_node.sources.synth.scene import Scene, scene_arrays
 
 _LARGEST_BYTES = 2**30  # of all atlases together; the oldest go first
 _PACKAGES = ("numpy", "numba", "opencv-python-headless")
 
 
-def cached_atlas(
-    parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int, coarseness: float
-) -> Atlas:
+def cached_atlas(scene: Scene, seed: int, coarseness: float) -> Atlas:
     """`build_atlas` of these arguments, or its result as it was kept by an earlier call.
 
     The name of the file depends on all that the bytes depend on: the arguments, the code, the
     packages, the processor. A cache that cannot be read or written costs the time, nothing else.
     """
-    folder = cache_root() / "rooms" / _digest(arrays, seed, coarseness)
+    folder = cache_root() / "rooms" / _digest(scene, seed, coarseness)
     with contextlib.suppress(OSError, ValueError, EOFError):
         return _read(folder)
-    atlas = build_atlas(parts, arrays, seed, coarseness)
+    atlas = build_atlas(scene, seed, coarseness)
     with contextlib.suppress(OSError):
         _write(folder, atlas)
         _prune(folder)
@@ -39,8 +37,11 @@ def cached_atlas(
     return atlas
 
 
-def _digest(arrays: dict[str, np.ndarray], seed: int, coarseness: float) -> str:
-    digest = hashlib.sha256(json.dumps([seed, coarseness]).encode())
+def _digest(scene: Scene, seed: int, coarseness: float) -> str:
+    parts = scene.parts_at(0)
+    materials = [part.materials for part in parts]
+    digest = hashlib.sha256(json.dumps([seed, coarseness * scene.coarseness, materials]).encode())
+    arrays = scene_arrays(parts)
     for name in sorted(arrays):
         digest.update(arrays[name].tobytes())
     for source in sorted(Path(__file__).parent.glob("*.py")):

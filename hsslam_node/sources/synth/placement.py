@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsslam_node.sources.synth_room.primitive import Kind, Primitive, rotation_z
+from hsslam_node.sources.synth.primitive import Kind, Primitive, rotation_z
 
 
 @dataclass(frozen=True)

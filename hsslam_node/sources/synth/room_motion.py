@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from hsslam_node.sources.synth.hand_shake import hand_shake
+from hsslam_node.sources.synth.upright_poses import upright_poses
+
 _LOOP_FRAMES = 600  # a loop at walking pace of a scanning hand: under 0.7 degrees a frame at 30 Hz
 _SHAKE_MM, _SHAKE_DEG = 2.5, 0.20
 _EYE_M = 1.35
@@ -30,10 +33,10 @@ def hand_held_poses(size_m: tuple[float, float, float], length: int, seed: int) 
     yaw = start + angle + 0.05 * np.sin(2 * angle + phase[3])
     pitch = np.deg2rad(_PITCH_DEG + _PITCH_SWING_DEG * np.sin(2 * angle + phase[0]))
     roll = np.deg2rad(1.5) * np.sin(3 * angle + phase[1])
-    shake = _shake(length, rng)
+    shake = hand_shake(length, rng)
     position = np.column_stack([x, y, z]) + 1e-3 * _SHAKE_MM * shake[:, :3]
     yaw, pitch, roll = np.stack([yaw, pitch, roll]) + np.deg2rad(_SHAKE_DEG) * shake[:, 3:].T
-    return _poses(position, yaw, pitch, roll)
+    return upright_poses(position, yaw, pitch, roll)
 
 
 def _clearance(side_m: float) -> float:
@@ -48,33 +51,3 @@ def _progress(length: int) -> np.ndarray:
         return k * max(1, round(length / _LOOP_FRAMES))
     far = length / _LOOP_FRAMES / np.pi  # out and back, never faster than the loop
     return far * (1 - np.cos(2 * np.pi * k)) / 2
-
-
-def _shake(length: int, rng: np.random.Generator) -> np.ndarray:
-    """Six smooth, periodic channels [length, 6] of about unit size: sines of 0.3 to 2.3 Hz."""
-    t = np.arange(length)[:, None] / length
-    total = np.zeros((length, 6))
-    for period_frames in (90, 55, 34, 21, 13):
-        cycles = max(1, round(length / period_frames))
-        amplitude = (period_frames / 90) ** 1.1
-        total += amplitude * np.sin(2 * np.pi * (cycles * t + rng.uniform(0, 1, (1, 6))))
-    return total / 1.5
-
-
-def _poses(
-    position: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: np.ndarray
-) -> np.ndarray:
-    """Poses [N, 4, 4] from positions and heading about z, look-down and roll, rad."""
-    forward = np.stack(
-        [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1
-    )
-    level = np.stack([np.sin(yaw), -np.cos(yaw), np.zeros_like(yaw)], axis=-1)
-    down = np.cross(forward, level)
-    c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    T = np.zeros((len(yaw), 4, 4))
-    T[:, :3, 0] = c * level + s * down
-    T[:, :3, 1] = c * down - s * level
-    T[:, :3, 2] = forward
-    T[:, :3, 3] = position
-    T[:, 3, 3] = 1.0
-    return T

@@ -8,6 +8,7 @@ from hsslam_node.evaluation.mesh_metrics import distances, sample_surface
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
+from tests.sources.synth.back_projection import back_projected
 
 SYNTH = SynthOptions(width_px=160, height_px=120)
 OPTIONS = SourceOptions(synth=SYNTH, stride=60)
@@ -21,12 +22,6 @@ def frames():
 @pytest.fixture(scope="module")
 def truth():
     return open_ground_truth("synth:room", OPTIONS)
-
-
-def back_projected(frame) -> np.ndarray:
-    c, z = frame.camera, frame.depth_m().astype(np.float64)
-    v, u = np.indices(z.shape)
-    return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], -1).reshape(-1, 3)
 
 
 def test_frames_and_truth_agree_in_number_and_stamps(frames, truth):

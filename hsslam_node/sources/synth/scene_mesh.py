@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from hsslam_node.sources.synth_room.primitive import Kind, Primitive
+from hsslam_node.sources.synth.primitive import Kind, Primitive
 
 _CELL_M = 0.05
 _ROUND_SEGMENTS = 48  # 1.1 mm sagitta on the 0.5 m shapes, less on smaller ones

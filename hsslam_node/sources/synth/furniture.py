@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hsslam_node.sources.synth_room.placement import Placement, ball, box, cylinder
-from hsslam_node.sources.synth_room.primitive import Primitive
+from hsslam_node.sources.synth.placement import Placement, ball, box, cylinder
+from hsslam_node.sources.synth.primitive import Primitive
 
 
 def sofa(width: float, cover: str, accents: tuple[str, str]) -> list[Primitive]:

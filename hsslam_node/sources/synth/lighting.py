@@ -1,4 +1,4 @@
-"""Bakes the light of the room: two soft lamps with shadows, and the sky that corners do not see."""
+"""Bakes the light of a room: soft lamps with shadows, and the sky that corners do not see."""
 
 import numba
 import numpy as np
@@ -7,23 +7,22 @@ _JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
 _LIFT_M = 0.004  # off the surface, so that it does not shadow itself
 
 
-def light_samples(size_m: tuple[float, float, float], seed: int) -> np.ndarray:
-    """Points on the lamps [L, 3] m, world: two square lamps under the ceiling."""
+def light_samples(lamps_m: list[tuple[float, float, float]], seed: int) -> np.ndarray:
+    """Points on the lamps [16 L, 3] m, world: level squares of 0.9 m about the given centres."""
     rng = np.random.default_rng((seed, 2))
-    length, width, height = size_m
-    lamps = []
-    for x, y in ((0.36, 0.40), (0.66, 0.62)):
+    points = []
+    for x, y, z in lamps_m:
         step = (np.indices((4, 4)).reshape(2, -1).T + rng.uniform(0, 1, (16, 2))) / 4 - 0.5
-        points = np.column_stack([x * length + 0.9 * step[:, 0], y * width + 0.9 * step[:, 1]])
-        lamps.append(np.column_stack([points, np.full(16, height - 0.16)]))
-    return np.concatenate(lamps)
+        points.append(np.column_stack([x + 0.9 * step[:, 0], y + 0.9 * step[:, 1], np.full(16, z)]))
+    return np.concatenate(points)
 
 
 @numba.njit(**_JIT)
 def bake_light(kinds, rotations, centers, halves, points, normals, lamps, directions):
     """Irradiance [N] float32 (about 1 in the open) at points [N, 3] with normals [N, 3].
 
-    lamps [L, 3] m; directions [D, 3]: cosine-weighted about +z, for the ambient part.
+    The first primitive, the shell, casts no shadow. lamps [16 L, 3] m, 16 points of each of L lamps;
+    directions [D, 3]: cosine-weighted about +z, for the ambient part.
     """
     out = np.empty(len(points), np.float32)
     ray = np.empty(3)
@@ -41,7 +40,7 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
             emitted = max(ray[2] / np.sqrt(square), 0.0) * 0.75 + 0.25
             if cosine > 0 and not _blocked(kinds, rotations, centers, halves, start, ray, 1.0):
                 direct += cosine * emitted / (square + 0.5)
-        direct *= 2.0 / len(lamps)
+        direct *= 2.0 / 32
         helper = 0 if abs(n[0]) < 0.6 else 1
         t1 = np.zeros(3)
         t1[helper] = 1.0
@@ -66,7 +65,7 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
 
 @numba.njit(**_JIT)
 def _blocked(kinds, rotations, centers, halves, start, ray, limit):
-    """Whether anything but the room's shell lies on start + t ray for t in (0, limit)."""
+    """Whether anything but the shell lies on start + t ray for t in (0, limit)."""
     o, d = np.empty(3), np.empty(3)
     length_sq = ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2
     for p in range(1, len(kinds)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import inverse, se3_log
-from hsslam_node.sources.synth_room.motion import hand_held_poses
+from hsslam_node.sources.synth.room_motion import hand_held_poses
 
 SIZE = (5.6, 4.6, 2.6)
 

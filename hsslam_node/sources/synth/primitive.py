@@ -1,4 +1,4 @@
-"""What the room is made of: boxes, cylinders and ellipsoids, each with textured faces."""
+"""What scenes are made of: boxes, cylinders and ellipsoids, each with textured faces."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,6 +14,9 @@ class Kind(IntEnum):
     CYLINDER = 2  # x^2 + y^2 <= 1, |z| <= 1
     ELLIPSOID = 3  # the unit ball
 
+
+HIDDEN = "hidden"
+"""Material of a face that nobody can see."""
 
 FACE_COUNT = {Kind.ROOM: 6, Kind.BOX: 6, Kind.CYLINDER: 3, Kind.ELLIPSOID: 1}
 

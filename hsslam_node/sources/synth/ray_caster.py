@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from hsslam_node.sources.synth_room.texture_lookup import JIT, mix_borders, sample
-from hsslam_node.sources.synth_room.tile_binning import NEAR_M, TILE, bin_primitives
+from hsslam_node.sources.synth.texture_lookup import JIT, mix_borders, sample
+from hsslam_node.sources.synth.tile_binning import NEAR_M, TILE, bin_primitives
 
 _PIXELS = TILE * TILE
 _SHIFT = 4  # log2 of TILE
@@ -25,35 +25,42 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     """
     height, width = depth.shape
     to_unit, origins = _into_unit_frames(rotations, centers, halves, T)
-    counts, members = bin_primitives(rotations, centers, halves, T, intrinsics, height, width)
+    starts, members, closest = bin_primitives(
+        rotations, centers, halves, T, intrinsics, height, width
+    )
     ray_x, ray_y = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
     nearest, owner = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
     s, q = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
     slant, face = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
-    is_hit = np.empty(len(kinds), np.bool_)
+    hit = np.empty(len(kinds), np.int32)
     pixel = np.float32(_SHARPNESS / intrinsics[0])
     scale = np.float32(units_per_m)
     tiles_x = (width + TILE - 1) // TILE
-    for tile in range(len(counts)):
+    for tile in range(len(starts) - 1):
         row, column = TILE * (tile // tiles_x), TILE * (tile % tiles_x)
         for i in range(_PIXELS):
             ray_x[i] = (column + (i & (TILE - 1)) - intrinsics[2]) / intrinsics[0]
             ray_y[i] = (row + (i >> _SHIFT) - intrinsics[3]) / intrinsics[1]
             nearest[i] = np.float32(1e6)
             owner[i] = 0
-        for k in range(counts[tile]):
-            p = members[tile, k]
+        hits, farthest = 0, np.float32(1e6)
+        for k in range(starts[tile], starts[tile + 1]):
+            p = members[k]
+            if closest[p] > farthest:
+                break  # all others are behind what this tile shows
             M, o = to_unit[p], origins[p]
             if kinds[p] <= 1:
-                is_hit[k] = _hit_cube(p, kinds[p] == 0, M, o, ray_x, ray_y, nearest, owner)
+                is_hit = _hit_cube(p, kinds[p] == 0, M, o, ray_x, ray_y, nearest, owner)
             elif kinds[p] == 2:
-                is_hit[k] = _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner)
+                is_hit = _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner)
             else:
-                is_hit[k] = _hit_ball(p, M, o, ray_x, ray_y, nearest, owner)
-        for k in range(counts[tile]):
-            p = members[tile, k]
-            if not is_hit[k]:
-                continue
+                is_hit = _hit_ball(p, M, o, ray_x, ray_y, nearest, owner)
+            if is_hit:
+                hit[hits] = p
+                hits += 1
+                farthest = nearest.max()
+        for k in range(hits):
+            p = hit[k]
             M, o, h, first = to_unit[p], origins[p], halves[p], first_faces[p]
             if kinds[p] <= 1:
                 _place_on_cube(p, first, M, o, h, ray_x, ray_y, nearest, owner, face, s, q, slant)
@@ -104,7 +111,8 @@ def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
         enter = max(max(mx - kx, my - ky), mz - kz)
         leave = min(min(mx + kx, my + ky), mz + kz)
         t = leave if inside else enter
-        hit = (enter <= leave) & (t > np.float32(NEAR_M)) & (t < nearest[i])
+        before = (t < nearest[i]) | ((t == nearest[i]) & (p < owner[i]))
+        hit = (enter <= leave) & (t > np.float32(NEAR_M)) & before
         nearest[i] = t if hit else nearest[i]
         owner[i] = p if hit else owner[i]
         hits += np.int32(hit)
@@ -123,7 +131,8 @@ def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
         b = dx * o[0] + dy * o[1] + dz * o[2]
         root = b * b - a * c
         t = (-b - np.sqrt(max(root, np.float32(0)))) / a
-        hit = (root > np.float32(0)) & (t > np.float32(NEAR_M)) & (t < nearest[i])
+        before = (t < nearest[i]) | ((t == nearest[i]) & (p < owner[i]))
+        hit = (root > np.float32(0)) & (t > np.float32(NEAR_M)) & before
         nearest[i] = t if hit else nearest[i]
         owner[i] = p if hit else owner[i]
         hits += np.int32(hit)
@@ -145,7 +154,8 @@ def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
         enter = max((-b - width) / a, -o[2] * iz - abs(iz))
         leave = min((-b + width) / a, -o[2] * iz + abs(iz))
         hit = (root > np.float32(0)) & (enter <= leave)
-        hit = hit & (enter > np.float32(NEAR_M)) & (enter < nearest[i])
+        before = (enter < nearest[i]) | ((enter == nearest[i]) & (p < owner[i]))
+        hit = hit & (enter > np.float32(NEAR_M)) & before
         nearest[i] = enter if hit else nearest[i]
         owner[i] = p if hit else owner[i]
         hits += np.int32(hit)

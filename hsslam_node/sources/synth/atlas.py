@@ -1,14 +1,16 @@
 """All faces of the scene, textured and lit, as one array of mip levels."""
 
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from hsslam_node.sources.synth_room.lighting import bake_light, light_samples
-from hsslam_node.sources.synth_room.primitive import Kind, Primitive
-from hsslam_node.sources.synth_room.textures import blurred, make_texture
+from hsslam_node.sources.synth.lighting import bake_light, light_samples
+from hsslam_node.sources.synth.primitive import HIDDEN, Kind, Primitive
+from hsslam_node.sources.synth.scene import Scene, Zone, scene_arrays
+from hsslam_node.sources.synth.textures import blurred, make_texture
 
 _TEXEL_M = 0.004
 _FINE_TEXEL_M = 0.0025  # books, pictures and other small things
@@ -16,7 +18,7 @@ _FINE_AREA_M2 = 0.4
 _SEEN_FROM_M = 1.1  # the camera stays above: undersides below this height need no texture
 _LIGHT_TEXEL_M = 0.05
 _AMBIENT_RAYS = 20
-_EMISSIVE = ("window", "screen")
+_UNLIT = ("window", "screen", "glow", HIDDEN)
 
 
 @dataclass(frozen=True)
@@ -30,24 +32,19 @@ class Atlas:
     texels: np.ndarray  # [M] uint64, red, green, blue in lanes of 16 bits
 
 
-def build_atlas(
-    parts: list[Primitive], arrays: dict[str, np.ndarray], seed: int, coarseness: float = 1.0
-) -> Atlas:
+def build_atlas(scene: Scene, seed: int, coarseness: float = 1.0) -> Atlas:
     """Textures and bakes every face of the primitives; the same seed gives the same bytes.
 
     `coarseness` scales the texels: 1 is right for images 640 pixels wide, 2 for 320.
     """
-    size_m = tuple(float(2 * h) for h in parts[0].half_m)
-    lamps = light_samples(size_m, seed)  # type: ignore[arg-type]
-    directions = _cosine_directions(_AMBIENT_RAYS)
     first_faces, first_levels, inverse_texels, levels, blocks, offset = [], [], [], [], [], 0
-    for number, part in enumerate(parts):
+    for number, (part, light) in enumerate(_lit_parts(scene, seed)):
         first_faces.append(len(first_levels))
         for face in range(part.face_count):
             rng = np.random.default_rng((seed, 3, number, face))
-            image, texel_m = _albedo(part, face, rng, seed, coarseness)
-            if not part.material(face).startswith(_EMISSIVE):
-                image *= _light(part, face, image.shape[:2], arrays, lamps, directions)[..., None]
+            image, texel_m = _albedo(part, face, rng, seed, coarseness * scene.coarseness)
+            if not part.material(face).startswith(_UNLIT):
+                image *= light(part, face, image.shape[:2])[..., None]
             first_levels.append(len(levels))
             inverse_texels.append(1 / texel_m)
             for level in _pyramid(_encode(image)):
@@ -63,8 +60,23 @@ def build_atlas(
     )
 
 
+def _lit_parts(scene: Scene, seed: int) -> Iterator[tuple[Primitive, "_Light"]]:
+    """Every part of the scene, in order, and the light of its zone."""
+    lights = [_Light(scene, zone, seed) for zone in scene.zones]
+    yield scene.shell, lights[0]
+    for zone, light in zip(scene.zones, lights, strict=True):
+        for part in zone.parts:
+            yield part, light
+    for part in scene.parts_at(0)[len(scene.still_parts) :]:
+        yield part, lights[0]
+
+
 def _albedo(
-    part: Primitive, face: int, rng: np.random.Generator, seed: int, coarseness: float
+    part: Primitive,
+    face: int,
+    rng: np.random.Generator,
+    seed: int,
+    coarseness: float,
 ) -> tuple[np.ndarray, float]:
     width_m, height_m = part.face_size_m(face)
     if _is_hidden(part, face):
@@ -84,24 +96,36 @@ def _albedo(
 
 
 def _is_hidden(part: Primitive, face: int) -> bool:
+    if part.material(face) == HIDDEN:
+        return True
     underside = {Kind.BOX: 5, Kind.CYLINDER: 2}.get(part.kind)
     bottom_m = part.center_m[2] - part.half_m[2]
     return face == underside and part.rotation[2, 2] > 0.999 and bottom_m < _SEEN_FROM_M
 
 
-def _light(part, face, shape, arrays, lamps, directions) -> np.ndarray:
-    """Irradiance [h, w] float32 of a face, baked coarsely and interpolated."""
-    width_m, height_m = part.face_size_m(face)
-    w, h = max(3, round(width_m / _LIGHT_TEXEL_M)), max(3, round(height_m / _LIGHT_TEXEL_M))
-    u, v = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
-    points, normals = part.surface(face, u, v)
-    light = bake_light(
-        arrays["kinds"], arrays["rotations"], arrays["centers"], arrays["halves"],
-        np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3)),
-        lamps, directions,
-    ).reshape(h, w)  # fmt: skip
-    light = cv2.GaussianBlur(light, (3, 3), 0.8)
-    return cv2.resize(light, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+class _Light:
+    """Light in one zone."""
+
+    def __init__(self, scene: Scene, zone: Zone, seed: int) -> None:
+        self._arrays = scene_arrays([scene.shell, *zone.parts])
+        self._texel_m = _LIGHT_TEXEL_M * scene.coarseness
+        self._lamps = light_samples(zone.lamps_m, seed)
+        self._directions = _cosine_directions(_AMBIENT_RAYS)
+
+    def __call__(self, part: Primitive, face: int, shape: tuple[int, int]) -> np.ndarray:
+        """Irradiance [h, w] float32 of a face, baked coarsely and interpolated."""
+        width_m, height_m = part.face_size_m(face)
+        w, h = max(3, round(width_m / self._texel_m)), max(3, round(height_m / self._texel_m))
+        u, v = np.meshgrid((np.arange(w) + 0.5) / w, (np.arange(h) + 0.5) / h)
+        points, normals = part.surface(face, u, v)
+        a = self._arrays
+        light = bake_light(
+            a["kinds"], a["rotations"], a["centers"], a["halves"],
+            np.ascontiguousarray(points.reshape(-1, 3)), np.ascontiguousarray(normals.reshape(-1, 3)),
+            self._lamps, self._directions,
+        ).reshape(h, w)  # fmt: skip
+        light = cv2.GaussianBlur(light, (3, 3), 0.8)
+        return cv2.resize(light, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
 
 
 def _cosine_directions(count: int) -> np.ndarray:

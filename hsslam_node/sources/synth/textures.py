@@ -5,8 +5,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from hsslam_node.sources.synth_room.noise_pattern import fractal_noise, grid_m, mix, value_noise
-from hsslam_node.sources.synth_room.pictures import book_spine, painting, poster, screen, window
+from hsslam_node.sources.synth.coverings import glow, keys, lino, paint, parquet, stripes, tiles
+from hsslam_node.sources.synth.noise_pattern import fractal_noise, grid_m, mix, value_noise
+from hsslam_node.sources.synth.pictures import book_spine, painting, poster, screen, window
 
 Rng = np.random.Generator
 Shape = tuple[int, int]
@@ -41,6 +42,7 @@ COLORS = {
     "red": (0.68, 0.16, 0.14),
     "green": (0.22, 0.44, 0.18),
     "sky": (0.52, 0.66, 0.76),
+    "skin": (0.78, 0.56, 0.44),
     "brass": (0.74, 0.60, 0.32),
 }
 
@@ -213,6 +215,13 @@ _MATERIALS: dict[str, Callable[[Shape, float, Rng, np.ndarray], np.ndarray]] = {
     "wallpaper": _wallpaper,
     "brick": _brick,
     "planks": _planks,
+    "tiles": tiles,
+    "parquet": parquet,
+    "stripes": stripes,
+    "keys": keys,
+    "paint": paint,
+    "lino": lino,
+    "glow": glow,
     "wood": _wood,
     "fabric": _fabric,
     "carpet": _carpet,
