@@ -17,6 +17,7 @@ _COLD_FRAMES = 60
 _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
 _HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
 _SEEDS = (0, 1, 2)
+_SCENES = ("room", "apartment", "corridor", "person")
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
 
@@ -102,13 +103,13 @@ class Session:
         return self.outputs[key]
 
     def source(self, sequence: str) -> str:
-        """The source of a sequence: a folder of the data, or the built-in room.
+        """The source of a sequence: a folder of the data, or a built-in scene.
 
         Raises:
             Skipped: the folder is not there.
         """
-        if sequence == "room":
-            return "synth:room"
+        if sequence in _SCENES:
+            return f"synth:{sequence}"
         folder = (self.data / sequence).absolute()
         if not folder.is_dir():
             raise Skipped(f"{folder} is not on disk")
@@ -132,11 +133,13 @@ class Session:
         return self.runs[name]
 
     def _source(self, sequence: str, *, half: bool = False) -> tuple[str, ...]:
-        """Options of a sequence, as "house" or "house-kinect"."""
-        place, _, noise = sequence.partition("-")
+        """Options of a sequence, as "house", "house-kinect" or "house-kinect-exposure"."""
+        place, *changes = sequence.split("-")
+        noise = "kinect" if "kinect" in changes else "none"
+        exposure = ("--exposure", "drift") if "exposure" in changes else ()
         size = () if not half else _HALF_ROOM if place == "room" else _HALF
         frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
-        return ("--source", self.source(place), "--noise", noise or "none", *size, *frames)
+        return ("--source", self.source(place), "--noise", noise, *exposure, *size, *frames)
 
     def _warm_up(self) -> None:
         """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
