@@ -12,12 +12,12 @@ from hsslam_node.sources.synth.upright_poses import upright_poses
 
 _SIZE_M = (5.6, 4.6, 2.6)
 _LENGTH = 600
-_LINE_M = ((4.85, 2.50), (0.85, 2.50))
+_LINE_M = ((4.7, 2.22), (0.9, 2.22))
 
 
 def build_person_scene(seed: int) -> Scene:
     """The room of `synth:room` at its usual size, with a person between camera and sofa."""
-    return replace(build_room(_SIZE_M, seed), person=Person(*_LINE_M))
+    return replace(build_room(_SIZE_M, seed), person=Person(*_LINE_M, pace_m_s=0.7))
 
 
 def person_scene_poses(length: int | None, seed: int) -> np.ndarray:
