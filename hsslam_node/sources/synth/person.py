@@ -33,7 +33,7 @@ class Person:
         is_back = lap % 2 == 1
         position = start + way * (1 - done if is_back else done)
         heading = np.rad2deg(np.arctan2(way[1], way[0])) - 90 + 180 * (turned + is_back)
-        walked = done * length + 0.25 * turned
+        walked = lap * (length + 0.25) + done * length + 0.25 * turned
         return _placed(_body(2 * np.pi * walked / _STRIDE_M), position, heading)
 
 

@@ -9,7 +9,7 @@ _PACE_M_S = 0.95  # straight on; slower in bends
 _BEND_M = 0.30
 _ROUNDING_M = 0.32  # how far corners of the way are rounded off
 _LOOK_AHEAD_M = 1.1
-_GAZE_S = 0.35
+_GAZE_S = 0.5
 _EYE_M, _PITCH_DEG = 1.45, 13.0
 _CELL_M = 0.01
 
