@@ -6,6 +6,7 @@ from hsslam_node.services.bench.gpu_checks import gpu_checks
 from hsslam_node.services.bench.growth_checks import growth_checks
 from hsslam_node.services.bench.kernel_checks import kernel_checks
 from hsslam_node.services.bench.lockstep_checks import lockstep_checks
+from hsslam_node.services.bench.map_checks import map_checks
 from hsslam_node.services.bench.realtime_checks import realtime_checks
 from hsslam_node.services.bench.robustness_checks import robustness_checks
 from hsslam_node.services.bench.viewer_checks import viewer_checks
@@ -16,6 +17,7 @@ def catalogue() -> list[Check]:
     return [
         *lockstep_checks(),
         *robustness_checks(),
+        *map_checks(),
         *viewer_checks(),
         *realtime_checks(),
         *growth_checks(),

@@ -50,10 +50,15 @@ class Session:
         """Seeds of the accuracy figures."""
         return _SEEDS[:1] if self.quick else _SEEDS
 
-    def lockstep(self, sequence: str, seed: int = 0, take: int = 1) -> ServeRun:
-        """Every frame tracked and mapped; `sequence` as "house" or "house-kinect"."""
+    def lockstep(
+        self, sequence: str, seed: int = 0, take: int = 1, frames: int | None = None
+    ) -> ServeRun:
+        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect"."""
         name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
-        return self._run(name, (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed)))
+        options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
+        if frames is None:
+            return self._run(name, options)
+        return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
 
     def realtime(self, sequence: str) -> ServeRun:
         """On the clock of a 30 Hz sensor, recording on."""
