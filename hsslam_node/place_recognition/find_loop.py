@@ -23,7 +23,7 @@ class LoopLimits:
     inliers: int = 14  # features that agree
     inlier_ratio: float = 0.25  # of the matches
     overlap: float = 0.15  # of either frame's depth on the other's surface
-    consistency: float = 0.85  # of what could be seen from both sides
+    consistency: float = 0.95  # of what could be seen from both sides
     similarity: float = 0.5  # correlation of grey levels
     refined_shift_m: float = 0.1  # dense alignment may move the pose so far from the features'
     refined_shift_rad: float = 0.1

@@ -39,8 +39,15 @@ def quality(alignment: Alignment) -> float:
 
 
 def _fits(alignment: Alignment, config: TrackerConfig) -> bool:
-    """To the map; where the map lags behind the camera, to the reference keyframe alone."""
-    return quality(alignment) >= config.min_inlier_ratio or (
+    """To the map; where the map lags behind the camera, to the reference keyframe alone.
+
+    Before there is a map, enough points must meet the keyframe: any few fit some surface.
+    """
+    is_backed = (
+        np.isfinite(alignment.sdf_inlier_ratio)
+        or alignment.surface_coverage > config.relocalisation_coverage
+    )
+    return (is_backed and quality(alignment) >= config.min_inlier_ratio) or (
         _fits_reference(alignment, config.lag_coverage, config)
         and alignment.photometric_inlier_ratio > config.reference_image_agreement
     )

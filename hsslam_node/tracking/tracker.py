@@ -13,18 +13,17 @@ from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.odometry import rgbd_odometry
-from hsslam_node.tracking.place_recognition import PlaceRecognition
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
     grey_pyramid,
     reference_keyframe,
 )
+from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
 
 _FEWEST_POINTS = 100
-_SIMILAR_KEYFRAMES = 3  # tried in turn, one a frame, when the camera is lost
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
@@ -43,7 +42,7 @@ class Tracker:
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
         self._reference: ReferenceKeyframe | None = None
-        self._places = PlaceRecognition(store)
+        self._relocalisation = Relocalisation(config.tracker, store, seed)
         self._since_keyframe = 0
         self._lost_frames = 0
 
@@ -88,11 +87,7 @@ class Tracker:
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
 
     def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
-        """At rest; then one by OpenCV's RGB-D odometry, which costs more than all the rest.
-
-        First from the last good frame; later from the keyframes that look most alike, one a frame,
-        so that a lost camera does not fall behind its sensor.
-        """
+        """At rest; by OpenCV's RGB-D odometry from the last good frame; at a place seen before."""
         assert self._last is not None
         T_last = self._last.pose(self._store)
         yield T_last
@@ -102,15 +97,9 @@ class Tracker:
                 yield T_last @ T_last_cam
         if self._lost_frames == 0:
             return
-        alike = self._places.nearest(frame.color, _SIMILAR_KEYFRAMES)
-        k = alike[(self._lost_frames - 1) % len(alike)]
-        keyframe = self._store.frame(k)
-        T_key_cam = rgbd_odometry(keyframe, frame)
-        if T_key_cam is not None:
-            self._reference = reference_keyframe(
-                k, keyframe, grey_pyramid(keyframe), self._config.photometric_pixels
-            )
-            yield self._store.pose(k) @ T_key_cam
+        for place in self._relocalisation.places(frame):
+            self._reference = place.reference
+            yield place.T_world_cam
 
     def _try(
         self,
@@ -153,6 +142,7 @@ class Tracker:
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         self._lost_frames = 0
+        self._relocalisation.observe()
         return TrackResult(
             frame.index, "tracked", T, k, T_keyframe_cam, quality(alignment),
             alignment.sdf_rms_m, view.version if view else 0, is_keyframe, alignment.outside,

@@ -1,0 +1,104 @@
+"""A camera that is carried to places seen before: where it goes, and whether it finds itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ate import align
+from hsslam_node.geometry.se3 import inverse, so3_log
+
+WITHIN_FRAMES = 10
+WRONG_M, WRONG_DEG = 0.1, 5.0
+_FAR_M, _FAR_DEG = 0.75, 40.0  # one of them between the last view and the next
+
+
+@dataclass(frozen=True)
+class KidnappingPlan:
+    """Which frame of a sequence is shown at each step."""
+
+    order: tuple[int, ...]
+    jumps: tuple[int, ...]  # steps at which the camera has been carried away
+
+    @property
+    def before(self) -> int:
+        """Steps that build the map."""
+        return self.jumps[0]
+
+
+@dataclass(frozen=True)
+class KidnappingScore:
+    """How a camera fared."""
+
+    jumps: int
+    relocalised: int  # within ten frames, at the right place
+    frames_needed: tuple[int, ...]  # per jump, the first tracked frame, 1: at once; 0: never
+    lost_before: int  # frames lost while the map was built
+    wrong: int  # frames with a pose more than 10 cm or 5 degrees off
+    worst_m: float
+    worst_deg: float
+
+
+def kidnapping_plan(
+    T_world_cam: np.ndarray, seed: int, jumps: int = 20, played: int = 12
+) -> KidnappingPlan:
+    """Even frames of a sequence in turn; then `jumps` times `played` odd ones from a random place.
+
+    So the map is built from every second frame, and no frame is shown twice. Each jump leads to a
+    view at least 75 cm or 40 degrees from the one before it. T_world_cam [N, 4, 4]: true poses.
+
+    Raises:
+        UserError: the sequence is too short, or from some view there is nowhere to go.
+    """
+    rng = np.random.default_rng((seed, len(T_world_cam)))
+    order = list(range(0, len(T_world_cam), 2))
+    starts = np.arange(1, len(T_world_cam) - 2 * (played - 1), 2)
+    at = []
+    for _ in range(jumps):
+        far = [k for k in starts if _is_far(T_world_cam[order[-1]], T_world_cam[k])]
+        if not far:
+            raise UserError(f"{len(T_world_cam)} frames: expected views 75 cm or 40 degrees apart")
+        start = int(rng.choice(far))
+        at.append(len(order))
+        order += range(start, start + 2 * played, 2)
+    return KidnappingPlan(tuple(order), tuple(at))
+
+
+def kidnapping_score(
+    plan: KidnappingPlan, tracked: np.ndarray, T_estimate: np.ndarray, T_truth: np.ndarray
+) -> KidnappingScore:
+    """Compare published poses with the truth, brought together over the frames that build the map.
+
+    Args:
+        tracked: [n] bool, steps with a pose.
+        T_estimate: [n, 4, 4] poses as they were published at the time, camera to world.
+        T_truth: [N, 4, 4] true poses of the sequence.
+    """
+    truth = T_truth[list(plan.order)]
+    built = np.arange(len(tracked)) < plan.before
+    T = align(T_estimate[built & tracked, :3, 3], truth[built & tracked, :3, 3])
+    away = inverse(T) @ truth
+    distance_m = np.linalg.norm(T_estimate[:, :3, 3] - away[:, :3, 3], axis=1)
+    turned = [so3_log(a[:3, :3].T @ b[:3, :3]) for a, b in zip(away, T_estimate, strict=True)]
+    angle_deg = np.rad2deg(np.linalg.norm(turned, axis=1))
+    is_wrong = tracked & ((distance_m > WRONG_M) | (angle_deg > WRONG_DEG))
+    needed = []
+    for start, end in zip(plan.jumps, (*plan.jumps[1:], len(tracked)), strict=True):
+        found = np.flatnonzero(tracked[start:end])
+        right = len(found) > 0 and not is_wrong[start + found[0]]
+        needed.append(int(found[0]) + 1 if right else 0)
+    return KidnappingScore(
+        jumps=len(plan.jumps),
+        relocalised=sum(0 < n <= WITHIN_FRAMES for n in needed),
+        frames_needed=tuple(needed),
+        lost_before=int((built & ~tracked).sum()),
+        wrong=int(is_wrong.sum()),
+        worst_m=float(distance_m[tracked].max()),
+        worst_deg=float(angle_deg[tracked].max()),
+    )
+
+
+def _is_far(T_world_cam: np.ndarray, T_world_other: np.ndarray) -> bool:
+    step = inverse(T_world_cam) @ T_world_other
+    angle_deg = np.rad2deg(np.linalg.norm(so3_log(step[:3, :3])))
+    return bool(np.linalg.norm(step[:3, 3]) > _FAR_M or angle_deg > _FAR_DEG)

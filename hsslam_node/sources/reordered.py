@@ -1,0 +1,47 @@
+"""The frames of a source in another order: a camera that is carried away, or comes back."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, Source
+
+
+class Reordered:
+    """A source whose n-th frame is frame `order[n]` of another, with stamps that run on.
+
+    Indices and stamps are those of a camera that never stopped. Frames that come out of turn are
+    kept in memory from when they are first read until they are last needed.
+
+    Raises:
+        UserError: the other source has not as many frames.
+    """
+
+    def __init__(self, source: Source, order: Sequence[int]) -> None:
+        if source.frame_count is not None and order and max(order) >= source.frame_count:
+            raise UserError(
+                f"source {source.name}: frame {max(order)}: expected one of {source.frame_count}"
+            )
+        self._source = source
+        self._order = tuple(order)
+        self.name = f"{source.name} reordered"
+        self.camera = source.camera
+        self.rate_hz = source.rate_hz
+        self.frame_count: int | None = len(self._order)
+        self.depth_units_per_m = source.depth_units_per_m
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """The frames in the new order; what could not be read stays a `BadFrame`."""
+        last_use = {k: n for n, k in enumerate(self._order)}
+        kept: dict[int, Frame | BadFrame] = {}
+        arriving = enumerate(self._source.frames())
+        for n, wanted in enumerate(self._order):
+            while wanted not in kept:
+                at, frame = next(arriving, (None, None))
+                if at is None or frame is None:
+                    raise UserError(f"source {self._source.name}: ended before frame {wanted}")
+                if at in last_use:
+                    kept[at] = frame
+            frame = kept[wanted] if last_use[wanted] > n else kept.pop(wanted)
+            yield replace(frame, index=n, stamp_ns=round(n * 1e9 / self.rate_hz))

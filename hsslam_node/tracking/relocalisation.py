@@ -1,0 +1,92 @@
+"""Where a lost camera may be: places seen before that look the same, a few a frame."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.place_recognition.find_loop import LoopLimits, LoopMatch, find_loop
+from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.tracking.reference_keyframe import (
+    ReferenceKeyframe,
+    grey_pyramid,
+    reference_keyframe,
+)
+
+_CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
+_INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
+_LIMITS = LoopLimits(overlap=0.25)
+_APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
+_CLEARLY = 2.0  # times the inliers of another place
+_TURN_M_PER_RAD = 1.0  # what a turn counts when the nearest keyframe is looked for
+
+
+@dataclass(frozen=True)
+class Place:
+    """A guess for a lost camera, with a keyframe to align it to."""
+
+    T_world_cam: np.ndarray  # [4, 4]
+    reference: ReferenceKeyframe
+
+
+class Relocalisation:
+    """The index of a store's keyframes, and what it says of a lost frame.
+
+    While the camera is tracked, a keyframe that shows something new is taken in with one frame (15
+    ms, for about one frame in thirty); when lost, no more than a few are, so that the camera does not
+    fall behind its sensor.
+    """
+
+    def __init__(self, config: TrackerConfig, store: KeyframeStore, seed: int) -> None:
+        self._config = config
+        self._store = store
+        self._seed = seed
+        self._index = KeyframeIndex(store)
+
+    def observe(self) -> None:
+        """A frame was tracked: take in what is new."""
+        self._index.update(1)
+
+    def places(self, frame: Frame) -> Iterator[Place]:
+        """Where a lost frame may have been taken; at most one place, none where it is not clear.
+
+        Whole images agree on it (`find_loop`), by a keyframe's pose as it is now; a keyframe of
+        another place that agrees as well makes it unclear.
+        """
+        self._index.update(_INDEXED_WHEN_LOST)
+        matches = find_loop(
+            self._store, self._index, frame, self._config,
+            candidates=_CANDIDATES, limits=_LIMITS, seed=self._seed,
+        )  # fmt: skip
+        T_world_cam = [self._store.pose(m.keyframe) @ m.T_keyframe_cam for m in matches]
+        if not matches or not _is_clear(matches, T_world_cam):
+            return
+        k = self._nearest(T_world_cam[0])
+        keyframe = self._store.frame(k)
+        levels = grey_pyramid(keyframe)
+        pixels = self._config.photometric_pixels
+        yield Place(T_world_cam[0], reference_keyframe(k, keyframe, levels, pixels))
+
+    def _nearest(self, T_world_cam: np.ndarray) -> int:
+        """The keyframe that stands most like the camera, the oldest of equals."""
+        relative = inverse(T_world_cam) @ self._store.poses()  # [n, 4, 4]
+        away = np.linalg.norm(relative[:, :3, 3], axis=1)
+        turned = np.array([np.linalg.norm(so3_log(T[:3, :3])) for T in relative])
+        return int(np.argmin(away + _TURN_M_PER_RAD * turned))
+
+
+def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
+    """Whether no other place comes near the best match, which is the first."""
+    for match, T in zip(matches[1:], T_world_cam[1:], strict=True):
+        step = inverse(T_world_cam[0]) @ T
+        apart = (
+            np.linalg.norm(step[:3, 3]) > _APART_M
+            or np.linalg.norm(so3_log(step[:3, :3])) > _APART_RAD
+        )
+        if apart and matches[0].inliers < _CLEARLY * match.inliers:
+            return False
+    return True

@@ -1,0 +1,108 @@
+"""A camera that is carried away is found where it has been before, and nowhere else."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.keyframes.allocator import MemoryAllocator
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.tracking.relocalisation import Relocalisation
+from hsslam_node.tracking.tracker import Tracker
+from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
+
+
+@cache
+def _elsewhere() -> tuple[Frame, ...]:
+    """Views of the other side of the room, and of a hall with the same kinds of furniture."""
+    far = replace(OPTIONS, frames=4, stride=90)
+    hall = replace(far, synth=replace(OPTIONS.synth, seed=7, size_m=(9.0, 8.0, 3.0)))
+    views = [*open_source("synth:room", far).frames()][2:]
+    return tuple(
+        f for f in (*views, *open_source("synth:room", hall).frames()) if isinstance(f, Frame)
+    )
+
+
+def _store() -> KeyframeStore:
+    first = room_frames()[0]
+    return KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+
+
+def _filled(poses: np.ndarray) -> Relocalisation:
+    """Over every fifth frame at these poses."""
+    store = _store()
+    for k in range(0, 40, 5):
+        store.append(room_frames()[k], poses[k])
+    return Relocalisation(SMALL.tracker, store, 0)
+
+
+def test_a_view_between_keyframes_is_placed_beside_the_nearest():
+    places = _filled(room_poses())
+    for _ in range(3):
+        places.observe()
+    for k in (2, 17, 33):
+        (place,) = places.places(room_frames()[k])
+        distance_m, angle_deg = pose_error(place.T_world_cam, room_poses()[k])
+        assert distance_m < 0.01 and angle_deg < 0.3
+        assert place.reference.id == round(k / 5)
+
+
+def test_what_was_not_taken_in_while_tracking_is_taken_in_when_lost():
+    places = _filled(room_poses())
+    found = [list(places.places(room_frames()[33])) for _ in range(6)]
+    assert found[-1] and pose_error(found[-1][0].T_world_cam, room_poses()[33])[0] < 0.01
+
+
+def test_nothing_is_said_of_a_place_never_seen():
+    places = _filled(room_poses())
+    for _ in range(8):
+        places.observe()
+    for frame in (*_elsewhere(), with_black(room_frames()[0])):
+        assert list(places.places(frame)) == []
+
+
+def test_two_places_that_look_the_same_are_not_told_apart():
+    """The same views stored once more, two metres away: no pose is better than the other."""
+    store = _store()
+    aside = se3_exp(np.array([2.0, 0, 0, 0, 0, 0]))
+    for T in (np.eye(4), aside):
+        for k in (0, 20):
+            store.append(room_frames()[k], T @ room_poses()[k])
+    places = Relocalisation(SMALL.tracker, store, 0)
+    for _ in range(4):
+        places.observe()
+    assert list(places.places(room_frames()[2])) == []
+
+
+@pytest.fixture(scope="module")
+def carried_away() -> tuple[KeyframeStore, Tracker]:
+    """A tracker that has seen 40 frames of the room and then others that it cannot know."""
+    store = _store()
+    tracker = Tracker(SMALL, store, 0)
+    for frame in room_frames():
+        assert tracker.track(frame, None).status != "lost"
+    return store, tracker
+
+
+def test_a_camera_carried_away_is_found_again(carried_away):
+    store, tracker = carried_away
+    stamp_ns, keyframes = room_frames()[-1].stamp_ns, store.count
+    for frame in _elsewhere() * 2:
+        stamp_ns += 33_000_000
+        assert tracker.track(replace(frame, stamp_ns=stamp_ns), None).status == "lost"
+    assert store.count == keyframes
+    for start in (3, 22, 11):
+        statuses = []
+        for k in range(start, start + 6):
+            stamp_ns += 33_000_000
+            result = tracker.track(replace(room_frames()[k], stamp_ns=stamp_ns), None)
+            statuses.append(result.status)
+            if result.status == "tracked":
+                truth = inverse(room_poses()[0]) @ room_poses()[k]
+                distance_m, angle_deg = pose_error(result.T_world_cam, truth)
+                assert distance_m < 0.02 and angle_deg < 0.5
+        assert "lost" not in statuses[2:]
