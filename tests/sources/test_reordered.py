@@ -30,7 +30,8 @@ def test_a_frame_that_is_not_there_is_told():
 
 def test_a_source_that_ends_early_is_told():
     class Short:
-        name, rate_hz, frame_count = "short", 30.0, None
+        name, rate_hz = "short", 30.0
+        frame_count: int | None = None
         camera, depth_units_per_m = room_frames()[0].camera, room_frames()[0].depth_units_per_m
 
         def frames(self):
