@@ -1,5 +1,6 @@
 """Which keyframes share features with an image: votes of descriptors that fall into the same cells."""
 
+from collections import deque
 from functools import cache
 
 import numpy as np
@@ -39,7 +40,8 @@ class KeyframeIndex:
         self._store = store
         self._spacing = spacing_m, spacing_rad
         self._most = most
-        self._next = 0  # the first keyframe that has not been looked at
+        self._seen = 0  # keyframes of the store that have been noticed
+        self._pending: deque[int] = deque()  # of them those that have not been looked at
         self._features: dict[int, ImageFeatures] = {}
         self._codes = np.full((16, _FEATURES * _TABLES), _NOTHING, np.int32)  # row: a keyframe
         self._keyframes_with = np.zeros(_CODES + 1, np.int32)
@@ -49,20 +51,22 @@ class KeyframeIndex:
 
     @property
     def keyframes(self) -> np.ndarray:
-        """Ids of the keyframes taken in, [n] int, ascending."""
+        """Ids of the keyframes taken in, [n] int, in that order."""
         return np.array(list(self._features), int)
 
     @property
     def is_complete(self) -> bool:
         """Whether every keyframe of the store has been looked at."""
-        return self._next >= self._store.count
+        return not self._pending and self._seen >= self._store.count
 
-    def update(self, most: int | None = None) -> int:
+    def update(self, most: int | None = None, *, newest_first: bool = False) -> int:
         """Take in keyframes that came since, at most `most` (15 ms each); returns how many were."""
+        count = self._store.count
+        self._pending.extend(range(self._seen, count))
+        self._seen = count
         taken = 0
-        while not self.is_complete and (most is None or taken < most):
-            k = self._next
-            self._next += 1
+        while self._pending and (most is None or taken < most):
+            k = self._pending.pop() if newest_first else self._pending.popleft()
             if len(self) < self._most and self._is_new(k):
                 self._take(k, image_features(self._store.frame(k)))
                 taken += 1

@@ -57,7 +57,8 @@ class Relocalisation:
         Whole images agree on it (`find_loop`), by a keyframe's pose as it is now; a keyframe of
         another place that agrees as well makes it unclear.
         """
-        self._index.update(_INDEXED_WHEN_LOST)
+        # after a restart none is there yet: the camera was last seen near the newest
+        self._index.update(_INDEXED_WHEN_LOST, newest_first=True)
         matches = find_loop(
             self._store, self._index, frame, self._config,
             candidates=_CANDIDATES, limits=_LIMITS, seed=self._seed,

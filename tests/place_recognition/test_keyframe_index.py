@@ -51,6 +51,18 @@ def test_a_few_at_a_time_are_the_same_in_the_end(store):
     assert index.update(3) == 1 and 20 in index.keyframes
 
 
+def test_the_newest_are_taken_in_first_where_that_is_wanted(store):
+    for k in range(4):
+        store.append(room_frames()[k], _apart(k))
+    index = KeyframeIndex(store)
+    assert index.update(2, newest_first=True) == 2 and index.keyframes.tolist() == [3, 2]
+    store.append(room_frames()[4], _apart(4))
+    assert index.update(1, newest_first=True) == 1 and index.keyframes.tolist() == [3, 2, 4]
+    assert index.update() == 2 and index.is_complete
+    features = image_features(room_frames()[1])
+    assert index.similar(features, 1, np.array([1]))[0][0] == 1
+
+
 def test_what_has_been_seen_from_there_is_left_out(store):
     frame = room_frames()[0]
     near, turned = np.eye(4), se3_exp(np.array([0, 0, 0, 0, 0.5, 0]))
