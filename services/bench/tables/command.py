@@ -45,10 +45,10 @@ def table_command(name: str, args: Sequence[str]) -> int:
     for line in plan.skipped:
         console.print(line, soft_wrap=True)
     interrupted = False
+    results: list[RunResult] = []
     if options.show:
         results = [found for job in plan.jobs if (found := file.newest(job))]
-    else:
-        results = []
+    elif plan.jobs:
         try:
             _measure(plan, file, path.with_suffix(""), results, console)
         except KeyboardInterrupt:
