@@ -12,9 +12,11 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
+    track,
 )
 
 from hsslam_node.services.bench.report import machine, source_commit
+from hsslam_node.services.bench.serve_run import RunFailedError
 from hsslam_node.services.bench.tables.document_table import fill_table
 from hsslam_node.services.bench.tables.figures import disagreements, measured_rows
 from hsslam_node.services.bench.tables.job import RunResult
@@ -23,7 +25,7 @@ from hsslam_node.services.bench.tables.paper_tables import METHOD_OF_PRESET, TAB
 from hsslam_node.services.bench.tables.plan import Plan, plan_table
 from hsslam_node.services.bench.tables.rendering import markdown_table, rich_table
 from hsslam_node.services.bench.tables.result_file import ResultFile
-from hsslam_node.services.bench.tables.run_job import run_job
+from hsslam_node.services.bench.tables.run_job import rescored, run_job
 from hsslam_node.services.parse_options import parse_options
 
 _WIDTH = 160  # characters, where the output is no terminal
@@ -49,8 +51,9 @@ def table_command(name: str, args: Sequence[str]) -> int:
     if options.show:
         results = [found for job in plan.jobs if (found := file.newest(job))]
     elif plan.jobs:
+        step = _rescore if options.rescore else _measure
         try:
-            _measure(plan, file, path.with_suffix(""), results, console)
+            step(plan, file, path.with_suffix(""), results, console)
         except KeyboardInterrupt:
             interrupted = True
     _print(table, plan, options, results, path, console)
@@ -88,6 +91,25 @@ def _measure(
                 console.print(f"{job.name}: {told}", soft_wrap=True)
 
 
+def _rescore(
+    plan: Plan, file: ResultFile, runs: Path, results: list[RunResult], console: Console
+) -> None:
+    """Score what is left of the runs again; what is not there keeps the scores it has."""
+    commit, on = source_commit(), machine()
+    for job in track(plan.jobs, "scoring", console=console, transient=True):
+        result = file.newest(job)
+        if result is None or result.error:
+            continue
+        try:
+            if not (runs / job.name).is_dir():
+                raise RunFailedError(f"{runs / job.name} is not there")
+            result = rescored(job, result, runs / job.name, commit)
+            file.add(result, on)
+        except RunFailedError as failure:
+            console.print(f"{job.name}: keeps its scores: {failure}", soft_wrap=True)
+        results.append(result)
+
+
 def _print(
     table: PaperTable,
     plan: Plan,
@@ -119,6 +141,9 @@ def _protocol(options: TableOptions, results: Sequence[RunResult]) -> list[str]:
     used = [options.protocol, f"seeds {' '.join(map(str, options.seeds))}"]
     commits = sorted({result.commit or "unknown" for result in results})
     used.append(f"commit {', '.join(commits)}")
+    scored = sorted({result.scored_by for result in results if result.scored_by})
+    if scored:
+        used.append(f"scored by {', '.join(scored)}")
     if options.device == "cpu":
         used.append("frames/s of processor time, one thread")
     lines = [f"{'; '.join(used)}."]

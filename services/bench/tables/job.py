@@ -48,6 +48,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     values: dict[str, float | None] = {}  # by metric
     details: dict[str, Any] = {}  # the evaluation's report, the model's parts, frames
     error: str = ""  # its last words if it failed
+    scored_by: str = ""  # commit of a later evaluation of the same trajectories and mesh
 
     def answers(self, job: Job) -> bool:
         """Whether this is of the job's row, sequence, seed and protocol, be it of another commit."""

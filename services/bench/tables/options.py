@@ -53,12 +53,16 @@ class TableOptions:
     """Result file; beside it the table as .md and a folder of the runs (none: runs/tables/TABLE.json)."""
     show: bool = False
     """Run nothing: the table of what the file has, of whatever commit."""
+    rescore: bool = False
+    """Run nothing: score the trajectories and meshes of the runs that the file has again."""
     docs: tuple[Path, ...] = ()
     """Documents that get the table, between their lines <!-- table:TABLE --> and <!-- table:end -->."""
 
     def __post_init__(self) -> None:
         if not self.seeds or any(seed < 0 for seed in self.seeds):
             raise UserError(f"--seeds {' '.join(map(str, self.seeds))}: expected numbers from 0")
+        if self.show and self.rescore:
+            raise UserError("--show --rescore: expected one of them")
 
     @property
     def protocol(self) -> str:

@@ -7,16 +7,18 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from hsslam_node.services.bench.serve_run import RunFailedError
 from hsslam_node.services.bench.tables.job import Job, RunResult
 from hsslam_node.services.process_table import environment_of_threads
 
 _MODULE = f"{__package__}.table_run"
-_JOB, _RESULT, _ERRORS = "job.json", "result.json", "stderr.txt"
+_JOB, _SCORE_JOB, _RESULT, _ERRORS = "job.json", "score.json", "result.json", "stderr.txt"
 
 
 def run_job(
@@ -32,15 +34,9 @@ def run_job(
     try:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
-        (folder / _JOB).write_bytes(msgspec.json.encode(job))
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}: expected a folder for the run") from None
-    found, error = {}, ""
-    code = _run(folder, tell)
-    if code == 0:
-        found = msgspec.json.decode((folder / _RESULT).read_bytes())
-    else:
-        error = f"ended with code {code}: {_last_line(folder / _ERRORS)}"
+    found, error = _run(job, folder / _JOB, tell)
     return RunResult(
         key=job.key,
         row=job.row,
@@ -54,12 +50,32 @@ def run_job(
     )
 
 
-def _run(folder: Path, tell: Callable[[int, int], None]) -> int:
-    """Exit code of the process."""
+def rescored(job: Job, result: RunResult, folder: Path, commit: str) -> RunResult:
+    """The result with the accuracy of what lies in `folder`, as it is measured now.
+
+    Raises:
+        RunFailedError: with the last words of the process.
+    """
+    found, error = _run(job, folder / _SCORE_JOB, lambda *_: None, "--score")
+    if error:
+        raise RunFailedError(error)
+    return msgspec.structs.replace(
+        result,
+        values=result.values | found["values"],
+        details=result.details | found["details"],
+        scored_by=commit,
+    )
+
+
+def _run(
+    job: Job, path: Path, tell: Callable[[int, int], None], *options: str
+) -> tuple[dict[str, Any], str]:
+    """What the process found, or its last words if it failed. The job is written to `path`."""
+    path.write_bytes(msgspec.json.encode(job))
     cache = {"NUMBA_CACHE_DIR": str(kernel_cache_folder())}
-    with (folder / _ERRORS).open("wb") as errors:
+    with (path.parent / _ERRORS).open("wb") as errors:
         process = subprocess.Popen(
-            [sys.executable, "-m", _MODULE, str(folder)],
+            [sys.executable, "-m", _MODULE, str(path), *options],
             env={**cache, **os.environ, **environment_of_threads(1)},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -72,11 +88,14 @@ def _run(folder: Path, tell: Callable[[int, int], None]) -> int:
                 done, _, total = line.strip().partition(" ")
                 if done.isdigit() and total.isdigit():
                     tell(int(done), int(total))
-            return process.wait()
+            code = process.wait()
         finally:
             if process.poll() is None:
                 process.kill()
                 process.wait()
+    if code:
+        return {}, f"ended with code {code}: {_last_line(path.parent / _ERRORS)}"
+    return msgspec.json.decode((path.parent / _RESULT).read_bytes()), ""
 
 
 def _last_line(path: Path) -> str:

@@ -1,7 +1,8 @@
-"""One run of a table, in a process of its own: `python -m ... FOLDER` with the job in FOLDER/job.json.
+"""One run of a table, in a process of its own: `python -m ... FOLDER/JOB.json [--score]`.
 
 Tracks and maps every frame in turn, with one numeric thread, as lockstep does; leaves trajectories, mesh
-and `result.json`. Progress is a line on stdout, "frames done" and "frames in all".
+and `result.json` in FOLDER. With `--score` the trajectories and mesh are there already. Progress is a line
+on stdout, "frames done" and "frames in all".
 """
 
 import sys
@@ -37,7 +38,7 @@ from hsslam_node.tracking.pose_log import (
 )
 from hsslam_node.tracking.track_result import TrackResult
 
-JOB, RESULT = "job.json", "result.json"
+RESULT = "result.json"
 _STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _TELL_EVERY = 5  # frames
 _CM = 100.0
@@ -45,14 +46,17 @@ _CM = 100.0
 
 def main() -> None:
     """Exit code 0: done; 2: told in one line on stderr."""
-    folder = Path(sys.argv[1])
+    path = Path(sys.argv[1])
     try:
-        job = msgspec.json.decode((folder / JOB).read_bytes(), type=Job)
-        found = table_run(job, folder, lambda done, total: print(done, total, flush=True))
+        job = msgspec.json.decode(path.read_bytes(), type=Job)
+        if sys.argv[2:] == ["--score"]:
+            found = score(job, path.parent)
+        else:
+            found = table_run(job, path.parent, lambda done, all: print(done, all, flush=True))
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    (folder / RESULT).write_bytes(msgspec.json.encode(found))
+    (path.parent / RESULT).write_bytes(msgspec.json.encode(found))
 
 
 def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[str, Any]:
@@ -78,10 +82,9 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
     mesh = final_mesh(checkpoint, slam.store, job.config.mesher.final_voxel_m, device)
     if len(mesh.faces):
         mesh.export(folder / "mesh.ply")
-    report = evaluate_run(folder, job.source, job.frames) or {}
+    found = score(job, folder)
     sizes = params.layout.size_bytes_by_part()
-    details = {
-        "evaluation": report,
+    found["details"] |= {
         "model_bytes": sizes,
         "frames": len(rows),
         "keyframes": slam.store.count,
@@ -89,12 +92,18 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
         "seconds": seconds,
         "device": str(device),
     }
-    values = _accuracy(report) | {
+    found["values"] |= {
         "lost": float(np.count_nonzero(rows["status"] == LOST)),
         "model_mib": sum(sizes.values()) / 2**20,
         "fps": len(rows) / seconds,
     }
-    return {"values": values, "details": details}
+    return found
+
+
+def score(job: Job, folder: Path) -> dict[str, Any]:
+    """The accuracy of the trajectories and the mesh in `folder`, as `table_run` returns it."""
+    report = evaluate_run(folder, job.source, job.frames) or {}
+    return {"values": _accuracy(report), "details": {"evaluation": report}}
 
 
 def _track(

@@ -48,6 +48,16 @@ def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: 
     shown = _bench("ablation", "--show", *options, *small, *where)
     assert "(D) without hash grid" in shown.stdout.replace("\n", " ")
     assert out.read_text() == before
+    folder = out.with_suffix("") / "D-room-seed0"
+    online = (folder / "trajectory_online.txt").read_text()
+    (folder / "trajectory_online.txt").write_text("\n".join(online.splitlines()[:-1]) + "\n")
+    assert _bench("ablation", "--rescore", *options, *small, *where).returncode == 0
+    after = {(run["row"], run["sequence"]): run for run in json.loads(out.read_text())["runs"]}
+    ours, old = after["D", "room"], good[1]
+    assert ours["details"]["evaluation"]["ate"]["online"]["scored"] == 3
+    assert ours["values"]["ate_cm"] == old["values"]["ate_cm"] and ours["scored_by"]
+    assert ours["values"]["fps"] == old["values"]["fps"]
+    before = out.read_text()
     if not good[0]["commit"].endswith("+"):  # else the files may be others by now
         again = _bench(
             "ablation", "--rows", "full", "--seeds", "0", "--sequences", "room", *small, *where
