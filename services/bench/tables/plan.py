@@ -40,7 +40,7 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
         for row in rows:
             for sequence in options.sequences or table.sequences or (row.name,):
                 source = find_sequence(options.data, sequence)
-                if source is None:
+                if source is None and not options.show:
                     place = expected_place(options.data, sequence)
                     skipped[sequence] = f"skipped {sequence}: {place} is not on disk"
                     continue
@@ -49,7 +49,7 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                         table=table.name,
                         row=row.name,
                         sequence=sequence,
-                        source=source,
+                        source=source or "",
                         seed=seed,
                         protocol=options.protocol,
                         config=configs[row.name],

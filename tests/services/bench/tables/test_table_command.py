@@ -45,7 +45,7 @@ def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: 
     assert "preset realtime; mapper.first_iterations=20" in markdown
 
     before = out.read_text()
-    shown = _bench("ablation", "--show", *options, *small, *where)
+    shown = _bench("ablation", "--show", *options, *small, *where, "--data", str(tmp_path / "no"))
     assert "(D) without hash grid" in shown.stdout.replace("\n", " ")
     assert out.read_text() == before
     folder = out.with_suffix("") / "D-room-seed0"
