@@ -28,7 +28,7 @@ from hsslam_node.services.bench.tables.result_file import ResultFile
 from hsslam_node.services.bench.tables.run_job import rescored, run_job
 from hsslam_node.services.parse_options import parse_options
 
-_WIDTH = 160  # characters, where the output is no terminal
+_WIDTH = 190  # characters, where the output is no terminal
 
 
 def table_command(name: str, args: Sequence[str]) -> int:
