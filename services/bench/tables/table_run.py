@@ -27,6 +27,7 @@ from hsslam_node.services.bench.tables.job import Job
 from hsslam_node.services.saver import final_mesh
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import Source
 from hsslam_node.tracking.pose_log import (
     INITIAL,
     LOST,
@@ -66,10 +67,11 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
         UserError: the source cannot be read, or nothing could be tracked.
     """
     torch.set_num_threads(1)
+    source = open_source(job.source, job.frames)  # what is wrong with it is told at once
     device = choose_device(job.device)
     rehearse(job.config, device)  # machine code is loaded, for all rows alike
     slam = Slam(job.config, job.seed, device=device)
-    rows, seconds = _track(job, slam, tell, device)
+    rows, seconds = _track(source, slam, tell, device)
     if slam.store is None or slam.parameters is None:
         raise UserError(f"{job.source}: no frame could be read: expected some")
     poses = slam.store.poses()
@@ -107,12 +109,11 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
 
 
 def _track(
-    job: Job, slam: Slam, tell: Callable[[int, int], None], device: Device
+    source: Source, slam: Slam, tell: Callable[[int, int], None], device: Device
 ) -> tuple[np.ndarray, float]:
     """Rows of POSE_ROW, and the time for them: of the processor alone where there is no other device,
     so that it does not matter what else runs."""
     clock = time.perf_counter if device.uses_triton else time.process_time
-    source = open_source(job.source, job.frames)
     rows: list[np.ndarray] = []
     seconds = 0.0
     for frame in source.frames():
