@@ -4,15 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_metrics import distances, sample_surface
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 from hsslam_node.sources.synth.apartment import DOORS_M, build_apartment
 from hsslam_node.sources.synth.apartment_walk import apartment_poses
-from tests.sources.synth.back_projection import back_projected
+from tests.sources.synth.true_surface import clearance_m, depth_errors_m
 
 _SYNTH = SynthOptions(width_px=160, height_px=120)
 _OPTIONS = SourceOptions(synth=_SYNTH, stride=180)
@@ -24,10 +22,8 @@ def frames():
 
 
 @pytest.fixture(scope="module")
-def surface():
-    """Points all over the true mesh, [N, 3] m."""
-    truth = open_ground_truth("synth:apartment", _OPTIONS)
-    return sample_surface(truth.mesh(), 2_000_000, 0)
+def mesh():
+    return open_ground_truth("synth:apartment", _OPTIONS).mesh()
 
 
 def test_the_loop_is_long_and_closes():
@@ -48,21 +44,18 @@ def test_no_room_is_visited_twice():
         assert np.ptp(near) == len(near) - 1
 
 
-def test_the_way_keeps_clear_of_walls_and_furniture(surface):
+def test_the_way_keeps_clear_of_walls_and_furniture(mesh):
     positions = apartment_poses(None, 0)[:, :3, 3]
-    clearance_m, _ = cKDTree(surface).query(positions[::3])
-    assert clearance_m.min() > 0.3  # no wall between frames 3 cm apart either
+    assert clearance_m(positions[::3], mesh).min() > 0.3  # no wall between frames 3 cm apart either
 
 
-def test_depth_lies_on_the_true_mesh(frames, surface):
+def test_depth_lies_on_the_true_mesh(frames, mesh):
     truth = open_ground_truth("synth:apartment", _OPTIONS)
     assert [f.stamp_ns for f in frames] == list(truth.stamps_ns)
     for k in (2, 7):
-        points = back_projected(frames[k])
-        points = points @ truth.T_world_cam[k][:3, :3].T + truth.T_world_cam[k][:3, 3]
-        error_m = distances(points[::7], surface)
-        assert np.quantile(error_m, 0.9) < 0.012  # the samples are 2 cm apart
-        assert np.quantile(error_m, 0.99) < 0.03
+        error_m = depth_errors_m(frames[k], truth.T_world_cam[k], mesh)
+        assert np.quantile(error_m, 0.9) < 0.0003  # steps of the depth image: 0.2 mm
+        assert np.quantile(error_m, 0.99) < 0.02
 
 
 def test_every_view_is_textured_and_closed(frames):

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_metrics import distances, sample_surface
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 from hsslam_node.sources.synth.corridor import build_corridor, corridor_poses
 from tests.sources.synth.back_projection import back_projected
+from tests.sources.synth.true_surface import clearance_m, depth_errors_m
 
 _OPTIONS = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), stride=60)
 
@@ -25,23 +24,20 @@ def truth():
 
 
 @pytest.fixture(scope="module")
-def surface(truth):
-    """Points all over the true mesh, [N, 3] m."""
-    return sample_surface(truth.mesh(), 1_000_000, 0)
+def mesh(truth):
+    return truth.mesh()
 
 
-def test_the_way_leads_through_the_corridor_and_keeps_clear(surface):
+def test_the_way_leads_through_the_corridor_and_keeps_clear(mesh):
     positions = corridor_poses(None, 0)[:, :3, 3]
     assert positions[0, 0] < 3 and positions[-1, 0] > 19
-    clearance_m, _ = cKDTree(surface).query(positions[::3])
-    assert clearance_m.min() > 0.3
+    assert clearance_m(positions[::3], mesh).min() > 0.3
 
 
-def test_depth_lies_on_the_true_mesh(frames, truth, surface):
-    T = truth.T_world_cam[5]
-    error_m = distances((back_projected(frames[5]) @ T[:3, :3].T + T[:3, 3])[::7], surface)
-    assert np.quantile(error_m, 0.9) < 0.012
-    assert np.quantile(error_m, 0.99) < 0.03
+def test_depth_lies_on_the_true_mesh(frames, truth, mesh):
+    error_m = depth_errors_m(frames[5], truth.T_world_cam[5], mesh)
+    assert np.quantile(error_m, 0.9) < 0.0003  # steps of the depth image: 0.2 mm
+    assert np.quantile(error_m, 0.99) < 0.02
 
 
 def test_along_its_axis_the_geometry_gives_little_hold(frames, truth):
