@@ -6,7 +6,8 @@ order, so the poses are the same.
 
 from collections.abc import Iterable, Iterator
 
-from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
+from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
+from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.layout import FieldLayout
@@ -46,7 +47,7 @@ class Slam:
         self.parameters: FieldParameters | None = None
         self._tracker: FrameTracker | None = None
         self._mapper: Mapper | None = None
-        self._ba: GlobalBundleAdjustment | None = None
+        self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
 
     def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
@@ -101,7 +102,7 @@ class Slam:
             self.parameters, self._device, with_color=c.tracker.method == "rendering"
         )
         if c.ba.enabled:
-            self._ba = GlobalBundleAdjustment(c, self.parameters, self.seed, self._device)
+            self._ba = open_adjustment(c, self.parameters, self.seed, self._device)
 
     def _view(self) -> MapView | None:
         if self._views is None:

@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from hsslam_node.bundle_adjustment.global_ba import BaReport, GlobalBundleAdjustment
+from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
+from hsslam_node.bundle_adjustment.report import BaReport, BundleAdjustment
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Correction, Step
 from hsslam_node.services.map_link import MapLink
@@ -43,7 +44,7 @@ class _BaLoop:
         self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._corrections = worker.bus.publisher(topics.CORRECTION)
-        self._ba: GlobalBundleAdjustment | None = None
+        self._ba: BundleAdjustment | None = None
 
     def work_if_due(self) -> None:
         """One round, if enough keyframes have come since the last."""
@@ -54,13 +55,14 @@ class _BaLoop:
         if parameters.version == 0:
             return
         if self._ba is None:
-            self._ba = GlobalBundleAdjustment(options.slam, parameters, options.seed, self._device)
+            self._ba = open_adjustment(options.slam, parameters, options.seed, self._device)
         if not self._ba.is_due(store):
             return
         with self._worker.timed("round"):
             report = self._ba.round(store, partial(self._worker.arena.lease, PARAMETERS_LEASE))
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
+        self._worker.count("loops", report.loops)
         if report.moved:
             base = store.pose_version
             version = store.correct_poses(report.keyframes, report.T_world_cam)

@@ -24,6 +24,8 @@ ABOVE_ZERO = {
     "photometric_huber max_step_m max_step_rad surface_gate_m longest_gap_s",
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
+    "pose_graph": "most_keyframes loop_gap loop_every loop_reach_m loop_reach_rad sigma_m sigma_rad "
+    "odometry_sigma_m odometry_sigma_rad anchor_gap anchor_sigma_m anchor_sigma_rad kernel window",
     "mesher": "voxel_m final_voxel_m",
     "bound": "margin least_m most_m growth_m farthest_m",
 }
@@ -34,6 +36,7 @@ ZERO_OR_MORE = {
     "tracker": "border_px photometric_pixels surface_weight sdf_sigma_slope",
     "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
+    "pose_graph": "loops least_shift_m",
     "mesher": "every_s",
 }
 OTHERS = [  # value, and the nearest one that is good
@@ -62,6 +65,12 @@ OTHERS = [  # value, and the nearest one that is good
     ("rendering_tracker", "adam_beta1", 1.0, 0.9),
     ("rendering_tracker", "border", 0.31, 0.3),
     ("ba", "selection", "best", "uniform"),
+    ("ba", "method", "hope", "graph"),
+    ("pose_graph", "min_coverage", 1.1, 1.0),
+    ("pose_graph", "min_surface_agreement", -0.1, 0.0),
+    ("pose_graph", "min_image_agreement", 1.1, 1.0),
+    ("pose_graph", "min_loop_image_agreement", 1.1, 1.0),
+    ("pose_graph", "neighbours", (1, 0), (1, 2)),
     ("bound", "most_m", 2.9, 3.0),
 ]
 

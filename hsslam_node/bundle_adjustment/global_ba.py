@@ -1,12 +1,11 @@
 """Rounds of active global bundle adjustment."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import nullcontext
 
 import numpy as np
 
 from hsslam_node.bundle_adjustment.loss_table import LossTable
+from hsslam_node.bundle_adjustment.report import BaReport, Lease
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
@@ -15,17 +14,6 @@ from hsslam_node.geometry.se3 import moved_about_camera
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
-
-
-@dataclass(frozen=True)
-class BaReport:
-    """One round. `keyframes` is empty where none was badly rendered: nothing was done."""
-
-    keyframes: np.ndarray  # [n] ids
-    T_world_cam: np.ndarray  # [n, 4, 4], refined
-    loss_before: float
-    loss_after: float
-    moved: bool  # whether any pose changed
 
 
 class GlobalBundleAdjustment:
@@ -56,7 +44,7 @@ class GlobalBundleAdjustment:
     def round(
         self,
         store: KeyframeStore,
-        lease: Callable[[], AbstractContextManager[object]] = nullcontext,
+        lease: Lease = nullcontext,
     ) -> BaReport:
         """Probe, select, refine. `lease()` is held for one iteration at a time, so that a mapper
         beside this process never waits for a whole round."""

@@ -8,6 +8,7 @@ from hsslam_node.config.mapping import (
     MapperConfig,
 )
 from hsslam_node.config.meshing import BoundConfig, MesherConfig
+from hsslam_node.config.pose_graph import PoseGraphConfig
 from hsslam_node.config.slam import SlamConfig
 from hsslam_node.config.tracking import RenderingTrackerConfig, TrackerConfig
 
@@ -19,6 +20,7 @@ __all__ = [
     "LossWeights",
     "MapperConfig",
     "MesherConfig",
+    "PoseGraphConfig",
     "RenderingTrackerConfig",
     "SlamConfig",
     "TrackerConfig",

@@ -106,6 +106,9 @@ class BundleAdjustmentConfig:
     """Global bundle adjustment (paper III-C)."""
 
     enabled: bool = True
+    method: Literal["joint", "graph"] = "joint"
+    """joint: poses and map by Adam on the rendering losses (the paper); graph: poses by alignment of
+    keyframes to each other (`PoseGraphConfig`), the map then follows."""
     selection: Literal["active", "uniform"] = "active"
     """active: the keyframes that are rendered worst; uniform: random ones, whatever their loss."""
     loss_threshold: float = 0.09
@@ -128,6 +131,7 @@ class BundleAdjustmentConfig:
     """A refined keyframe rests for so many rounds."""
 
     def __post_init__(self) -> None:
+        expect_one_of(self, "ba", "method", "joint", "graph")
         expect_one_of(self, "ba", "selection", "active", "uniform")
         expect_positive(self, "ba", "loss_threshold", "top_keyframes", "iterations", "rays")
         expect_positive(self, "ba", "every_keyframes", "probe_rays", "probe_keyframes")

@@ -11,6 +11,7 @@ from hsslam_node.config.mapping import (
     MapperConfig,
 )
 from hsslam_node.config.meshing import BoundConfig, MesherConfig
+from hsslam_node.config.pose_graph import PoseGraphConfig
 from hsslam_node.config.tracking import RenderingTrackerConfig, TrackerConfig
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
@@ -29,5 +30,6 @@ class SlamConfig:
         default_factory=RenderingTrackerConfig
     )
     ba: BundleAdjustmentConfig = dataclasses.field(default_factory=BundleAdjustmentConfig)
+    pose_graph: PoseGraphConfig = dataclasses.field(default_factory=PoseGraphConfig)
     mesher: MesherConfig = dataclasses.field(default_factory=MesherConfig)
     bound: BoundConfig = dataclasses.field(default_factory=BoundConfig)

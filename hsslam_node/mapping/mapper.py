@@ -10,6 +10,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.bound_growth import wanted_bound
 from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.moved_keyframes import MovedKeyframes
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 
 
@@ -26,18 +27,22 @@ class Mapper:
         self._bound_config = config.bound
         self._may_grow = config.bound.grow
         self._covered = 0  # keyframes that the bound was held against
+        self._moved = MovedKeyframes()
 
     def initialise(self, store: KeyframeStore) -> StepReport:
         """One iteration on the first keyframe, at the raised rates."""
         return self._step(store, np.array([0]), self._config.first_rate_factor)
 
     def iterate(self, store: KeyframeStore) -> StepReport:
-        """One iteration over a window of the keyframes there are now."""
+        """One iteration over a window of the keyframes there are now; half of the others are such that
+        have moved since they were mapped, while there are any."""
         newest = store.count - 1
         size = min(self._config.window_keyframes, store.count)
         generator = self._generator(0)
         recent = [newest] if size == 1 else [newest, newest - 1]
         others = generator.choice(newest - 1, size - 2, replace=False) if size > 2 else []
+        moved = self._moved.draw(store.poses()[: max(newest - 1, 0)], (size - 2) // 2, generator)
+        others = list(dict.fromkeys([*moved, *others]))[: max(size - 2, 0)]
         return self._step(store, np.array([*recent, *others], np.int64), 1.0)
 
     def polish(self, store: KeyframeStore) -> StepReport:

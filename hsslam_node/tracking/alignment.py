@@ -1,6 +1,6 @@
 """Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Alignment:
     surface_coverage: float  # share of the points that met the keyframe's surface
     photometric_inlier_ratio: float  # nan without the term
     outside: int  # points outside the bound
+    information: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
+    """[6, 6] of a twist (m, rad) as in `moved_about_camera`, with the grey bias left free."""
 
 
 def align(
@@ -79,6 +81,7 @@ def align(
         surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
+        information=_without_bias(system.H),
     )
 
 
@@ -163,6 +166,11 @@ def _moved(T: np.ndarray, x: np.ndarray) -> np.ndarray:
     out[:3, :3] = se3_exp(np.array([0, 0, 0, *x[3:]]))[:3, :3] @ T[:3, :3]
     out[:3, 3] += x[:3]
     return out
+
+
+def _without_bias(H: np.ndarray) -> np.ndarray:
+    """[6, 6] of the pose alone from [7, 7]; the Schur complement."""
+    return H[:6, :6] - np.outer(H[:6, 6], H[6, :6]) / max(H[6, 6], 1e-9)
 
 
 def _ratio(part: int, whole: int) -> float:

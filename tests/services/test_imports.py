@@ -14,7 +14,7 @@ _NEEDED = {
     "recorder": {"cv2", "rerun", "mcap"},
     "tracker": {"torch", "numba", "cv2", "scipy"},
     "mapper": {"torch", "numba", "scipy"},
-    "global_ba": {"torch", "numba", "scipy"},
+    "global_ba": {"torch", "numba", "cv2", "scipy"},
 }
 
 

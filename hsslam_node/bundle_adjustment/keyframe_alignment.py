@@ -1,0 +1,128 @@
+"""Dense alignment of keyframes to each other, no map involved: the edges of the pose graph."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
+from hsslam_node.config import PoseGraphConfig, TrackerConfig
+from hsslam_node.geometry.se3 import inverse, se3_log, skew
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.frame_points import frame_points
+from hsslam_node.tracking.reference_keyframe import (
+    PyramidLevel,
+    ReferenceKeyframe,
+    grey_pyramid,
+    reference_keyframe,
+)
+
+_FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
+_INDEPENDENT = 0.1  # share of points and pixels that say something of their own
+_HELD = 24  # keyframes whose pyramids are kept: 3 MB each at 640 x 480
+T = TypeVar("T")
+
+
+class KeyframeAlignment:
+    """Measures edges between keyframes of a store; keeps what it prepared of the last ones used."""
+
+    def __init__(
+        self, store: KeyframeStore, tracker: TrackerConfig, config: PoseGraphConfig, seed: int
+    ) -> None:
+        self._store = store
+        self._tracker = tracker
+        self._config = config
+        self._seed = seed
+        self._levels: OrderedDict[int, tuple[PyramidLevel, ...]] = OrderedDict()
+        self._references: OrderedDict[int, ReferenceKeyframe] = OrderedDict()
+
+    def neighbour(self, first: int, second: int, T_first_second: np.ndarray) -> PoseEdge | None:
+        """Edge between keyframes whose relative pose is known well; None where they do not fit."""
+        c = self._config
+        found = self._aligned(first, second, T_first_second, _FINE_LEVELS)
+        return self._edge(first, second, found, c.min_image_agreement)
+
+    def loop(self, first: int, second: int, T_first_second: np.ndarray) -> PoseEdge | None:
+        """Edge between keyframes that may see the same: all levels, and the image must agree better."""
+        found = self._aligned(first, second, T_first_second, None)
+        return self._edge(first, second, found, self._config.min_loop_image_agreement)
+
+    def _aligned(
+        self, first: int, second: int, T_first_second: np.ndarray, fine_levels: int | None
+    ) -> Alignment | None:
+        """The older keyframe aligned to the newer one, which is prepared once for many."""
+        frame = self._store.frame(first)
+        points = frame_points(frame, self._tracker, self._seed)
+        if len(points) == 0:
+            return None
+        levels = self._pyramid(first)
+        reference = self._reference(second)
+        if fine_levels:
+            levels = levels[-fine_levels:]
+            reference = replace(
+                reference,
+                points=reference.points[-fine_levels:],
+                grey=reference.grey[-fine_levels:],
+            )
+        guess = inverse(T_first_second)
+        return align(points, levels, guess, None, reference, np.eye(4), self._tracker)
+
+    def _edge(
+        self, first: int, second: int, found: Alignment | None, image_agreement: float
+    ) -> PoseEdge | None:
+        c = self._config
+        if found is None or not np.isfinite(found.T_world_cam).all():
+            return None
+        # written so that nan, where a term said nothing, is a refusal
+        if not (
+            found.surface_coverage >= c.min_coverage
+            and found.surface_inlier_ratio >= c.min_surface_agreement
+            and found.photometric_inlier_ratio >= image_agreement
+        ):
+            return None
+        T_second_first = found.T_world_cam
+        information = _information(found, c)
+        return PoseEdge(first, second, inverse(T_second_first), information, True)
+
+    def _pyramid(self, k: int) -> tuple[PyramidLevel, ...]:
+        return _kept(self._levels, k, lambda: grey_pyramid(self._store.frame(k)))
+
+    def _reference(self, k: int) -> ReferenceKeyframe:
+        pixels = self._tracker.photometric_pixels
+        levels = self._pyramid(k)
+        return _kept(
+            self._references,
+            k,
+            lambda: reference_keyframe(k, self._store.frame(k), levels, pixels),
+        )
+
+
+def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:
+    """[6, 6] of T_first_second exp(x), from that of the first keyframe moved about its camera in the
+    axes of the second: noise of points and pixels, and what they have in common."""
+    T = found.T_world_cam  # second <- first
+    common = found.surface_coverage**-1.5 * np.repeat([config.sigma_m, config.sigma_rad], 3)
+    # exp(-x) moves the first keyframe by (-(x_t + x_r x t), -x_r)
+    by_twist = -np.eye(6)
+    by_twist[:3, 3:] = skew(T[:3, 3])
+    own = _INDEPENDENT * by_twist.T @ found.information @ by_twist
+    own += 1e-6 * np.diag(common**-2)
+    return np.linalg.inv(np.linalg.inv(own) + np.diag(common**2))
+
+
+def difference(T: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """How far apart two transforms [4, 4] are, m and rad."""
+    x = se3_log(inverse(T) @ other)
+    return float(np.linalg.norm(x[:3])), float(np.linalg.norm(x[3:]))
+
+
+def _kept(held: OrderedDict[int, T], k: int, make: Callable[[], T]) -> T:
+    if k not in held:
+        held[k] = make()
+        while len(held) > _HELD:
+            held.popitem(last=False)
+    held.move_to_end(k)
+    return held[k]

@@ -1,0 +1,64 @@
+"""Where the camera has been before: keyframes near by, and keyframes that look alike."""
+
+import numpy as np
+
+from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment
+from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
+from hsslam_node.config import PoseGraphConfig, TrackerConfig
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.place_recognition.find_loop import find_loop
+from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+
+_APART = 6  # keyframes between two that one keyframe is tied to: others add little
+_MOST_INDEXED = 6  # keyframes whose features are taken in by one search, 15 ms each
+
+
+class LoopSearch:
+    """Proposes and verifies loops; each edge may still be wrong, and the pose graph may drop it."""
+
+    def __init__(
+        self,
+        store: KeyframeStore,
+        alignment: KeyframeAlignment,
+        tracker: TrackerConfig,
+        config: PoseGraphConfig,
+        seed: int,
+    ) -> None:
+        self._store = store
+        self._alignment = alignment
+        self._tracker = tracker
+        self._config = config
+        self._seed = seed
+        self._index = KeyframeIndex(store)
+
+    def near(self, k: int, poses: np.ndarray) -> list[PoseEdge]:
+        """Edges to keyframes of long ago that see from near by what keyframe k sees."""
+        c = self._config
+        old = poses[: max(k - c.loop_gap + 1, 0)]  # [n, 4, 4]
+        distance = np.linalg.norm(old[:, :3, 3] - poses[k, :3, 3], axis=1) / c.loop_reach_m
+        angle = np.arccos(np.clip(old[:, :3, 2] @ poses[k, :3, 2], -1.0, 1.0)) / c.loop_reach_rad
+        farness = np.where((distance < 1) & (angle < 1), distance + angle, np.inf)
+        edges = []
+        for _ in range(c.loops):
+            if not np.isfinite(farness).any():
+                break
+            i = int(farness.argmin())
+            farness[max(i - _APART, 0) : i + _APART + 1] = np.inf
+            edge = self._alignment.loop(i, k, inverse(poses[i]) @ poses[k])
+            if edge is not None:
+                edges.append(edge)
+        return edges
+
+    def alike(self, k: int) -> list[PoseEdge]:
+        """Edges to keyframes of long ago that share features with keyframe k, wherever they lie."""
+        self._index.update(_MOST_INDEXED)
+        among = np.arange(max(k - self._config.loop_gap + 1, 0))
+        if len(among) == 0:
+            return []
+        found = find_loop(
+            self._store, self._index, k, self._tracker,
+            among=among, candidates=2, seed=self._seed,
+        )  # fmt: skip
+        edges = [self._alignment.loop(m.keyframe, k, m.T_keyframe_cam) for m in found]
+        return [edge for edge in edges if edge is not None]

@@ -1,0 +1,16 @@
+"""The bundle adjustment that a configuration asks for."""
+
+from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
+from hsslam_node.bundle_adjustment.graph_adjustment import GraphBundleAdjustment
+from hsslam_node.bundle_adjustment.report import BundleAdjustment
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
+from hsslam_node.field.parameters import FieldParameters
+
+
+def open_adjustment(
+    config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
+) -> BundleAdjustment:
+    """By `config.ba.method`."""
+    kind = GraphBundleAdjustment if config.ba.method == "graph" else GlobalBundleAdjustment
+    return kind(config, parameters, seed, device)

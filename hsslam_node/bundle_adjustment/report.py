@@ -1,0 +1,36 @@
+"""What one round of bundle adjustment did, and what all kinds of it have in common."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hsslam_node.keyframes.store import KeyframeStore
+
+Lease = Callable[[], AbstractContextManager[object]]
+
+
+@dataclass(frozen=True)
+class BaReport:
+    """One round. `keyframes` is empty where nothing was to be done."""
+
+    keyframes: np.ndarray  # [n] ids
+    T_world_cam: np.ndarray  # [n, 4, 4], refined
+    loss_before: float
+    loss_after: float
+    moved: bool  # whether any pose changed
+    loops: int = 0  # that were closed
+
+
+class BundleAdjustment(Protocol):
+    """Refines keyframe poses, and the map with them; the caller writes the poses back."""
+
+    def is_due(self, store: KeyframeStore) -> bool:
+        """Whether enough keyframes have come since the last round."""
+        ...
+
+    def round(self, store: KeyframeStore, lease: Lease = ...) -> BaReport:
+        """One round. `lease()` is held while the map is stepped, for one iteration at a time."""
+        ...

@@ -1,0 +1,148 @@
+"""Adjustment of keyframe poses as a graph: what it pulls back, what it leaves, and loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.bundle_adjustment.graph_adjustment import GraphBundleAdjustment
+from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment
+from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
+from hsslam_node.config import SlamConfig
+from hsslam_node.geometry.se3 import inverse
+from tests.small_room import (
+    SMALL,
+    MappedRoom,
+    displaced,
+    mapped_room,
+    pose_error,
+    room_frames,
+    room_poses,
+)
+
+# images of 160 x 120 carry a sixteenth of the pixels that the deviations are meant for
+_GRAPH = replace(SMALL.pose_graph, loop_gap=5, loop_every=1, least_shift_m=1e-5)
+
+
+def _config(**graph) -> SlamConfig:
+    ba = replace(SMALL.ba, method="graph", iterations=1, every_keyframes=1, loss_threshold=1e6)
+    return replace(SMALL, ba=ba, pose_graph=replace(_GRAPH, **graph))
+
+
+def _adjusted(room: MappedRoom) -> np.ndarray:
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    report = ba.round(room.store)
+    room.store.correct_poses(report.keyframes, report.T_world_cam)
+    return room.store.poses()
+
+
+def _move(room: MappedRoom, k: int, distance_m: float, angle_deg: float) -> None:
+    T = displaced(room.store.pose(k), distance_m, angle_deg, seed=k)
+    room.store.correct_poses(np.array([k]), T[None])
+
+
+def _errors(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """[n, 2] m, degrees."""
+    return np.array([pose_error(T, G) for T, G in zip(poses, truth, strict=True)])
+
+
+@pytest.mark.parametrize("k", [3, 6, 9])
+def test_a_displaced_keyframe_comes_back(k):
+    room = mapped_room(_config())
+    truth = room.store.poses()
+    _move(room, k, 0.02, 1.0)
+    assert pose_error(room.store.pose(k), truth[k]) == pytest.approx((0.02, 1.0), rel=0.01)
+    errors = _errors(_adjusted(room), truth)
+    assert errors[k, 0] < 0.002 and errors[k, 1] < 0.1
+    assert errors[:, 0].max() < 0.003 and errors[:, 1].max() < 0.1  # nor do the others suffer
+
+
+def test_the_first_keyframe_stays_even_if_it_is_the_one_displaced():
+    room = mapped_room(_config())
+    _move(room, 0, 0.02, 1.0)
+    first, truth = room.store.pose(0), mapped_room().store.poses()
+    poses = _adjusted(room)
+    np.testing.assert_array_equal(poses[0], first)
+    relative = inverse(truth[0]) @ truth
+    errors = _errors(inverse(poses[0]) @ poses, relative)
+    assert errors[:, 0].max() < 0.002
+
+
+def _drifted_return(config: SlamConfig, drift_m: float) -> tuple[MappedRoom, np.ndarray]:
+    """Ten keyframes out, ten back to the start, the latter shifted more and more; and their truth."""
+    room = mapped_room(config)
+    frames, truth = room_frames(), room_poses()
+    back = list(range(37, 0, -4))
+    for step, k in enumerate(back):
+        T = truth[k].copy()
+        T[0, 3] += drift_m * (step + 1) / len(back)
+        room.store.append(frames[k], T)
+    return room, truth[[*range(0, 40, 4), *back]]
+
+
+def test_a_loop_takes_the_drift_away():
+    room, truth = _drifted_return(_config(neighbours=(1,)), 0.04)
+    before = _errors(room.store.poses(), truth)[:, 0].max()
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    report = ba.round(room.store)
+    assert before > 0.035 and report.loops > 3 and report.moved
+    room.store.correct_poses(report.keyframes, report.T_world_cam)
+    assert _errors(room.store.poses(), truth)[:, 0].max() < 0.004
+
+
+def test_a_wrong_loop_does_no_harm(monkeypatch):
+    room, truth = _drifted_return(_config(), 0.0)
+    honest = KeyframeAlignment.loop
+    lies = []
+
+    def lying(self, first, second, T_first_second):
+        edge = honest(self, first, second, T_first_second)
+        if edge is not None and second % 4 == 0:
+            lies.append(second)
+            wrong = displaced(edge.T_first_second, 0.3, 5.0)
+            return replace(edge, T_first_second=wrong)
+        return edge
+
+    monkeypatch.setattr(KeyframeAlignment, "loop", lying)
+    assert _errors(_adjusted(room), truth)[:, 0].max() < 0.004 and lies
+
+
+def test_keyframes_that_came_meanwhile_move_along():
+    room, _ = _drifted_return(_config(neighbours=(1,)), 0.04)
+    appended = []
+
+    def lease():
+        if not appended:
+            appended.append(room.store.append(room_frames()[1], room.store.pose(19)))
+        return np.errstate()
+
+    ba = GraphBundleAdjustment(
+        replace(room.config, ba=replace(room.config.ba, loss_threshold=1e-9)), room.parameters, 0
+    )
+    report = ba.round(room.store, lease)
+    assert appended == [20] and report.keyframes[-1] == 20
+    np.testing.assert_allclose(report.T_world_cam[-1], report.T_world_cam[-2], atol=1e-12)
+
+
+def test_true_poses_stay_where_they_are():
+    room = mapped_room(_config(least_shift_m=0.002))
+    before = room.store.poses()
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    assert not ba.round(room.store).moved
+    np.testing.assert_array_equal(room.store.poses(), before)
+
+
+def test_rounds_are_due_every_few_keyframes():
+    room = mapped_room(_config())
+    ba = open_adjustment(room.config, room.parameters, 0)
+    assert isinstance(ba, GraphBundleAdjustment) and ba.is_due(room.store)
+    ba.round(room.store)
+    assert not ba.is_due(room.store)
+
+
+def test_twice_the_same_to_the_bit():
+    poses = []
+    for _ in range(2):
+        room, _truth = _drifted_return(_config(), 0.03)
+        poses.append(_adjusted(room))
+    np.testing.assert_array_equal(poses[0], poses[1])
