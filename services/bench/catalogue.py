@@ -9,6 +9,7 @@ from hsslam_node.services.bench.kidnapping_checks import kidnapping_checks
 from hsslam_node.services.bench.lockstep_checks import lockstep_checks
 from hsslam_node.services.bench.map_checks import map_checks
 from hsslam_node.services.bench.realtime_checks import realtime_checks
+from hsslam_node.services.bench.refinement_checks import refinement_checks
 from hsslam_node.services.bench.robustness_checks import robustness_checks
 from hsslam_node.services.bench.viewer_checks import viewer_checks
 
@@ -17,6 +18,7 @@ def catalogue() -> list[Check]:
     """The rows; those that nobody can measure yet stand there as not measured."""
     return [
         *lockstep_checks(),
+        *refinement_checks(),
         *robustness_checks(),
         *map_checks(),
         *kidnapping_checks(),

@@ -60,10 +60,17 @@ class Session:
             return self._run(name, options)
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
 
-    def realtime(self, sequence: str) -> ServeRun:
+    def realtime(self, sequence: str, seed: int = 0) -> ServeRun:
         """On the clock of a 30 Hz sensor, recording on."""
-        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
-        return self._run(f"realtime-{sequence}", options)
+        name = f"realtime-{sequence}" + (f"-seed{seed}" if seed else "")
+        pace = ("--pace", "realtime", "--rate-hz", "30", "--seed", str(seed))
+        return self._run(name, (*self._source(sequence), *pace))
+
+    def unrefined(self, sequence: str, pace: str, seed: int) -> ServeRun:
+        """A run in either pace without bundle adjustment."""
+        clock = ("--pace", pace, *(("--rate-hz", "30") if pace == "realtime" else ()))
+        options = (*self._source(sequence), *clock, "--seed", str(seed), "--no-slam.ba.enabled")
+        return self._run(f"{pace}-{sequence}-seed{seed}-unrefined", options)
 
     def viewer(self, sequence: str) -> ServeRun:
         """The same with a web viewer that somebody looks at."""
