@@ -69,7 +69,7 @@ class Session:
     def unrefined(self, sequence: str, pace: str, seed: int) -> ServeRun:
         """A run in either pace without bundle adjustment."""
         clock = ("--pace", pace, *(("--rate-hz", "30") if pace == "realtime" else ()))
-        options = (*self._source(sequence), *clock, "--seed", str(seed), "--no-slam.ba.enabled")
+        options = (*self._source(sequence), *clock, "--seed", str(seed), "--slam.ba.no-enabled")
         return self._run(f"{pace}-{sequence}-seed{seed}-unrefined", options)
 
     def viewer(self, sequence: str) -> ServeRun:
