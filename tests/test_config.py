@@ -70,7 +70,6 @@ OTHERS = [  # value, and the nearest one that is good
     ("pose_graph", "min_surface_agreement", -0.1, 0.0),
     ("pose_graph", "min_image_agreement", 1.1, 1.0),
     ("pose_graph", "min_loop_image_agreement", 1.1, 1.0),
-    ("pose_graph", "neighbours", (1, 0), (1, 2)),
     ("bound", "most_m", 2.9, 3.0),
 ]
 
@@ -119,10 +118,19 @@ def test_a_ray_needs_samples(samples):
         replace(SlamConfig().sampling, free_samples=samples[0], surface_samples=samples[1])
 
 
+def test_neighbours_lie_before_a_keyframe():
+    replace(SlamConfig().pose_graph, neighbours=())
+    with pytest.raises(
+        UserError, match=r"pose_graph\.neighbours = \(1, 0\): expected numbers of 1"
+    ):
+        replace(SlamConfig().pose_graph, neighbours=(1, 0))
+
+
 def test_every_number_is_tested_here():
     """A new parameter without a test of its limits fails."""
     known = {*_fields(ABOVE_ZERO), *_fields(ZERO_OR_MORE), *((g, n) for g, n, _, _ in OTHERS)}
     known |= {("sampling", "free_samples"), ("sampling", "surface_samples")}
+    known |= {("pose_graph", "neighbours")}
     for group in dataclasses.fields(SlamConfig):
         for field in dataclasses.fields(getattr(SlamConfig(), group.name)):
             if field.type in (bool, "bool"):

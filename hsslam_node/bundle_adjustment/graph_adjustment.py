@@ -82,7 +82,7 @@ class GraphBundleAdjustment:
                 for gap in gaps
                 if gap <= k
             ]
-            self._edges += self._tracked(k, poses, near[0] if gaps[0] == 1 else None)
+            self._edges += self._tracked(k, poses, near[0] if gaps[:1] == (1,) else None)
             self._edges += [edge for edge in near if edge is not None]
             if k % self._config.loop_every == 0 and not is_late:
                 loops += self._loops.near(k, poses)
