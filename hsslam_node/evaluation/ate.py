@@ -1,6 +1,6 @@
 """Absolute trajectory error."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,6 +21,8 @@ class AteResult:
     scored: int
     expected: int
     T_truth_estimate: np.ndarray  # [4, 4], maps the estimate's world to the truth's
+    stamps_ns: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # [scored]
+    errors_m: np.ndarray = field(default_factory=lambda: np.zeros(0))  # [scored], in order of time
 
 
 def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteResult:
@@ -28,23 +30,35 @@ def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteR
 
     Poses are paired by stamp, the closest first, at most `max_dt_s` apart.
     """
-    pairs = _pairs(estimate, truth, max_dt_s)
+    source, target = associated(estimate, truth, max_dt_s)
     expected = len(truth)
-    if len(pairs) < 3:
+    if len(source) < 3:
         nan = float("nan")
-        return AteResult(nan, nan, nan, len(pairs), expected, np.eye(4))
-    rows_estimate, rows_truth = np.array(pairs).T
-    source = estimate.positions[rows_estimate]
-    target = truth.positions[rows_truth]
-    T = align(source, target)
-    errors = np.linalg.norm(source @ T[:3, :3].T + T[:3, 3] - target, axis=1)
+        return AteResult(nan, nan, nan, len(source), expected, np.eye(4))
+    T = align(source.positions, target.positions)
+    moved = source.positions @ T[:3, :3].T + T[:3, 3]
+    errors = np.linalg.norm(moved - target.positions, axis=1)
     return AteResult(
         rmse_m=float(np.sqrt(np.mean(errors**2))),
         mean_m=float(errors.mean()),
         max_m=float(errors.max()),
-        scored=len(pairs),
+        scored=len(source),
         expected=expected,
         T_truth_estimate=T,
+        stamps_ns=target.stamps_ns,
+        errors_m=errors,
+    )
+
+
+def associated(
+    estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02
+) -> tuple[Trajectory, Trajectory]:
+    """The poses of both that belong together, in order of time; at most `max_dt_s` apart."""
+    pairs = _pairs(estimate, truth, max_dt_s)
+    rows_e, rows_t = np.array(pairs, np.int64).reshape(-1, 2).T
+    return (
+        Trajectory(estimate.stamps_ns[rows_e], estimate.T_world_cam[rows_e]),
+        Trajectory(truth.stamps_ns[rows_t], truth.T_world_cam[rows_t]),
     )
 
 

@@ -1,0 +1,104 @@
+"""Whether the frames of a trajectory agree with each other, where there is no truth worth the name."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.trajectory import Trajectory
+
+GAPS_FRAMES = (10, 30, 100)
+START_EVERY = 10  # frames between the first frames of pairs
+SAME_SURFACE_M = 0.10  # a larger difference in depth is another surface: occlusion, not error
+_LEAST_OVERLAP = 0.01  # share of the image that must see the same surface
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """How well frames `gap_frames` apart agree when the poses carry one into the other.
+
+    `depth_median_m`: median over the pairs of the median depth difference of a pair.
+    `one_minus_ncc`: mean over the pairs of 1 - normalised cross-correlation of the grey values.
+    NaN without a pair.
+    """
+
+    gap_frames: int
+    depth_median_m: float
+    one_minus_ncc: float
+    pairs: int  # that overlap and have both poses
+    possible: int  # that the sequence has
+
+
+def consistency(
+    frames: Sequence[Frame], trajectory: Trajectory, gap_frames: int, stride: int = START_EVERY
+) -> Consistency:
+    """Consistency of `frames`, every `stride`-th of a sequence, with poses of the same stamps.
+
+    A pair starts at each frame. Every pixel with depth of the first is carried into the second; its
+    depth there is compared with that measured at the nearest pixel, its grey value with that between
+    the pixels. Pixels that differ by 10 cm or more in depth are left out.
+    """
+    pose_of = dict(zip(trajectory.stamps_ns.tolist(), trajectory.T_world_cam, strict=True))
+    step = max(round(gap_frames / stride), 1)
+    possible = max(len(frames) - step, 0)
+    found = [_pair(frames[i], frames[i + step], pose_of) for i in range(possible)]
+    pairs = np.array([pair for pair in found if pair is not None]).reshape(-1, 2)
+    if len(pairs) == 0:
+        return Consistency(gap_frames, float("nan"), float("nan"), 0, possible)
+    depth_m, ncc = float(np.median(pairs[:, 0])), float(pairs[:, 1].mean())
+    return Consistency(gap_frames, depth_m, 1.0 - ncc, len(pairs), possible)
+
+
+def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> tuple[float, float] | None:
+    """Median depth difference, m, and correlation of grey values; None: no overlap, or no pose."""
+    if a.stamp_ns not in pose_of or b.stamp_ns not in pose_of:
+        return None
+    T_b_a = inverse(pose_of[b.stamp_ns]) @ pose_of[a.stamp_ns]
+    points, pixels = _back_projected(a)
+    moved = points @ T_b_a[:3, :3].T + T_b_a[:3, 3]
+    c = b.camera
+    z = np.where(moved[:, 2] > 0, moved[:, 2], np.nan)
+    u, v = moved[:, 0] / z * c.fx + c.cx, moved[:, 1] / z * c.fy + c.cy
+    inside = (u >= 0) & (v >= 0) & (u <= c.width_px - 1) & (v <= c.height_px - 1)  # NaN: outside
+    u, v, z, pixels = u[inside], v[inside], z[inside], pixels[inside]
+    measured = b.depth_m()[np.rint(v).astype(int), np.rint(u).astype(int)]
+    difference = np.abs(z - measured)
+    same = (measured > 0) & (difference < SAME_SURFACE_M)
+    if same.sum() < _LEAST_OVERLAP * c.width_px * c.height_px:
+        return None
+    own = _grey(a).ravel()[pixels[same]]
+    other = _between_pixels(_grey(b), u[same], v[same])
+    return float(np.median(difference[same])), _correlation(own, other)
+
+
+def _back_projected(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Points [N, 3] m in the camera's axes of the pixels with depth, and their numbers [N]."""
+    depth, c = frame.depth_m(), frame.camera
+    pixels = np.flatnonzero(depth > 0)
+    v, u = np.divmod(pixels, c.width_px)
+    z = depth.ravel()[pixels].astype(np.float64)
+    return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1), pixels
+
+
+def _grey(frame: Frame) -> np.ndarray:
+    return cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY).astype(np.float32)
+
+
+def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Bilinear values [N] of an image at places [N]."""
+    low_u = np.minimum(np.floor(u).astype(int), image.shape[1] - 2)
+    low_v = np.minimum(np.floor(v).astype(int), image.shape[0] - 2)
+    a, b = u - low_u, v - low_v
+    top = image[low_v, low_u] * (1 - a) + image[low_v, low_u + 1] * a
+    bottom = image[low_v + 1, low_u] * (1 - a) + image[low_v + 1, low_u + 1] * a
+    return top * (1 - b) + bottom * b
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Normalised cross-correlation, -1 to 1; 0 where one of them is constant."""
+    a, b = a - a.mean(), b - b.mean()
+    size = np.sqrt((a @ a) * (b @ b))
+    return float(a @ b / size) if size > 0 else 0.0

@@ -1,0 +1,190 @@
+"""Everything that can be measured of a trajectory, a mesh and a map, against the truth of a source."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from hsslam_node.checkpoint import load_checkpoint
+from hsslam_node.config import SlamConfig
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ate import AteResult
+from hsslam_node.evaluation.consistency import GAPS_FRAMES, START_EVERY, Consistency, consistency
+from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
+from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
+from hsslam_node.evaluation.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
+from hsslam_node.evaluation.score_trajectories import score_trajectories
+from hsslam_node.evaluation.scores import protocol
+from hsslam_node.evaluation.track import Track, silently
+from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import SourceOptions
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is judged. The mesh lies in the world of the trajectory "final" (without: the truth's)."""
+
+    source: str
+    options: SourceOptions
+    trajectories: Mapping[str, Trajectory] = field(default_factory=dict)  # by label
+    mesh: Path | None = None
+    map: Path | None = None  # map.safetensors
+    slam: SlamConfig | None = None  # that the map was made with
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which of the figures to measure."""
+
+    depth_views: int = DEPTH_VIEWS  # virtual views of the depth error; 0: no depth error
+    rendering: bool = True
+    consistency: bool = True
+    tsdf: TsdfOptions | None = None  # None: no TSDF beside
+    seed: int = 0  # of samples and virtual views
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The figures, and what pictures are drawn from."""
+
+    figures: dict[str, Any]
+    truth: GroundTruth | None
+    ates: dict[str, AteResult]
+    judge: MeshJudge | None
+    meshes: dict[str, trimesh.Trimesh]  # "ours" and "tsdf", in the truth's world
+
+
+class Evaluator:
+    """Measures one subject; what has no truth is left out.
+
+    Raises:
+        UserError: the source or a file is missing or malformed, or there is nothing to judge.
+    """
+
+    def __init__(self, subject: Subject, wanted: Wanted, track: Track = silently) -> None:
+        self._subject, self._wanted, self._track = subject, wanted, track
+        self._truth = open_ground_truth(subject.source, subject.options)
+
+    def evaluate(self) -> Evaluation:
+        """All figures that are wanted and possible."""
+        figures: dict[str, Any] = {"protocol": protocol()}
+        if self._truth is not None and self._ates:
+            figures |= {"ate": self._ates, "rpe": self._rpes}
+        meshes = self._meshes()
+        judge = self._judge if meshes else None
+        if judge is not None:
+            for name, mesh in meshes.items():
+                found = self._mesh_figures(judge, mesh)
+                figures |= found if name == "ours" else {name: found}
+        if self._wanted.tsdf is not None and "tsdf" in meshes:
+            figures.setdefault("tsdf", {})["options"] = self._wanted.tsdf
+        if self._wanted.rendering and (found := self._image_quality()):
+            figures["rendering"] = found
+        if self._wanted.consistency and (found := self._consistency()):
+            figures["consistency"] = found
+        if len(figures) == 1:
+            raise UserError(
+                f"source {self._subject.source}: no truth, and no trajectory to check: expected "
+                "ground truth, or a trajectory and a source of files"
+            )
+        return Evaluation(figures, self._truth, self._ates, judge, meshes)
+
+    @cached_property
+    def _scores(self) -> tuple[dict[str, AteResult], dict[str, Any]]:
+        if self._truth is None:
+            return {}, {}
+        return score_trajectories(self._subject.trajectories, self._truth.trajectory)
+
+    @property
+    def _ates(self) -> dict[str, AteResult]:
+        return self._scores[0]
+
+    @property
+    def _rpes(self) -> dict[str, Any]:
+        return self._scores[1]
+
+    @cached_property
+    def _judge(self) -> MeshJudge | None:
+        if self._truth is None:
+            return None
+        views = max(self._wanted.depth_views, CULL_VIRTUAL)
+        s, seed = self._subject, self._wanted.seed
+        return MeshJudge.open(self._truth, s.source, s.options, views, seed, self._track)
+
+    def _meshes(self) -> dict[str, trimesh.Trimesh]:
+        """In the truth's world where there is one."""
+        final = self._ates.get("final")
+        is_aligned = final is not None and math.isfinite(final.rmse_m)
+        T = final.T_truth_estimate if final is not None and is_aligned else np.eye(4)
+        found = {}
+        if self._subject.mesh is not None:
+            found["ours"] = load_mesh(self._subject.mesh)
+        if self._wanted.tsdf is not None:
+            found["tsdf"] = fuse_tsdf(self._posed_frames(1, "TSDF"), self._wanted.tsdf)
+        for mesh in found.values():
+            mesh.apply_transform(T)
+        return found
+
+    def _mesh_figures(self, judge: MeshJudge, mesh: trimesh.Trimesh) -> dict[str, Any]:
+        found: dict[str, Any] = {"mesh": judge.score(mesh, self._wanted.seed)}
+        if self._wanted.depth_views:
+            found["depth_l1"] = judge.score_depth(mesh, self._wanted.depth_views, self._track)
+        return found
+
+    def _image_quality(self) -> ImageQuality | None:
+        s = self._subject
+        if s.map is None or s.slam is None or not s.map.exists() or self._final is None:
+            return None
+        checkpoint = load_checkpoint(s.map)
+        keyframes = set(checkpoint.keyframe_stamps_ns.tolist())
+        held_out = (
+            (frame, T)
+            for frame, T in self._posed_frames(EVERY, "rendering")
+            if frame.stamp_ns not in keyframes
+        )
+        return image_quality(checkpoint, s.slam, held_out)
+
+    def _consistency(self) -> dict[str, list[Consistency]] | None:
+        if self._final is None:
+            return None
+        frames = list(self._frames(START_EVERY, "frames"))
+        by_whom = {"estimated": self._final}
+        if self._truth is not None:
+            by_whom["given"] = self._truth.trajectory
+        watched = self._track(GAPS_FRAMES, len(GAPS_FRAMES), description="consistency")
+        found: dict[str, list[Consistency]] = {name: [] for name in by_whom}
+        for gap in watched:
+            for name, trajectory in by_whom.items():
+                found[name].append(consistency(frames, trajectory, gap))
+        return found
+
+    @property
+    def _final(self) -> Trajectory | None:
+        return self._subject.trajectories.get("final")
+
+    def _posed_frames(self, every: int, what: str) -> Iterator[tuple[Frame, np.ndarray]]:
+        """Frames with their poses of the final trajectory, T_world_cam [4, 4]."""
+        if self._final is None:
+            raise UserError("the TSDF needs a trajectory: expected --trajectory FILE, or a run")
+        stamps = self._final.stamps_ns.tolist()
+        pose_of = dict(zip(stamps, self._final.T_world_cam, strict=True))
+        for frame in self._frames(every, what):
+            if frame.stamp_ns in pose_of:
+                yield frame, pose_of[frame.stamp_ns]
+
+    def _frames(self, every: int, what: str) -> Iterator[Frame]:
+        options = self._subject.options
+        limit = None if options.frames is None else -(-options.frames // every)
+        thinned = replace(options, stride=options.stride * every, frames=limit)
+        source = open_source(self._subject.source, thinned)
+        for frame in self._track(source.frames(), source.frame_count, description=what):
+            if isinstance(frame, Frame):
+                yield frame

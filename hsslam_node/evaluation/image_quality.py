@@ -1,0 +1,73 @@
+"""How well the map draws frames that it was not made of."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from skimage.metrics import structural_similarity
+
+from hsslam_node.checkpoint import MapCheckpoint
+from hsslam_node.config import SlamConfig
+from hsslam_node.evaluation.map_renderer import MapRenderer
+from hsslam_node.frame import Frame
+
+EVERY = 5  # of the frames are drawn, but for keyframes
+_WINDOW_PX = 7
+
+
+@dataclass(frozen=True)
+class ImageQuality:
+    """Means over the images; NaN without one."""
+
+    psnr_db: float
+    ssim: float
+    pixels_ratio: float  # share of the pixels that have depth, and so can be drawn
+    images: int
+
+
+def image_quality(
+    checkpoint: MapCheckpoint, config: SlamConfig, frames: Iterable[tuple[Frame, np.ndarray]]
+) -> ImageQuality:
+    """PSNR, SSIM (grey, 7 x 7 windows) of frames drawn from their T_world_cam [4, 4].
+
+    Samples of a ray are placed by the pixel's measured depth, as in the mapping; pixels without are
+    left out (for the windows of the SSIM they are taken from the frame).
+    """
+    renderer = MapRenderer(checkpoint, config)
+    rows = []
+    for frame, T_world_cam in frames:
+        drawn = frame.depth_raw > 0
+        color, _ = renderer.render(frame.depth_m(), frame.camera, T_world_cam)
+        if not drawn.any():
+            continue
+        true = frame.color.astype(np.float64) / 255.0
+        rows.append(
+            (
+                psnr_db(color[drawn], true[drawn]),
+                ssim(np.where(drawn[..., None], color, true), true, drawn),
+                float(drawn.mean()),
+            )
+        )
+    if not rows:
+        return ImageQuality(*[float("nan")] * 3, 0)
+    psnr, similarity, share = np.mean(rows, axis=0)
+    return ImageQuality(float(psnr), float(similarity), float(share), len(rows))
+
+
+def psnr_db(image: np.ndarray, true: np.ndarray) -> float:
+    """Peak signal-to-noise ratio of values 0..1, dB; infinite where they are equal."""
+    squared = float(np.mean((image - true) ** 2))
+    return float("inf") if squared == 0 else -10.0 * float(np.log10(squared))
+
+
+def ssim(image: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
+    """Structural similarity of RGB images [H, W, 3] 0..1, on grey, mean over a mask [H, W].
+
+    Pixels whose window reaches beyond the image are left out.
+    """
+    grey = np.array([0.299, 0.587, 0.114])
+    _, similarity = structural_similarity(
+        image @ grey, true @ grey, win_size=_WINDOW_PX, data_range=1.0, full=True
+    )
+    inner = (slice(_WINDOW_PX // 2, -(_WINDOW_PX // 2)),) * 2
+    return float(similarity[inner][mask[inner]].mean())

@@ -1,0 +1,67 @@
+"""Images that a saved map would give, on the CPU."""
+
+import numpy as np
+
+from hsslam_node.checkpoint import MapCheckpoint
+from hsslam_node.config import SlamConfig
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.kernels.field_activations import field_activations
+from hsslam_node.kernels.field_forward import field_forward
+from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.rendering import render_forward
+from hsslam_node.rendering.ray_sampling import sample_rays
+
+_CHUNK_RAYS = 8192
+
+
+class MapRenderer:
+    """Volume rendering of a saved map, with the sampling pattern that it was trained with.
+
+    The density is per sample, so the pattern is part of the model: `config` is that of the run.
+    """
+
+    def __init__(self, checkpoint: MapCheckpoint, config: SlamConfig) -> None:
+        self._params = checkpoint.params
+        self._layout = kernel_layout(checkpoint.layout)
+        self._truncation_m = checkpoint.layout.config.truncation_m
+        self._pattern = config.sampling
+        self._beta = float(np.exp(self._params[self._layout.log_beta]))
+        self._activations = field_activations(self._layout, _CHUNK_RAYS * self._pattern.count)
+
+    def render(
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """RGB [H, W, 3] 0..1 and planar depth [H, W] m as `camera` sees them from T_world_cam [4, 4].
+
+        `depth_m` [H, W] places the samples; where it is 0, nothing is drawn: black, depth 0.
+        """
+        pixels = np.flatnonzero(depth_m > 0)
+        color = np.zeros((depth_m.size, 3), np.float32)
+        depth = np.zeros(depth_m.size, np.float32)
+        for start in range(0, len(pixels), _CHUNK_RAYS):
+            chunk = pixels[start : start + _CHUNK_RAYS]
+            v, u = np.divmod(chunk, camera.width_px)
+            directions = np.stack(
+                [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(chunk))], 1
+            )
+            measured = depth_m.ravel()[chunk]
+            color[chunk], depth[chunk] = self._rays(directions, measured, T_world_cam)
+        return np.clip(color, 0, 1).reshape(*depth_m.shape, 3), depth.reshape(depth_m.shape)
+
+    def _rays(
+        self, directions: np.ndarray, measured_m: np.ndarray, T: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        R, S = len(directions), self._pattern.count
+        z = sample_rays(measured_m, self._pattern, self._truncation_m, 1.0, None)  # [R, S]
+        along = directions @ T[:3, :3].T  # [R, 3]
+        points = T[:3, 3] + z[:, :, None] * along[:, None]  # [R, S, 3]
+        acts = self._activations
+        flat = np.ascontiguousarray(points.reshape(-1, 3), np.float32)
+        field_forward(self._params, self._layout, flat, R * S, acts)
+        sdf = acts.sdf[: R * S].reshape(R, S)
+        rgb = acts.rgb[: R * S].reshape(R, S, 3)
+        inside = acts.inside[: R * S].reshape(R, S)
+        color, depth = np.empty((R, 3), np.float32), np.empty(R, np.float32)
+        opacity, weights = np.empty(R, np.float32), np.empty((R, S), np.float32)
+        render_forward(sdf, rgb, inside, z, self._beta, weights, color, depth, opacity)
+        return color, depth

@@ -1,0 +1,128 @@
+"""Scores meshes against the true surface of a source, all of them by the same views."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import trimesh
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.depth_l1 import DepthL1, depth_l1
+from hsslam_node.evaluation.depth_render import render_depth
+from hsslam_node.evaluation.ground_truth import GroundTruth
+from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
+from hsslam_node.evaluation.track import Track, silently
+from hsslam_node.evaluation.virtual_views import virtual_views
+from hsslam_node.evaluation.visibility import Views
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import SourceOptions
+
+CULL_EVERY = 10  # of the given cameras
+CULL_TOLERANCE_M = 0.03
+CULL_VIRTUAL = 100  # virtual cameras that cull, too: the first of those drawn
+DEPTH_VIEWS = 1000
+_DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
+
+
+@dataclass(frozen=True)
+class MeshJudge:
+    """The true surface and what is asked of a reconstruction: what was seen, and little more.
+
+    `given` are the source's own cameras at their true poses; `virtual` has T_world_cam [4, 4] and true
+    depth [h, w] float32 m of views from places where no camera was.
+    """
+
+    surface: trimesh.Trimesh  # in the truth's world, m
+    given: Views
+    virtual: list[tuple[np.ndarray, np.ndarray]]
+    virtual_camera: Camera
+
+    @classmethod
+    def open(
+        cls,
+        truth: GroundTruth,
+        spec: str,
+        options: SourceOptions,
+        virtual: int = CULL_VIRTUAL,
+        seed: int = 0,
+        track: Track = silently,
+    ) -> "MeshJudge | None":
+        """None where the true surface is not known. `virtual`: how many virtual views to draw."""
+        surface = truth.mesh()
+        if surface is None:
+            return None
+        given = given_views(truth, spec, options)
+        camera = given.camera.scaled(min(_DEPTH_WIDTH_PX / given.camera.width_px, 1.0))
+        drawn = virtual_views(surface, given, camera, virtual, seed)
+        views = list(track(drawn, virtual, description="virtual views"))
+        return cls(surface, given, views, camera)
+
+    def score(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
+        """Accuracy and completion of a mesh in the truth's world; both meshes are culled alike."""
+        return compare_meshes(mesh, self.surface, self.culling, seed=seed)
+
+    def score_depth(
+        self, mesh: trimesh.Trimesh, views: int = DEPTH_VIEWS, track: Track = silently
+    ) -> DepthL1:
+        """Depth error over the first so many virtual views."""
+        chosen = self.virtual[:views]
+        watched = track(chosen, len(chosen), description="depth of virtual views")
+        return depth_l1(mesh, watched, self.virtual_camera, self.given)
+
+    @property
+    def virtual_poses(self) -> np.ndarray:
+        """T_world_cam of the virtual views, [V, 4, 4]."""
+        return np.array([T for T, _ in self.virtual]).reshape(-1, 4, 4)
+
+    @cached_property
+    def culling(self) -> Views:
+        """The given cameras and the first virtual ones, these with full images of the truth."""
+        poses = self.virtual_poses[:CULL_VIRTUAL]
+        vertices, faces = np.asarray(self.surface.vertices), np.asarray(self.surface.faces)
+        depths = [render_depth(vertices, faces, self.given.camera, T)[0] for T in poses]
+        return replace(
+            self.given,
+            T_world_cam=np.concatenate([self.given.T_world_cam, poses]),
+            depths_m=np.concatenate([self.given.depths_m, *(d[None] for d in depths)]),
+        )
+
+
+def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
+    """Every tenth frame at its true pose: its depth without added noise, where noise left a measurement."""
+    limit = None if options.frames is None else -(-options.frames // CULL_EVERY)
+    thinned = replace(options, stride=options.stride * CULL_EVERY, frames=limit)
+    row_of = {int(stamp): row for row, stamp in enumerate(truth.stamps_ns)}
+    exact = open_source(spec, replace(thinned, noise="none"))
+    poses, depths = [], []
+    for frame, measured in _together(exact.frames(), open_source(spec, thinned).frames()):
+        if frame.stamp_ns in row_of:
+            poses.append(truth.T_world_cam[row_of[frame.stamp_ns]])
+            depths.append(np.where(measured.depth_raw > 0, frame.depth_m(), np.float32(0)))
+    shape = (0, exact.camera.height_px, exact.camera.width_px)
+    stacked = np.stack(depths) if depths else np.empty(shape, np.float32)
+    camera = exact.camera.undistorted()
+    return Views(camera, np.array(poses).reshape(-1, 4, 4), stacked, CULL_TOLERANCE_M)
+
+
+def load_mesh(path: object) -> trimesh.Trimesh:
+    """A triangle mesh from a file, as it is.
+
+    Raises:
+        UserError: not a file with triangles.
+    """
+    try:
+        mesh = trimesh.load(str(path), process=False, force="mesh")
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {error}: expected a mesh") from None
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise UserError(f"{path}: holds no triangles: expected a mesh")
+    return mesh
+
+
+def _together(exact: Iterator[object], measured: Iterator[object]) -> Iterator[tuple[Frame, Frame]]:
+    for a, b in zip(exact, measured, strict=True):
+        if isinstance(a, Frame) and isinstance(b, Frame):
+            yield a, b

@@ -1,0 +1,23 @@
+"""Absolute and relative errors of labelled trajectories."""
+
+from collections.abc import Mapping
+
+from hsslam_node.evaluation.ate import AteResult, ate
+from hsslam_node.evaluation.rpe import RpeResult, rpe_per_frame, rpe_per_metre, rpe_per_second
+from hsslam_node.geometry.trajectory import Trajectory
+
+
+def score_trajectories(
+    estimates: Mapping[str, Trajectory], truth: Trajectory
+) -> tuple[dict[str, AteResult], dict[str, dict[str, RpeResult]]]:
+    """ATE of each trajectory, and its RPE per frame (pose), second and metre."""
+    ates = {label: ate(estimate, truth) for label, estimate in estimates.items()}
+    rpes = {
+        label: {
+            "frame": rpe_per_frame(estimate, truth),
+            "second": rpe_per_second(estimate, truth),
+            "metre": rpe_per_metre(estimate, truth),
+        }
+        for label, estimate in estimates.items()
+    }
+    return ates, rpes

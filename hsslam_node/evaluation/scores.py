@@ -1,0 +1,52 @@
+"""Results of an evaluation as JSON, and the protocol that is printed beside them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.evaluation import consistency, image_quality, mesh_judge, mesh_metrics
+from hsslam_node.evaluation.virtual_views import LEAST_OBSERVED, MOVED_M, TURNED_RAD
+
+_NOT_WRITTEN = ("stamps_ns", "errors_m")  # one value a frame: for plots
+
+
+def protocol() -> dict[str, Any]:
+    """How the figures come about, for whoever wants to repeat them."""
+    return {
+        "association_s": 0.02,
+        "alignment": "SE(3) without scale over all scored poses",
+        "rpe": "every scored pose to the next, to the first 1 s later, to the first 1 m of path on",
+        "mesh_alignment": "the final trajectory's; no ICP",
+        "mesh_samples": mesh_metrics.SAMPLES,
+        "mesh_culling": f"every {mesh_judge.CULL_EVERY}th frame at its true pose and "
+        f"{mesh_judge.CULL_VIRTUAL} virtual views, {100 * mesh_judge.CULL_TOLERANCE_M:g} cm; "
+        "given cameras see where their sensor measured",
+        "virtual_views": f"a given camera moved by up to {MOVED_M:g} m and turned by up to "
+        f"{np.rad2deg(TURNED_RAD):.0f} degrees, {LEAST_OBSERVED:.0%} of its pixels observed",
+        "depth_l1": "pixels whose true surface a given camera observed; a hole counts in full",
+        "rendering": f"every {image_quality.EVERY}th frame that is not a keyframe, pixels with depth",
+        "consistency": f"a pair every {consistency.START_EVERY} frames, pixels within "
+        f"{100 * consistency.SAME_SURFACE_M:g} cm in depth: median over pairs of the median depth "
+        "difference; mean over pairs of 1 - NCC of grey values",
+    }
+
+
+def scores_as_json(value: Any) -> Any:
+    """Dataclasses as mappings, arrays as lists, NaN and infinity as None; the rest as it is."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [f.name for f in dataclasses.fields(value) if f.name not in _NOT_WRITTEN]
+        return {name: scores_as_json(getattr(value, name)) for name in fields}
+    if isinstance(value, Mapping):
+        return {str(key): scores_as_json(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return scores_as_json(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [scores_as_json(item) for item in value]
+    if isinstance(value, np.generic):
+        return scores_as_json(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,114 @@
+"""The figures of an evaluation as tables for people: cm, mm, degrees, %, dB."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+
+def eval_table(figures: Mapping[str, Any]) -> list[Table]:
+    """One table for each group of figures that is there; `figures` as in the JSON file."""
+    made = (_trajectories(figures), _meshes(figures), _rendering(figures), _consistency(figures))
+    return [table for table in made if table is not None]
+
+
+def _trajectories(figures: Mapping[str, Any]) -> Table | None:
+    if "ate" not in figures:
+        return None
+    table = Table(title=f"trajectory: {_origin(figures)}", title_justify="left")
+    for name in ("", "ATE RMSE, cm", "mean", "max", "scored"):
+        table.add_column(name, justify="left" if not name else "right")
+    for step in ("1 frame", "1 s", "1 m"):
+        table.add_column(f"RPE {step}, cm / deg", justify="right")
+    for label, ate in figures["ate"].items():
+        rpe = figures["rpe"][label]
+        table.add_row(
+            label,
+            *(_number(ate[key], 100, 2) for key in ("rmse_m", "mean_m", "max_m")),
+            f"{ate['scored']}/{ate['expected']}",
+            *(
+                f"{_number(rpe[step]['translation_rmse_m'], 100, 2)} / "
+                f"{_number(rpe[step]['rotation_rmse_deg'], 1, 3)}"
+                for step in ("frame", "second", "metre")
+            ),
+        )
+    lost = figures.get("frames", {}).get("lost")
+    if lost is not None:
+        table.caption = f"{lost} frames lost"
+    return table
+
+
+def _meshes(figures: Mapping[str, Any]) -> Table | None:
+    both = {"ours": figures, "tsdf": figures.get("tsdf", {})}
+    rows = {name: found for name, found in both.items() if "mesh" in found}
+    if not rows:
+        return None
+    names = (
+        *("", "accuracy mean / median, cm", "< 5 cm, %", "completion mean / median, cm"),
+        *("< 5 cm, %", "depth L1, cm", "holes, %"),
+    )
+    table = Table(title="mesh", title_justify="left")
+    for name in names:
+        table.add_column(name, justify="right" if name else "left")
+    for name, found in rows.items():
+        mesh, depth = found["mesh"], found.get("depth_l1", {})
+        accuracy, completion = (
+            f"{_number(mesh[f'{kind}_mean_m'], 100, 2)} / "
+            f"{_number(mesh[f'{kind}_median_m'], 100, 2)}"
+            for kind in ("accuracy", "completion")
+        )
+        table.add_row(
+            name,
+            accuracy,
+            _number(mesh["accuracy_ratio_5cm"], 100, 2),
+            completion,
+            _number(mesh["completion_ratio_5cm"], 100, 2),
+            _number(depth.get("mean_m"), 100, 2),
+            _number(depth.get("hole_ratio"), 100, 2),
+        )
+    return table
+
+
+def _rendering(figures: Mapping[str, Any]) -> Table | None:
+    found = figures.get("rendering")
+    if not found:
+        return None
+    names = ("PSNR, dB", "SSIM", "pixels drawn, %", "images")
+    table = Table(*names, title="frames that are not keyframes, drawn", title_justify="left")
+    table.add_row(
+        _number(found["psnr_db"], 1, 2),
+        _number(found["ssim"], 1, 3),
+        _number(found["pixels_ratio"], 100, 1),
+        str(found["images"]),
+    )
+    return table
+
+
+def _consistency(figures: Mapping[str, Any]) -> Table | None:
+    found = figures.get("consistency")
+    if not found:
+        return None
+    table = Table("frames apart", title="consistency between frames", title_justify="left")
+    for whose in found:
+        table.add_column(f"{whose} poses: depth, mm", justify="right")
+        table.add_column("1 - NCC", justify="right")
+    table.add_column("pairs", justify="right")
+    for row in zip(*found.values(), strict=True):
+        cells = [str(row[0]["gap_frames"])]
+        for one in row:
+            cells += [_number(one["depth_median_m"], 1000, 1), _number(one["one_minus_ncc"], 1, 3)]
+        table.add_row(*cells, f"{row[0]['pairs']}/{row[0]['possible']}")
+    return table
+
+
+def _origin(figures: Mapping[str, Any]) -> str:
+    """Source, seed, preset and commit, as far as they are known."""
+    parts = [str(figures.get("source", ""))]
+    if figures.get("noise") not in (None, "none"):
+        parts.append(f"{figures['noise']} noise")
+    parts += [f"{key} {figures[key]}" for key in ("preset", "seed", "commit") if key in figures]
+    return ", ".join(parts)
+
+
+def _number(value: float | None, scale: float, digits: int) -> str:
+    return "-" if value is None else f"{scale * value:.{digits}f}"

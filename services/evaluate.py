@@ -1,0 +1,129 @@
+"""`hsslam-eval`: a run, or a trajectory and a mesh, against ground truth: table, JSON, pictures."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
+from hsslam_node.evaluation.evaluate_run import run_trajectories
+from hsslam_node.evaluation.scores import scores_as_json
+from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.services.bench.report import source_commit
+from hsslam_node.services.eval_options import EvalOptions
+from hsslam_node.services.eval_table import eval_table
+from hsslam_node.services.parse_options import parse_options
+from hsslam_node.services.run_info import RunInfo, write_atomically
+from hsslam_node.services.summary import read_summary
+from hsslam_node.sources.source import SourceOptions
+
+_PROG = "hsslam-eval"
+_VIEWS_FILE = "virtual_views.txt"
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: scored; 1: interrupted; 2: bad input."""
+    try:
+        _evaluate(_options(sys.argv[1:] if args is None else args))
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(1)
+
+
+def _options(args: Sequence[str]) -> EvalOptions:
+    if "--version" in args:
+        print(f"{_PROG} {__version__}")
+        raise SystemExit(0)
+    options = parse_options(EvalOptions, _PROG, args)
+    options.expect_subject()
+    return options
+
+
+def _evaluate(options: EvalOptions) -> None:
+    subject, about = _subject(options)
+    wanted = Wanted(
+        depth_views=options.depth_views,
+        rendering=options.rendering,
+        consistency=options.consistency,
+        tsdf=options.tsdf if options.against == "tsdf" else None,
+        seed=options.seed,
+    )
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        found = Evaluator(subject, wanted, progress.track).evaluate()
+    figures: dict[str, Any] = scores_as_json({**about, **found.figures})
+    console = Console(emoji=False, highlight=False, markup=False)
+    for table in eval_table(figures):
+        console.print(table)
+    written: list[Path] = []
+    if options.json is not None:
+        written.append(_write_json(options.json, figures))
+    folder = options.plots or (options.run / "evaluation" if options.run else None)
+    if folder is not None:
+        from hsslam_node.evaluation.plots import draw_plots  # matplotlib takes its time
+
+        written += draw_plots(found, subject.trajectories, folder)
+    beside = folder or (options.json.parent if options.json else None)
+    if found.judge is not None and beside is not None:
+        poses = found.judge.virtual_poses
+        path = beside / _VIEWS_FILE
+        write_tum(path, Trajectory(np.arange(len(poses)) * 1_000_000_000, poses))
+        written.append(path)
+    for path in written:
+        console.print(str(path), soft_wrap=True)
+
+
+def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
+    """What is judged, and what is said of it beside the figures."""
+    about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
+    if options.run is None:
+        trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
+        source_options = SourceOptions(
+            noise=options.noise,
+            seed=options.seed,
+            stride=options.stride,
+            frames=options.frames,
+            synth=options.synth,
+        )
+        about |= {"source": options.source, "noise": options.noise}
+        return Subject(options.source, source_options, trajectories, options.mesh), about
+    folder = options.run
+    run = RunInfo.read(folder).options
+    summary = read_summary(folder)
+    counts = summary.get("frames", {})
+    read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
+    source_options = replace(run.source_options, frames=read or run.frames)
+    mesh, saved = folder / "mesh.ply", folder / "map.safetensors"
+    subject = Subject(
+        source=run.source,
+        options=source_options,
+        trajectories=run_trajectories(folder),
+        mesh=mesh if mesh.exists() else None,
+        map=saved if saved.exists() else None,
+        slam=run.slam,
+    )
+    about |= {"run": str(folder), "source": run.source, "noise": run.noise, "preset": run.preset}
+    return subject, {**about, "seed": run.seed, "pace": run.pace, "frames": counts}
+
+
+def _write_json(path: Path, figures: dict[str, Any]) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, msgspec.json.format(msgspec.json.encode(figures)))
+    except OSError as error:
+        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+    return path
+
+
+if __name__ == "__main__":
+    main()

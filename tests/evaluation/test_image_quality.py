@@ -1,0 +1,82 @@
+"""Images that a map draws, and their distance to the true ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from hsslam_node.checkpoint import MapCheckpoint
+from hsslam_node.evaluation.image_quality import image_quality, psnr_db, ssim
+from hsslam_node.evaluation.map_renderer import MapRenderer
+from hsslam_node.field.hybrid_field import HybridField
+from hsslam_node.rendering.ray_sampling import sample_rays
+from hsslam_node.rendering.sdf_rendering import render_rays
+from tests.small_room import SMALL, mapped_room, room_frames, room_poses
+
+
+@pytest.fixture(scope="module")
+def checkpoint() -> MapCheckpoint:
+    room = mapped_room()
+    p, store = room.parameters, room.store
+    return MapCheckpoint(p.layout, p.params.copy(), store.stamps_ns(), store.poses())
+
+
+def _images() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    true = room_frames()[0].color / 255.0
+    return np.clip(true + rng.normal(0, 0.05, true.shape), 0, 1), true
+
+
+def test_psnr_is_that_of_scikit_image():
+    image, true = _images()
+    assert psnr_db(image, true) == pytest.approx(
+        peak_signal_noise_ratio(true, image, data_range=1.0)
+    )
+    assert psnr_db(true, true) == np.inf
+
+
+def test_ssim_is_that_of_scikit_image_where_all_pixels_count():
+    image, true = _images()
+    grey = np.array([0.299, 0.587, 0.114])
+    expected = structural_similarity(image @ grey, true @ grey, win_size=7, data_range=1.0)
+    assert ssim(image, true, np.ones(true.shape[:2], bool)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_drawn_image_is_that_of_the_reference(checkpoint):
+    frame, pose = room_frames()[6], room_poses()[6]
+    depth = np.zeros_like(frame.depth_m())
+    depth[10:110:9, 10:150:7] = frame.depth_m()[10:110:9, 10:150:7]
+    color, drawn_depth = MapRenderer(checkpoint, SMALL).render(depth, frame.camera, pose)
+    v, u = np.nonzero(depth > 0)
+    c = frame.camera
+    rays = np.stack([(u - c.cx) / c.fx, (v - c.cy) / c.fy, np.ones(len(u))], axis=1)
+    z = sample_rays(depth[v, u], SMALL.sampling, SMALL.field.truncation_m, 1.0, None)
+    points = pose[:3, 3] + z[..., None] * (rays @ pose[:3, :3].T)[:, None]
+    field = HybridField(checkpoint.layout, torch.from_numpy(checkpoint.params.copy()))
+    with torch.no_grad():
+        seen = field(torch.from_numpy(points.reshape(-1, 3).astype(np.float32)))
+        rows = render_rays(
+            seen.sdf.reshape(z.shape),
+            seen.color.reshape(*z.shape, 3),
+            torch.from_numpy(z),
+            field.beta,
+            seen.inside.reshape(z.shape),
+        )
+    np.testing.assert_allclose(color[v, u], rows.color.numpy().clip(0, 1), atol=2e-3)
+    np.testing.assert_allclose(drawn_depth[v, u], rows.depth.numpy(), atol=2e-3)
+    assert not color[depth == 0].any()
+
+
+def test_a_trained_map_draws_what_it_has_not_seen(checkpoint):
+    held_out = [(room_frames()[k], room_poses()[k]) for k in (6, 14)]
+    found = image_quality(checkpoint, SMALL, held_out)
+    blank = replace(checkpoint, params=np.zeros_like(checkpoint.params))
+    assert found.images == 2
+    assert found.psnr_db > image_quality(blank, SMALL, held_out).psnr_db + 3
+    assert found.pixels_ratio > 0.9
+
+
+def test_no_image_no_figure(checkpoint):
+    assert np.isnan(image_quality(checkpoint, SMALL, []).psnr_db)
