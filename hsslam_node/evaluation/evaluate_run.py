@@ -48,7 +48,9 @@ def evaluate_run(
         if judge is not None:
             mesh = load_mesh(mesh_file)
             mesh.apply_transform(final.T_truth_estimate)
-            report["mesh"] = judge.score(mesh)
+            report["mesh"] = scores_as_json(judge.score(mesh))
+            depth = judge.score_depth(mesh)
+            report["mesh"] |= {"depth_l1_m": depth.mean_m, "depth_l1_views": depth.views}
     return scores_as_json(report)
 
 
