@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,14 @@ from rich.progress import Progress
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
-from hsslam_node.evaluation.evaluate_run import run_trajectories
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.services.bench.report import source_commit
 from hsslam_node.services.eval_options import EvalOptions
 from hsslam_node.services.eval_table import eval_table
 from hsslam_node.services.parse_options import parse_options
-from hsslam_node.services.run_info import RunInfo, write_atomically
-from hsslam_node.services.summary import read_summary
+from hsslam_node.services.run_info import write_atomically
+from hsslam_node.services.run_subject import run_subject
 from hsslam_node.sources.source import SourceOptions
 
 _PROG = "hsslam-eval"
@@ -86,34 +84,19 @@ def _evaluate(options: EvalOptions) -> None:
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     """What is judged, and what is said of it beside the figures."""
     about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
-    if options.run is None:
-        trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
-        source_options = SourceOptions(
-            noise=options.noise,
-            seed=options.seed,
-            stride=options.stride,
-            frames=options.frames,
-            synth=options.synth,
-        )
-        about |= {"source": options.source, "noise": options.noise}
-        return Subject(options.source, source_options, trajectories, options.mesh), about
-    folder = options.run
-    run = RunInfo.read(folder).options
-    summary = read_summary(folder)
-    counts = summary.get("frames", {})
-    read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
-    source_options = replace(run.source_options, frames=read or run.frames)
-    mesh, saved = folder / "mesh.ply", folder / "map.safetensors"
-    subject = Subject(
-        source=run.source,
-        options=source_options,
-        trajectories=run_trajectories(folder),
-        mesh=mesh if mesh.exists() else None,
-        map=saved if saved.exists() else None,
-        slam=run.slam,
+    if options.run is not None:
+        subject, of_run = run_subject(options.run)
+        return subject, about | of_run
+    trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
+    source_options = SourceOptions(
+        noise=options.noise,
+        seed=options.seed,
+        stride=options.stride,
+        frames=options.frames,
+        synth=options.synth,
     )
-    about |= {"run": str(folder), "source": run.source, "noise": run.noise, "preset": run.preset}
-    return subject, {**about, "seed": run.seed, "pace": run.pace, "frames": counts}
+    about |= {"source": options.source, "noise": options.noise}
+    return Subject(options.source, source_options, trajectories, options.mesh), about
 
 
 def _write_json(path: Path, figures: dict[str, Any]) -> Path:

@@ -2,6 +2,7 @@
 
 from hsslam_node.services.bench.baseline_checks import baseline_checks
 from hsslam_node.services.bench.check import Check
+from hsslam_node.services.bench.faithful_checks import faithful_checks
 from hsslam_node.services.bench.gpu_checks import gpu_checks
 from hsslam_node.services.bench.growth_checks import growth_checks
 from hsslam_node.services.bench.kernel_checks import kernel_checks
@@ -22,6 +23,7 @@ def catalogue() -> list[Check]:
         *robustness_checks(),
         *map_checks(),
         *kidnapping_checks(),
+        *faithful_checks(),
         *viewer_checks(),
         *realtime_checks(),
         *growth_checks(),
