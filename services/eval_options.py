@@ -53,6 +53,8 @@ class EvalOptions:
     tsdf: TsdfOptions = field(default_factory=TsdfOptions)
     depth_views: int = 1000
     """Virtual views of the depth error (0: none)."""
+    cull_views: int = 100
+    """Virtual views that say, beside the cameras, what of a mesh counts (0: the cameras alone)."""
     rendering: bool = True
     """PSNR and SSIM, where the run saved its map (about 1 s an image)."""
     consistency: bool = True
@@ -65,6 +67,8 @@ class EvalOptions:
     def __post_init__(self) -> None:
         if self.depth_views < 0:
             raise UserError(f"--depth-views {self.depth_views}: expected 0 or more")
+        if self.cull_views < 0:
+            raise UserError(f"--cull-views {self.cull_views}: expected 0 or more")
         if not 0 <= self.seed < 2**31:
             raise UserError(f"--seed {self.seed}: expected 0 to {2**31 - 1}")
 

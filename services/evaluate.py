@@ -52,6 +52,7 @@ def _evaluate(options: EvalOptions) -> None:
     subject, about = _subject(options)
     wanted = Wanted(
         depth_views=options.depth_views,
+        cull_views=options.cull_views,
         rendering=options.rendering,
         consistency=options.consistency,
         tsdf=options.tsdf if options.against == "tsdf" else None,

@@ -38,21 +38,37 @@ def _rasterise(points, faces, intrinsics, depth, face):
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
     for f in range(len(faces)):
-        a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
-        low_u, high_u, low_v, high_v = _box(a, b, c, intrinsics)
-        first_u, last_u = max(np.ceil(low_u), 0.0), min(np.floor(high_u), width - 1.0)
-        first_v, last_v = max(np.ceil(low_v), 0.0), min(np.floor(high_v), height - 1.0)
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        az, bz, cz = points[i, 2], points[j, 2], points[k, 2]
+        if az < _NEAR_M and bz < _NEAR_M and cz < _NEAR_M:
+            continue
+        ax, ay, bx, by = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+        dx, dy = points[k, 0], points[k, 1]
+        if az >= _NEAR_M and bz >= _NEAR_M and cz >= _NEAR_M:
+            ua, ub, uc = ax / az, bx / bz, dx / cz
+            va, vb, vc = ay / az, by / bz, dy / cz
+            low_u, high_u = min(ua, ub, uc) * fx + cx, max(ua, ub, uc) * fx + cx
+            low_v, high_v = min(va, vb, vc) * fy + cy, max(va, vb, vc) * fy + cy
+        else:
+            low_u, high_u, low_v, high_v = _clipped_box(points[i], points[j], points[k], intrinsics)
+        first_u = max(np.ceil(low_u - 1e-6), 0.0)
+        last_u = min(np.floor(high_u + 1e-6), width - 1.0)
+        first_v = max(np.ceil(low_v - 1e-6), 0.0)
+        last_v = min(np.floor(high_v + 1e-6), height - 1.0)
         if not (first_u <= last_u and first_v <= last_v):
             continue
-        p0, p1, p2 = _cross(b, c), _cross(c, a), _cross(a, b)
-        volume = a[0] * p0[0] + a[1] * p0[1] + a[2] * p0[2]
+        # cross products of the corners: their signs along a ray tell its side of the edges
+        p0, p1, p2 = by * cz - bz * dy, bz * dx - bx * cz, bx * dy - by * dx
+        q0, q1, q2 = dy * az - cz * ay, cz * ax - dx * az, dx * ay - dy * ax
+        r0, r1, r2 = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        volume = ax * p0 + ay * p1 + az * p2
         for v in range(int(first_v), int(last_v) + 1):
             y = (v - cy) / fy
             for u in range(int(first_u), int(last_u) + 1):
                 x = (u - cx) / fx
-                e0 = p0[0] * x + p0[1] * y + p0[2]
-                e1 = p1[0] * x + p1[1] * y + p1[2]
-                e2 = p2[0] * x + p2[1] * y + p2[2]
+                e0 = p0 * x + p1 * y + p2
+                e1 = q0 * x + q1 * y + q2
+                e2 = r0 * x + r1 * y + r2
                 inside = (e0 >= 0 and e1 >= 0 and e2 >= 0) or (e0 <= 0 and e1 <= 0 and e2 <= 0)
                 total = e0 + e1 + e2
                 if not inside or total == 0:
@@ -64,8 +80,8 @@ def _rasterise(points, faces, intrinsics, depth, face):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _box(a, b, c, intrinsics):
-    """Pixels that the part of a triangle in front of the camera can cover; empty if there is none."""
+def _clipped_box(a, b, c, intrinsics):
+    """Pixels that the part of a triangle in front of the camera can cover."""
     fx, fy, cx, cy = intrinsics
     low_u = low_v = np.inf
     high_u = high_v = -np.inf
@@ -85,13 +101,4 @@ def _box(a, b, c, intrinsics):
             u, v = x / z * fx + cx, y / z * fy + cy
             low_u, high_u = min(low_u, u), max(high_u, u)
             low_v, high_v = min(low_v, v), max(high_v, v)
-    return low_u - 1e-6, high_u + 1e-6, low_v - 1e-6, high_v + 1e-6
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _cross(a, b):
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return low_u, high_u, low_v, high_v

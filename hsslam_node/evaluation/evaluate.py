@@ -49,6 +49,7 @@ class Wanted:
     """Which of the figures to measure."""
 
     depth_views: int = DEPTH_VIEWS  # virtual views of the depth error; 0: no depth error
+    cull_views: int = CULL_VIRTUAL  # virtual views that meshes are culled by, too
     rendering: bool = True
     consistency: bool = True
     tsdf: TsdfOptions | None = None  # None: no TSDF beside
@@ -119,9 +120,11 @@ class Evaluator:
     def _judge(self) -> MeshJudge | None:
         if self._truth is None:
             return None
-        views = max(self._wanted.depth_views, CULL_VIRTUAL)
-        s, seed = self._subject, self._wanted.seed
-        return MeshJudge.open(self._truth, s.source, s.options, views, seed, self._track)
+        s, w = self._subject, self._wanted
+        views = max(w.depth_views, w.cull_views)
+        return MeshJudge.open(
+            self._truth, s.source, s.options, views, w.cull_views, w.seed, self._track
+        )
 
     def _meshes(self) -> dict[str, trimesh.Trimesh]:
         """In the truth's world where there is one."""

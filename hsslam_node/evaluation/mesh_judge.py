@@ -9,11 +9,10 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.depth_l1 import DepthL1, depth_l1
-from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
 from hsslam_node.evaluation.track import Track, silently
-from hsslam_node.evaluation.virtual_views import virtual_views
+from hsslam_node.evaluation.virtual_views import view_of, virtual_views
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -39,6 +38,7 @@ class MeshJudge:
     given: Views
     virtual: list[tuple[np.ndarray, np.ndarray]]
     virtual_camera: Camera
+    cull_views: int = CULL_VIRTUAL  # virtual views that cull, the first ones
 
     @classmethod
     def open(
@@ -47,6 +47,7 @@ class MeshJudge:
         spec: str,
         options: SourceOptions,
         virtual: int = CULL_VIRTUAL,
+        cull_views: int = CULL_VIRTUAL,
         seed: int = 0,
         track: Track = silently,
     ) -> "MeshJudge | None":
@@ -58,7 +59,7 @@ class MeshJudge:
         camera = given.camera.scaled(min(_DEPTH_WIDTH_PX / given.camera.width_px, 1.0))
         drawn = virtual_views(surface, given, camera, virtual, seed)
         views = list(track(drawn, virtual, description="virtual views"))
-        return cls(surface, given, views, camera)
+        return cls(surface, given, views, camera, cull_views)
 
     def score(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
         """Accuracy and completion of a mesh in the truth's world; both meshes are culled alike."""
@@ -80,9 +81,10 @@ class MeshJudge:
     @cached_property
     def culling(self) -> Views:
         """The given cameras and the first virtual ones, these with full images of the truth."""
-        poses = self.virtual_poses[:CULL_VIRTUAL]
+        poses = self.virtual_poses[: self.cull_views]
         vertices, faces = np.asarray(self.surface.vertices), np.asarray(self.surface.faces)
-        depths = [render_depth(vertices, faces, self.given.camera, T)[0] for T in poses]
+        reach_m = float(self.given.depths_m.max(initial=0.0))
+        depths = [view_of(vertices, faces, self.given.camera, T, reach_m) for T in poses]
         return replace(
             self.given,
             T_world_cam=np.concatenate([self.given.T_world_cam, poses]),

@@ -14,7 +14,7 @@ from hsslam_node.geometry.camera import Camera
 
 _ABOVE = Camera(720, 560, 620.0, 620.0, 359.5, 279.5)
 _AT = 0.35  # of the given views: which one looks inside
-_TRUE_SAMPLES = 400_000
+_TRUE_SAMPLES = 200_000
 _UNSEEN = np.array([0.72, 0.72, 0.72])
 _WHITE = np.array([1.0, 1.0, 1.0])
 _ELEVATION_RAD = np.deg2rad(62.0)

@@ -14,10 +14,11 @@ from hsslam_node.geometry.se3 import se3_exp
 
 MOVED_M = 0.5
 TURNED_RAD = np.deg2rad(45.0)
-LEAST_OBSERVED = 0.95  # share of the pixels that must show what a given camera saw
+LEAST_OBSERVED = 0.99  # share of the pixels that must show what a given camera saw
+LEAST_FILLED = 0.5  # share of the pixels that must show anything within reach
 _NEAREST_M = 0.2
 _STEP_PX = 4  # of the pixels that are asked whether they were observed
-_MOST_TRIES = 50  # times the wanted number
+_MOST_TRIES = 30  # times the wanted number
 
 
 def virtual_views(
@@ -27,19 +28,27 @@ def virtual_views(
 
     A given camera is drawn, moved by up to 0.5 m in any direction, and turned by up to 45 degrees
     about any axis. The view counts if nothing stands between the two places, nothing is nearer than
-    20 cm, and 95 % of its pixels show surface that a given camera observed: it fills the small
-    gaps that objects hide, and does not ask for rooms that nobody has been to.
+    20 cm, and 99 % of its pixels show surface that a given camera observed: it fills the small
+    gaps that objects hide, and does not ask for rooms that nobody has been to. It sees no farther
+    than the given cameras did.
     """
     rng = np.random.default_rng(seed)
     vertices = np.asarray(truth.vertices, np.float64)
     faces = np.ascontiguousarray(truth.faces, np.int64)
     candidates = _candidates(vertices, faces, views.T_world_cam, rng, _MOST_TRIES * count)
-    good = (
-        (T, depth)
-        for T in candidates
-        if _is_good(depth := render_depth(vertices, faces, camera, T)[0], camera, T, views)
-    )
+    reach_m = float(views.depths_m.max(initial=0.0))
+    drawn = ((T, view_of(vertices, faces, camera, T, reach_m)) for T in candidates)
+    good = ((T, depth) for T, depth in drawn if _is_good(depth, camera, T, views))
     yield from itertools.islice(good, count)
+
+
+def view_of(
+    vertices: np.ndarray, faces: np.ndarray, camera: Camera, T: np.ndarray, reach_m: float
+) -> np.ndarray:
+    """Depth [H, W] float32 m as a sensor with so much reach sees a surface; 0: nothing."""
+    depth, _ = render_depth(vertices, faces, camera, T)
+    depth[depth > reach_m] = 0.0
+    return depth
 
 
 def back_project(depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
@@ -73,37 +82,36 @@ def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> 
     thin = np.zeros_like(depth)
     rows = slice(_STEP_PX // 2, None, _STEP_PX)
     thin[rows, rows] = depth[rows, rows]
-    seen = thin > 0
-    if not seen.any() or depth[depth > 0].min() < _NEAREST_M:
+    if (thin > 0).sum() < LEAST_FILLED * thin[rows, rows].size or depth[
+        depth > 0
+    ].min() < _NEAREST_M:
         return False
-    observed = views.observed(back_project(thin, camera, T))
-    return observed.sum() >= LEAST_OBSERVED * thin[rows, rows].size
+    return views.observed(back_project(thin, camera, T)).mean() >= LEAST_OBSERVED
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _is_blocked(vertices, faces, start, end):
     """Whether a face crosses the straight way between two points (Moeller and Trumbore 1997)."""
-    d = end - start
+    sx, sy, sz = start
+    dx, dy, dz = end[0] - sx, end[1] - sy, end[2] - sz
     for f in range(len(faces)):
-        a = vertices[faces[f, 0]]
-        e1, e2 = vertices[faces[f, 1]] - a, vertices[faces[f, 2]] - a
-        px = d[1] * e2[2] - d[2] * e2[1]
-        py = d[2] * e2[0] - d[0] * e2[2]
-        pz = d[0] * e2[1] - d[1] * e2[0]
-        det = e1[0] * px + e1[1] * py + e1[2] * pz
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ex, ey, ez = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
+        gx, gy, gz = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
+        px, py, pz = dy * gz - dz * gy, dz * gx - dx * gz, dx * gy - dy * gx
+        det = ex * px + ey * py + ez * pz
         if det == 0:
             continue
-        s = start - a
-        u = (s[0] * px + s[1] * py + s[2] * pz) / det
+        tx, ty, tz = sx - ax, sy - ay, sz - az
+        u = (tx * px + ty * py + tz * pz) / det
         if u < 0 or u > 1:
             continue
-        qx = s[1] * e1[2] - s[2] * e1[1]
-        qy = s[2] * e1[0] - s[0] * e1[2]
-        qz = s[0] * e1[1] - s[1] * e1[0]
-        v = (d[0] * qx + d[1] * qy + d[2] * qz) / det
+        qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
+        v = (dx * qx + dy * qy + dz * qz) / det
         if v < 0 or u + v > 1:
             continue
-        t = (e2[0] * qx + e2[1] * qy + e2[2] * qz) / det
+        t = (gx * qx + gy * qy + gz * qz) / det
         if 0 <= t <= 1:
             return True
     return False

@@ -15,6 +15,7 @@ _ROOM = SourceOptions(frames=60, synth=SynthOptions(width_px=96, height_px=72))
 _SOURCE = (
     *("--source", "synth:room", "--frames", "60"),
     *("--synth.width-px", "96", "--synth.height-px", "72", "--depth-views", "6"),
+    *("--cull-views", "6"),
 )
 
 
