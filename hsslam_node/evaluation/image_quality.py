@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from skimage.metrics import structural_similarity
@@ -49,7 +50,8 @@ def image_quality(
             )
         )
     if not rows:
-        return ImageQuality(*[float("nan")] * 3, 0)
+        nan = float("nan")
+        return ImageQuality(nan, nan, nan, 0)
     psnr, similarity, share = np.mean(rows, axis=0)
     return ImageQuality(float(psnr), float(similarity), float(share), len(rows))
 
@@ -66,8 +68,9 @@ def ssim(image: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
     Pixels whose window reaches beyond the image are left out.
     """
     grey = np.array([0.299, 0.587, 0.114])
-    _, similarity = structural_similarity(
+    found: Any = structural_similarity(
         image @ grey, true @ grey, win_size=_WINDOW_PX, data_range=1.0, full=True
     )
+    similarity: np.ndarray = found[1]
     inner = (slice(_WINDOW_PX // 2, -(_WINDOW_PX // 2)),) * 2
     return float(similarity[inner][mask[inner]].mean())

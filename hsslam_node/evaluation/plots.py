@@ -76,7 +76,9 @@ def _errors(ates: Mapping[str, AteResult]) -> Figure:
     for label, result in ates.items():
         seconds = (result.stamps_ns - start_ns) / 1e9
         name = f"{label}: RMSE {100 * result.rmse_m:.2f} cm, {result.scored}/{result.expected}"
-        style = {"marker": ".", "linestyle": "none"} if label == "keyframes" else {"linewidth": 1.2}
+        style: dict[str, Any] = (
+            {"marker": ".", "linestyle": "none"} if label == "keyframes" else {"linewidth": 1.2}
+        )
         axes.plot(seconds, 100 * result.errors_m, label=name, color=_COLORS.get(label), **style)
     axes.set(xlabel="time, s", ylabel="distance to the true camera centre, cm")
     axes.set_ylim(bottom=0)

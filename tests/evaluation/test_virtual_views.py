@@ -23,9 +23,11 @@ def _room() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def seen() -> Views:
-    """Eight cameras in the middle of the first room that turn once around."""
+    """Cameras in the middle of the first room that look all around, level, up and down."""
     room = _room()
-    poses = [se3_exp(np.array([0, 0, 0, 0, k * np.pi / 4, 0.0])) for k in range(8)]
+    turns = [se3_exp(np.array([0, 0, 0, 0, k * np.pi / 4, 0.0])) for k in range(8)]
+    pitches = [se3_exp(np.array([0, 0, 0, k * np.pi / 4, 0.0, 0.0])) for k in (0, 1, -1, 2, -2)]
+    poses = [turn @ pitch for pitch in pitches for turn in turns]
     depths = [render_depth(room.vertices, room.faces, CAMERA, T)[0] for T in poses]
     return Views(CAMERA, np.array(poses), np.array(depths))
 
