@@ -31,7 +31,7 @@ class EvalOptions:
         UserError: an option has a value that cannot be used.
     """
 
-    run: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN]")] = None
+    run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN]")] = ""
     """Folder of a finished run; it names its source itself."""
     trajectory: Path | None = None
     """Trajectory in TUM format (s, m, unit quaternion; camera to world) instead of a run's."""
@@ -74,11 +74,11 @@ class EvalOptions:
 
     def expect_subject(self) -> None:
         """UserError where the options do not say what to score, or against what."""
-        if self.run is not None and (self.trajectory or self.mesh or self.source):
+        if self.run and (self.trajectory or self.mesh or self.source):
             raise UserError("RUN: has its own trajectory, mesh and source: expected it alone")
-        if self.run is None and not (self.trajectory or self.mesh):
+        if not self.run and not (self.trajectory or self.mesh):
             raise UserError("nothing to score: expected a RUN, --trajectory FILE or --mesh FILE")
-        if self.run is None and not self.source:
+        if not self.run and not self.source:
             raise UserError("--source: missing: expected whose truth it is, as tum:FOLDER")
-        if self.against == "tsdf" and self.run is None and self.trajectory is None:
+        if self.against == "tsdf" and not self.run and self.trajectory is None:
             raise UserError("--against tsdf: needs poses: expected --trajectory FILE, or a RUN")

@@ -16,10 +16,8 @@ def _trajectories(figures: Mapping[str, Any]) -> Table | None:
     if "ate" not in figures:
         return None
     table = Table(title=f"trajectory: {_origin(figures)}", title_justify="left")
-    for name in ("", "ATE RMSE, cm", "mean", "max", "scored"):
-        table.add_column(name, justify="left" if not name else "right")
-    for step in ("1 frame", "1 s", "1 m"):
-        table.add_column(f"RPE {step}, cm / deg", justify="right")
+    for name in ("", "ATE", "mean", "max", "scored", "RPE frame", "RPE 1 s", "RPE 1 m"):
+        table.add_column(name, justify="right" if name else "left", no_wrap=True)
     for label, ate in figures["ate"].items():
         rpe = figures["rpe"][label]
         table.add_row(
@@ -33,8 +31,8 @@ def _trajectories(figures: Mapping[str, Any]) -> Table | None:
             ),
         )
     lost = figures.get("frames", {}).get("lost")
-    if lost is not None:
-        table.caption = f"{lost} frames lost"
+    units = "ATE: RMSE, cm; RPE: RMSE, cm / degrees"
+    table.caption = units if lost is None else f"{units}; {lost} frames lost"
     return table
 
 
@@ -88,9 +86,11 @@ def _consistency(figures: Mapping[str, Any]) -> Table | None:
     found = figures.get("consistency")
     if not found:
         return None
-    table = Table("frames apart", title="consistency between frames", title_justify="left")
+    table = Table(
+        "frames apart", title="consistency between frames: depth, grey", title_justify="left"
+    )
     for whose in found:
-        table.add_column(f"{whose} poses: depth, mm", justify="right")
+        table.add_column(f"{whose}: mm", justify="right")
         table.add_column("1 - NCC", justify="right")
     table.add_column("pairs", justify="right")
     for row in zip(*found.values(), strict=True):

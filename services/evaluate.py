@@ -67,7 +67,7 @@ def _evaluate(options: EvalOptions) -> None:
     written: list[Path] = []
     if options.json is not None:
         written.append(_write_json(options.json, figures))
-    folder = options.plots or (options.run / "evaluation" if options.run else None)
+    folder = options.plots or (Path(options.run) / "evaluation" if options.run else None)
     if folder is not None:
         from hsslam_node.evaluation.plots import draw_plots  # matplotlib takes its time
 
@@ -85,8 +85,8 @@ def _evaluate(options: EvalOptions) -> None:
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     """What is judged, and what is said of it beside the figures."""
     about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
-    if options.run is not None:
-        subject, of_run = run_subject(options.run)
+    if options.run:
+        subject, of_run = run_subject(Path(options.run))
         return subject, about | of_run
     trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
     source_options = SourceOptions(
