@@ -133,7 +133,12 @@ ABLATION: Final = PaperTable(
         PaperRow(
             "I",
             "with Co-SLAM's global BA",
-            {"ba.selection": "uniform", "ba.top_keyframes": 512, "ba.cooldown_rounds": 0},
+            {
+                "ba.method": "joint",
+                "ba.selection": "uniform",
+                "ba.top_keyframes": 512,
+                "ba.cooldown_rounds": 0,
+            },
             _ours(_replica(2.01, 1.67, 96.57, 0.73, 0.485, 0.557)),
         ),
     ),
