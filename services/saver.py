@@ -1,5 +1,6 @@
 """The saver: once at the end of a run, writes from the arena what the run is kept for."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +72,26 @@ def final_mesh(
 ) -> trimesh.Trimesh:
     """The coloured mesh of what the keyframes observed."""
     queries = open_map_queries(checkpoint.layout, checkpoint.params, device)
-    observed = ((store.frame(k).depth_m(), T) for k, T in enumerate(checkpoint.T_world_keyframe))
+    observed = _ObservedDepth(store, checkpoint.T_world_keyframe)
     return extract_mesh(
         queries.sdf, queries.color, checkpoint.layout.bound, store.camera, observed, voxel_m
     )
+
+
+class _ObservedDepth(Sequence[tuple[np.ndarray, np.ndarray]]):
+    """Depth, m, and pose of each keyframe, decoded when asked for: all together fill the memory."""
+
+    def __init__(self, store: KeyframeStore, T_world_keyframe: np.ndarray) -> None:
+        self._store = store
+        self._poses = T_world_keyframe
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    def __getitem__(self, k: Any) -> Any:
+        if not 0 <= k < len(self):
+            raise IndexError(k)
+        return self._store.frame(k).depth_m(), self._poses[k]
 
 
 def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:

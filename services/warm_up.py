@@ -131,7 +131,7 @@ def _compile_the_rest() -> Iterator[str]:
     def plane(points: np.ndarray) -> np.ndarray:  # the map knows no surface yet
         return depth_at_center_m - points[:, 2] + 0.0 * queries.sdf(points)
 
-    keyframes = [(depth_m, T_world_cam)]
+    keyframes = [(np.full_like(depth_m, depth_at_center_m), T_world_cam)]
     mesh = extract_mesh(plane, queries.color, bound, first.camera, keyframes, 0.1)
 
     yield "evaluation"

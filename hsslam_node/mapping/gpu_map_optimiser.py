@@ -25,6 +25,7 @@ from hsslam_node.losses.smoothness import smoothness_cube
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
 from hsslam_node.mapping.ray_batch import draw_rays
+from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
 
 _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
@@ -64,16 +65,14 @@ class GpuMapOptimiser:
         rate_factor: float = 1.0,
         with_poses: bool = False,
         update: bool = True,
-        even_area: bool = False,
+        need: RayNeed | None = None,
     ) -> StepReport:
         """One iteration, as `MapOptimiser.step`; the caller holds the writer's lease."""
         self._parameters.follow()
         if self._field is not self._parameters.layout:  # the map has grown
             self._open()
         s, m, n = self._space, self._config.mapper, len(keyframes)
-        R = draw_rays(
-            s.host_rays, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area
-        )
+        R = draw_rays(s.host_rays, store, keyframes, counts, m.max_depth_m, generator, need=need)
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
         self._send_rays(R, poses, generator)

@@ -25,6 +25,7 @@ from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.losses.patch import window_weights
 from hsslam_node.losses.smoothness import smoothness_cube
 from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
 
 ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
@@ -85,18 +86,16 @@ class MapOptimiser:
         rate_factor: float = 1.0,
         with_poses: bool = False,
         update: bool = True,
-        even_area: bool = False,
+        need: RayNeed | None = None,
     ) -> StepReport:
         """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses` [n, 4, 4].
 
         `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe);
-        `even_area`: see `draw_rays`.
+        `need`: where the rays go, else anywhere.
         """
         self._follow()
         m, sampling = self._config.mapper, self._config.sampling
-        R = draw_rays(
-            self._batch, store, keyframes, counts, m.max_depth_m, generator, even_area=even_area
-        )
+        R = draw_rays(self._batch, store, keyframes, counts, m.max_depth_m, generator, need=need)
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
         S = sampling.count

@@ -12,6 +12,7 @@ from hsslam_node.mapping.bound_growth import wanted_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.moved_keyframes import MovedKeyframes
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
+from hsslam_node.mapping.ray_need import RayNeed
 
 
 class Mapper:
@@ -26,6 +27,7 @@ class Mapper:
         self._seed = seed
         self._bound_config = config.bound
         self._may_grow = config.bound.grow
+        self._need: RayNeed | None = None
         self._covered = 0  # keyframes that the bound was held against
         self._moved = MovedKeyframes()
 
@@ -46,10 +48,11 @@ class Mapper:
         return self._step(store, np.array([*recent, *others], np.int64), 1.0)
 
     def polish(self, store: KeyframeStore) -> StepReport:
-        """One iteration over random keyframes and surfaces alike, for when no more frames come."""
-        size = min(self._config.window_keyframes, store.count)
-        keyframes = self._generator(0).choice(store.count, size, replace=False)
-        return self._step(store, keyframes, 1.0, even_area=True)
+        """One iteration where surfaces were seldom seen as elsewhere, for when no more frames come."""
+        if self._need is None or self._need.keyframe_count != store.count:
+            self._need = RayNeed(store, self._config.max_depth_m)
+        keyframes = self._need.keyframes(self._config.window_keyframes, self._generator(0))
+        return self._step(store, keyframes, 1.0, need=self._need)
 
     def cover(self, store: KeyframeStore) -> Bound | None:
         """Grow the map where a new keyframe sees past its bound; the new bound, None where it fits.
@@ -89,7 +92,12 @@ class Mapper:
         return self._parameters.publish()
 
     def _step(
-        self, store: KeyframeStore, keyframes: np.ndarray, factor: float, *, even_area: bool = False
+        self,
+        store: KeyframeStore,
+        keyframes: np.ndarray,
+        factor: float,
+        *,
+        need: RayNeed | None = None,
     ) -> StepReport:
         n = len(keyframes)
         newest_first = keyframes[0] == store.count - 1
@@ -99,7 +107,7 @@ class Mapper:
         poses = store.poses()[keyframes]
         generator = self._generator(1)
         return self._optimiser.step(
-            store, keyframes, counts, poses, generator, rate_factor=factor, even_area=even_area
+            store, keyframes, counts, poses, generator, rate_factor=factor, need=need
         )
 
     def _generator(self, stream: int) -> np.random.Generator:

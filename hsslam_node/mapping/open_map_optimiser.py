@@ -9,6 +9,7 @@ from hsslam_node.device.device import Device
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
+from hsslam_node.mapping.ray_need import RayNeed
 
 
 class Optimiser(Protocol):
@@ -29,7 +30,7 @@ class Optimiser(Protocol):
         rate_factor: float = 1.0,
         with_poses: bool = False,
         update: bool = True,
-        even_area: bool = False,
+        need: RayNeed | None = None,
     ) -> StepReport: ...
 
     def push(self) -> None: ...

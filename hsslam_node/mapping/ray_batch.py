@@ -6,8 +6,7 @@ import numpy as np
 
 from hsslam_node.kernels.ray_batch import gather_pixels
 from hsslam_node.keyframes.store import KeyframeStore
-
-EVEN_AREA_M = 6.0
+from hsslam_node.mapping.ray_need import RayNeed
 
 
 class RayBatch(NamedTuple):
@@ -37,12 +36,9 @@ def draw_rays(
     max_depth_m: float,
     generator: np.random.Generator,
     *,
-    even_area: bool = False,
+    need: RayNeed | None = None,
 ) -> int:
-    """Fill the batch with random pixels that have depth; returns the number of rays.
-
-    A pixel of a far surface covers more of it: with `even_area` pixels are drawn in proportion to
-    their squared depth, so that each piece of surface gets its share, up to EVEN_AREA_M.
+    """Fill the batch with random pixels that have depth, uniform or by `need`; returns the number of rays.
 
     Args:
         keyframes: [n] ids; the rays of keyframes[k] get slot k.
@@ -50,13 +46,17 @@ def draw_rays(
     """
     camera = store.camera
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-    candidates = (8 if even_area else 2) * np.asarray(counts, np.int64) + 16
+    candidates = 2 * np.asarray(counts, np.int64) + 16
     last = np.cumsum(candidates)
     total = int(last[-1])
     uv = np.empty((total, 2), np.int64)
-    uv[:, 0] = generator.integers(0, camera.width_px, total, np.int32)
-    uv[:, 1] = generator.integers(0, camera.height_px, total, np.int32)
-    reach_m = EVEN_AREA_M * np.sqrt(generator.random(total)) if even_area else np.zeros(total)
+    if need is None:
+        uv[:, 0] = generator.integers(0, camera.width_px, total, np.int32)
+        uv[:, 1] = generator.integers(0, camera.height_px, total, np.int32)
+    else:
+        wanted = zip(keyframes, candidates, strict=True)
+        uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
+    reach_m = np.zeros(total)
     filled = 0
     for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
         color, depth_raw = store.pixels(int(k))

@@ -1,6 +1,6 @@
 """The mesh of everything that a set of keyframes saw, in one call."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -8,7 +8,9 @@ import trimesh
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.meshing.block_mesher import BlockMesher, QueryColor, QuerySdf
+from hsslam_node.meshing.faces_seen import faces_seen
 from hsslam_node.meshing.observed_space import ObservedSpace
+from hsslam_node.meshing.weld import kept_faces
 
 
 def extract_mesh(
@@ -16,19 +18,21 @@ def extract_mesh(
     query_color: QueryColor,
     bound: Bound,
     camera: Camera,
-    keyframes: Iterable[tuple[np.ndarray, np.ndarray]],
+    keyframes: Sequence[tuple[np.ndarray, np.ndarray]],
     voxel_m: float = 0.03,
     stride_px: int = 1,
     min_component_faces: int = 50,
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
 
+    Triangles whose front no keyframe looked at are left out.
+
     Args:
         query_sdf: signed distances of points.
         query_color: colours of points.
         bound: space to mesh.
         camera: of all keyframes, undistorted.
-        keyframes: depth [H, W] float32 m and T_world_cam [4, 4] of each.
+        keyframes: depth [H, W] float32 m and T_world_cam [4, 4] of each; gone through twice.
         voxel_m: cell of marching cubes, m.
         stride_px: step between the depth pixels that mark observed space.
         min_component_faces: smaller connected pieces are left out.
@@ -37,4 +41,8 @@ def extract_mesh(
     for depth_m, T_world_cam in keyframes:
         mesher.observe(depth_m, camera, T_world_cam, stride_px)
     mesher.update(query_sdf, query_color)
-    return mesher.mesh(min_component_faces)
+    mesh = mesher.mesh(min_component_faces)
+    if len(mesh.faces) == 0:
+        return mesh
+    seen = faces_seen(np.asarray(mesh.vertices), np.asarray(mesh.faces), camera, keyframes)
+    return kept_faces(mesh, seen, min_component_faces)

@@ -46,6 +46,18 @@ def weld_blocks(
     return _compact(points, faces, colors)
 
 
+def kept_faces(
+    mesh: trimesh.Trimesh, keep: np.ndarray, min_component_faces: int
+) -> trimesh.Trimesh:
+    """The mesh of the faces marked in `keep` [F] bool, less small connected pieces; colours stay."""
+    if not keep.any():
+        return trimesh.Trimesh(process=False)
+    faces = np.asarray(mesh.faces)[keep]
+    faces = _without_small_components(faces, len(mesh.vertices), min_component_faces)
+    colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
+    return _compact(np.asarray(mesh.vertices), faces, colors)
+
+
 def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:
     """Place of each vertex on the doubled grid, odd along its edge, as one number, [V] int64."""
     nearest = np.rint(mesh.vertices)

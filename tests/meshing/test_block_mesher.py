@@ -3,7 +3,6 @@ import pytest
 from trimesh.grouping import group_rows
 
 from hsslam_node.meshing.block_mesher import BlockMesher
-from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.observed_space import ObservedSpace
 
 
@@ -22,7 +21,9 @@ def test_growing_map_ends_as_the_one_made_at_once(scene):
         mesher.observe(depth, scene.camera, T)
         mesher.update(scene.sdf, scene.color)
     grown = mesher.mesh()
-    whole = extract_mesh(scene.sdf, scene.color, scene.bound, scene.camera, scene.keyframes)
+    at_once = _mesher(scene, scene.keyframes)
+    at_once.update(scene.sdf, scene.color)
+    whole = at_once.mesh()
     assert len(grown.faces) == len(whole.faces)
     assert abs(grown.area - whole.area) < 1e-4
 

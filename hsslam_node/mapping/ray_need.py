@@ -1,0 +1,66 @@
+"""Where on the surface rays are wanted: pieces that few pixels saw get their share."""
+
+import numpy as np
+
+from hsslam_node.keyframes.store import KeyframeStore
+
+_STRIDE_PX = 8
+_CELL_M = 0.12
+_POWER = 0.75  # of the number of pixels that saw a cell; 1: all cells get the same number of rays
+_BITS = 21  # of a cell's number along an axis
+
+
+class RayNeed:
+    """Draws keyframes and pixels so that rays spread over the surface, not over the images.
+
+    Space is cut into cells of 12 cm. A pixel's weight falls with the number of pixels, of all
+    keyframes, that measured in its cell: far, grazing and seldom seen surfaces would else get hardly
+    a ray, and those seen from near in all keyframes nearly all of them.
+    """
+
+    def __init__(self, store: KeyframeStore, max_depth_m: float) -> None:
+        poses = store.poses()
+        cells = [_cells(store, k, poses[k], max_depth_m) for k in range(len(poses))]
+        _, cell, seen = np.unique(np.concatenate(cells), return_inverse=True, return_counts=True)
+        weight = np.where(np.concatenate(cells) >= 0, seen[cell] ** -_POWER, 0.0)
+        per_keyframe = weight.reshape(len(poses), -1)
+        camera = store.camera
+        self._columns = -(-camera.width_px // _STRIDE_PX)
+        self._last_pixel = np.array([camera.width_px - 1, camera.height_px - 1])
+        self._cumulative = np.cumsum(per_keyframe, axis=1)  # [n, pixels of every eighth]
+
+    @property
+    def keyframe_count(self) -> int:
+        """Keyframes that this was made for."""
+        return len(self._cumulative)
+
+    def keyframes(self, size: int, generator: np.random.Generator) -> np.ndarray:
+        """Up to `size` different keyframes, those with more to tell more often, [n] int64."""
+        total = self._cumulative[:, -1]
+        size = min(size, int(np.count_nonzero(total)))
+        return generator.choice(len(total), size, replace=False, p=total / total.sum())
+
+    def pixels(self, keyframe: int, count: int, generator: np.random.Generator) -> np.ndarray:
+        """Pixels (u, v) [count, 2] int64 of a keyframe; some may be without depth."""
+        cumulative = self._cumulative[keyframe]
+        place = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")
+        place = np.minimum(place, len(cumulative) - 1)
+        corner = np.stack([place % self._columns, place // self._columns], axis=-1) * _STRIDE_PX
+        around = generator.integers(-_STRIDE_PX // 2, _STRIDE_PX // 2, (count, 2))
+        return np.clip(corner + around, 0, self._last_pixel)
+
+
+def _cells(
+    store: KeyframeStore, keyframe: int, T_world_cam: np.ndarray, max_depth_m: float
+) -> np.ndarray:
+    """Number of the cell of every eighth pixel, row by row [N] int64; -1 without measurement."""
+    camera = store.camera
+    depth = store.frame(keyframe).depth_m()[::_STRIDE_PX, ::_STRIDE_PX].astype(np.float64)
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]] * _STRIDE_PX
+    rays = np.stack(
+        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
+    )
+    points = (rays * depth[..., None]) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    x, y, z = np.moveaxis(np.floor(points / _CELL_M).astype(np.int64) + (1 << _BITS - 1), -1, 0)
+    cell = (x << 2 * _BITS) + (y << _BITS) + z
+    return np.where((depth > 0) & (depth < max_depth_m), cell, -1).ravel()

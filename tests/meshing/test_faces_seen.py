@@ -1,0 +1,65 @@
+"""Triangles are kept that some keyframe looked at: no curtain along the rays, no second skin."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.meshing.faces_seen import faces_seen
+
+CAMERA = Camera(160, 120, 80.0, 80.0, 79.5, 59.5)
+
+
+def _square(z: float, *, half: float = 0.3, front: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of a square across the optical axis; its front looks at the camera."""
+    corners = [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
+    faces = np.array([[0, 2, 1], [0, 3, 2]])
+    return np.array(corners), faces if front else faces[:, ::-1]
+
+
+def _seen(vertices, faces, depth_m=2.0, T=None):
+    depth = np.full((120, 160), depth_m, np.float32)
+    return faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4) if T is None else T)])
+
+
+def test_what_was_measured_is_kept():
+    assert _seen(*_square(2.0)).all()
+    assert _seen(*_square(2.03)).all()  # within the noise of the depth
+
+
+@pytest.mark.parametrize("z", [1.8, 2.2])
+def test_a_skin_in_front_or_behind_goes(z):
+    assert not _seen(*_square(z)).any()
+
+
+def test_the_back_of_a_surface_goes():
+    assert not _seen(*_square(2.0, front=False)).any()
+
+
+def test_a_curtain_along_the_rays_goes():
+    """It hangs from the measured surface towards the camera; its end alone is near a measurement."""
+    vertices = np.array([(0.0, -0.2, 1.7), (0.0, 0.2, 1.7), (0.0, 0.2, 2.0), (0.0, -0.2, 2.0)])
+    for faces in (np.array([[0, 1, 2], [0, 2, 3]]), np.array([[2, 1, 0], [3, 2, 0]])):
+        assert not _seen(vertices, faces).any()
+
+
+def test_without_measurement_or_out_of_sight_nothing_is_kept():
+    assert not _seen(*_square(2.0), depth_m=0.0).any()
+    behind = np.diag([1.0, -1.0, -1.0, 1.0])
+    assert not _seen(*_square(2.0), T=behind).any()
+    assert not faces_seen(*_square(2.0), CAMERA, []).any()
+
+
+def test_a_single_missed_triangle_between_others_is_kept():
+    """A pixel without depth in the middle of a plane leaves no hole."""
+    n = 21
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, n), np.linspace(-0.4, 0.4, n))
+    vertices = np.stack([x.ravel(), y.ravel(), np.full(n * n, 2.0)], axis=-1)
+    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate(
+        [np.stack([a, a + n, a + 1], axis=-1), np.stack([a + 1, a + n, a + n + 1], axis=-1)]
+    )
+    depth = np.full((120, 160), 2.0, np.float32)
+    depth[59:61, 79:81] = 0.0
+    assert faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4))]).all()
+    depth[50:70, 70:90] = 0.0
+    assert not faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4))]).all()
