@@ -25,7 +25,7 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     """
     height, width = depth.shape
     to_unit, origins = _into_unit_frames(rotations, centers, halves, T)
-    starts, members, closest = bin_primitives(
+    counts, members, closest = bin_primitives(
         rotations, centers, halves, T, intrinsics, height, width
     )
     ray_x, ray_y = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
@@ -36,7 +36,7 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     pixel = np.float32(_SHARPNESS / intrinsics[0])
     scale = np.float32(units_per_m)
     tiles_x = (width + TILE - 1) // TILE
-    for tile in range(len(starts) - 1):
+    for tile in range(len(counts)):
         row, column = TILE * (tile // tiles_x), TILE * (tile % tiles_x)
         for i in range(_PIXELS):
             ray_x[i] = (column + (i & (TILE - 1)) - intrinsics[2]) / intrinsics[0]
@@ -44,8 +44,8 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
             nearest[i] = np.float32(1e6)
             owner[i] = 0
         hits, farthest = 0, np.float32(1e6)
-        for k in range(starts[tile], starts[tile + 1]):
-            p = members[k]
+        for k in range(counts[tile]):
+            p = members[tile, k]
             if closest[p] > farthest:
                 break  # all others are behind what this tile shows
             M, o = to_unit[p], origins[p]

@@ -12,15 +12,16 @@ _MARGIN = 1e-4  # well above the rounding of a depth in float32
 
 @numba.njit(**JIT)
 def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
-    """Which primitives may be seen in each tile, nearest first: tile k has members[starts[k] :
-    starts[k + 1]]; and closest [P] float32: no depth of primitive p is below closest[p].
+    """Counts [tiles] and members [tiles, P] of the primitives that may be seen in each tile, nearest
+    first; and closest [P] float32: no depth of primitive p is below closest[p].
 
     Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room,
     is in all of them.
     """
     n = len(centers)
     tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
-    starts = np.zeros(tiles_x * tiles_y + 1, np.int32)
+    counts = np.zeros(tiles_x * tiles_y, np.int32)
+    members = np.empty((tiles_x * tiles_y, n), np.int32)
     closest = np.empty(n, np.float32)
     corners = np.empty((8, 3))
     boxes = np.empty((n, 4), np.int32)  # first and last tile across, first and last down
@@ -66,17 +67,10 @@ def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
             int(max(low_v, 0)) // TILE,
             int(min(high_v + 1, height - 1)) // TILE,
         )
-        for y in range(boxes[p, 2], boxes[p, 3] + 1):
-            for x in range(boxes[p, 0], boxes[p, 1] + 1):
-                starts[y * tiles_x + x + 1] += 1
-    for tile in range(tiles_x * tiles_y):
-        starts[tile + 1] += starts[tile]
-    members = np.empty(starts[-1], np.int32)
-    places = starts[:-1].copy()
     for p in np.argsort(closest):
         for y in range(boxes[p, 2], boxes[p, 3] + 1):
             for x in range(boxes[p, 0], boxes[p, 1] + 1):
                 tile = y * tiles_x + x
-                members[places[tile]] = p
-                places[tile] += 1
-    return starts, members, closest
+                members[tile, counts[tile]] = p
+                counts[tile] += 1
+    return counts, members, closest
