@@ -136,10 +136,12 @@ def _compile_the_rest() -> Iterator[str]:
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh_metrics import compare_meshes
+    from hsslam_node.evaluation.virtual_views import virtual_views
     from hsslam_node.evaluation.visibility import Views
 
     views = Views(first.camera, T_world_cam[None], depth_m[None])
     compare_meshes(mesh, mesh, views, samples=100)
+    list(virtual_views(mesh, views, first.camera, 1))
 
 
 def _briefly(config: "SlamConfig", method: Literal["alignment", "rendering"]) -> "SlamConfig":

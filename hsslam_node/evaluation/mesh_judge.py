@@ -23,6 +23,7 @@ CULL_EVERY = 10  # of the given cameras
 CULL_TOLERANCE_M = 0.03
 CULL_VIRTUAL = 100  # virtual cameras that cull, too: the first of those drawn
 DEPTH_VIEWS = 1000
+_SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
 
 
@@ -102,7 +103,9 @@ def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
     for frame, measured in _together(exact.frames(), open_source(spec, thinned).frames()):
         if frame.stamp_ns in row_of:
             poses.append(truth.T_world_cam[row_of[frame.stamp_ns]])
-            depths.append(np.where(measured.depth_raw > 0, frame.depth_m(), np.float32(0)))
+            true = frame.depth_m()
+            agrees = np.abs(measured.depth_m() - true) < _SAME_SURFACE * true
+            depths.append(np.where(agrees, true, np.float32(0)))
     shape = (0, exact.camera.height_px, exact.camera.width_px)
     stacked = np.stack(depths) if depths else np.empty(shape, np.float32)
     camera = exact.camera.undistorted()

@@ -1,0 +1,37 @@
+"""What counts as seen, for every mesh alike."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.mesh_judge import given_views, load_mesh
+from hsslam_node.sources.source import SourceOptions, SynthOptions
+
+_HALL = SourceOptions(
+    frames=25, synth=SynthOptions(size_m=(14.0, 14.0, 2.6), width_px=64, height_px=48)
+)
+
+
+def test_given_cameras_see_exactly_but_only_where_their_sensor_measured():
+    truth = open_ground_truth("synth:room", _HALL)
+    assert truth is not None
+    exact = given_views(truth, "synth:room", _HALL)
+    noisy = given_views(truth, "synth:room", replace(_HALL, noise="kinect"))
+    assert exact.depths_m.shape == (3, 48, 64)  # frames 0, 10 and 20
+    np.testing.assert_array_equal(exact.T_world_cam, truth.T_world_cam[::10])
+    measured = noisy.depths_m > 0
+    np.testing.assert_array_equal(noisy.depths_m[measured], exact.depths_m[measured])
+    far = exact.depths_m > 7.0  # its reach is 6 m; a pixel at an edge may show the nearer neighbour
+    assert far.any()
+    assert not measured[far].any()
+    assert measured[(exact.depths_m > 0) & (exact.depths_m < 4.0)].mean() > 0.95
+
+
+def test_what_is_no_mesh_is_named(tmp_path):
+    (tmp_path / "mesh.ply").write_text("not a mesh")
+    for name in ("mesh.ply", "not-there.ply"):
+        with pytest.raises(UserError, match=name.replace(".", r"\.")):
+            load_mesh(tmp_path / name)
