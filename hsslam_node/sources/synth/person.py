@@ -50,8 +50,8 @@ def _body(phase: float) -> list[Primitive]:
     lift = np.array([0, 0, bob])
     parts = [
         ball((0, 0.00, 0.97), (0.175, 0.125, 0.15), "fabric:navy"),
-        ball((0, 0.00, 1.12), (0.180, 0.120, 0.20), "fabric:terracotta"),
-        ball((0, 0.00, 1.30), (0.205, 0.130, 0.22), "fabric:terracotta"),
+        ball((0, 0.00, 1.12), (0.180, 0.120, 0.20), "fabric:mustard"),
+        ball((0, 0.00, 1.30), (0.205, 0.130, 0.22), "fabric:mustard"),
         cylinder((0, 0.01, 1.51), 0.055, 0.12, "paint:skin"),
         ball((0, 0.02, 1.62), (0.078, 0.098, 0.120), "paint:skin"),
         ball((0, -0.01, 1.655), (0.086, 0.098, 0.105), "leaves:walnut"),
@@ -64,7 +64,7 @@ def _body(phase: float) -> list[Primitive]:
         bent = 40 * max(0.0, side * np.cos(phase)) + 6
         hip = (side * 0.095, 0.0, _HIP_M + bob)
         parts += _limb(hip, 24 * swing, -bent, _leg(_THIGH_M), _THIGH_M)
-        shoulder = (side * 0.235, 0.0, _SHOULDER_M + bob)
+        shoulder = (side * 0.22, 0.0, _SHOULDER_M + bob)
         parts += _limb(shoulder, -22 * swing, 22 + 10 * swing, _arm(_UPPER_ARM_M), _UPPER_ARM_M)
     return parts
 
@@ -99,9 +99,9 @@ def _leg(thigh_m: float) -> tuple[list[Primitive], list[Primitive]]:
 
 def _arm(upper_m: float) -> tuple[list[Primitive], list[Primitive]]:
     return (
-        [ball((0, 0, -upper_m / 2), (0.052, 0.058, upper_m / 2 + 0.05), "fabric:terracotta")],
+        [ball((0, 0, -upper_m / 2), (0.052, 0.058, upper_m / 2 + 0.05), "fabric:mustard")],
         [
-            ball((0, 0, -0.12), (0.042, 0.046, 0.16), "fabric:terracotta"),
+            ball((0, 0, -0.12), (0.042, 0.046, 0.16), "fabric:mustard"),
             ball((0, 0.01, -0.30), (0.034, 0.046, 0.075), "paint:skin"),
         ],
     )
