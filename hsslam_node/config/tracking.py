@@ -42,16 +42,25 @@ class TrackerConfig:
     photometric_huber: float = 10.0
     """Huber threshold of a grey-level difference, 0..255."""
     surface_weight: float = 1.0
-    """Weight of the depth points' distance to the keyframe's surface, against that to the SDF; 0
-    leaves it out."""
+    """Weight of the depth points' distance to the keyframe's surface; 0 leaves it out."""
+    surface_sigma_m: float = 0.001
+    """Standard deviation of that distance without depth noise, m."""
+    surface_noise: float = 0.5
+    """Share of the depth's deviation, as measured on the keyframe, that is added to it for the weight."""
+    surface_kernel: float = 4.0
+    """Distances of more deviations than that, with all of the depth's, hardly count."""
     surface_gate_m: float = 0.05
     """Points farther than this from the keyframe's surface do not meet it, m."""
     reference_overlap: float = 0.7
     """A new reference keyframe is taken when a smaller share of its pixels is in view."""
+    reference_coverage: float = 0.6
+    """Or, at once, when the depth points that meet its surface are a smaller share of what they were."""
     reference_surface_agreement: float = 0.55
     """Or when a smaller share of the depth points fits its surface."""
     reference_image_agreement: float = 0.35
     """Or when a smaller share of its pixels fits the image."""
+    weak_direction_m: float = 0.005
+    """Directions that the data tell worse than this follow the prediction, m."""
     min_inlier_ratio: float = 0.7
     """Fewer SDF inliers than this: the frame is lost."""
     longest_gap_s: float = 0.5
@@ -73,12 +82,13 @@ class TrackerConfig:
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
         expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
-        expect_positive(self, "tracker", "surface_gate_m")
+        expect_positive(self, "tracker", "surface_gate_m", "surface_sigma_m", "surface_kernel")
+        expect_not_negative(self, "tracker", "surface_noise")
         expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
-        expect_positive(self, "tracker", "longest_gap_s")
+        expect_positive(self, "tracker", "longest_gap_s", "weak_direction_m")
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
-        for name in ("overlap", "surface_agreement", "image_agreement"):
+        for name in ("overlap", "coverage", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)
 
 

@@ -1,9 +1,9 @@
 """Normal equations of dense alignment: depth points to the SDF and to a keyframe's surface, and pixels
 of a keyframe to the image.
 
-Every kernel linearises about T_world_cam and adds to a 7x7 system in (translation m, rotation rad,
-grey bias): the pose moves as t <- t + rho, R <- exp(omega) R, both in world axes, so rotation is about
-the camera centre. H [7, 7], b [7] float64 with H x = -b.
+Every kernel linearises about T_world_cam and adds to an 8x8 system in (translation m, rotation rad,
+grey bias, gain): the pose moves as t <- t + rho, R <- exp(omega) R, both in world axes, so rotation is
+about the camera centre. H [8, 8], b [8] float64 with H x = -b.
 """
 
 import numpy as np
@@ -49,13 +49,17 @@ def add_sdf_term(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_keyframe_surface_term(
-    points, world, centre, T_key_world, key_points, key_normals, K, sigma_m, sigma_slope, huber_m,
-    gate_m, H, b,
+    points, world, centre, T_key_world, key_points, key_normals, K, sigma_m, noise, noise_share,
+    reach, inlier_m, gate_m, H, b,
 ):  # fmt: skip
     """Points [N, 3] (world) to the tangent planes of a keyframe's surface (projective association).
 
     key_points, key_normals [h, w, 3] (m, keyframe camera; normal 0 = none), K [4] of that resolution.
-    Returns (weighted squared error, inliers, points that met the surface).
+    The deviation of a residual r is sigma = sigma_m + noise z^2 (noise in 1/m, of inverse depth); its
+    cost is that of Geman and McClure, weight r^2 / (1 + (r / (reach sigma))^2): what disagrees by many
+    sigma, a moving thing or a wrong pair, has no say. The weight is 1 / sigma^2 with only a share of the
+    noise. Returns (cost, residuals below inlier_m,
+    points that met the surface).
     """
     height, width = key_points.shape[0], key_points.shape[1]
     cost = 0.0
@@ -81,15 +85,14 @@ def add_keyframe_surface_term(
         if abs(r) > gate_m or abs(z - q[2]) > 3.0 * gate_m:
             continue
         met += 1
-        far = max(max(z, points[k, 2]) - 0.4, 0.0)
-        sigma = sigma_m + sigma_slope * far * far
+        deep = max(z, np.float64(points[k, 2]))
+        sigma = sigma_m + noise * deep * deep
+        share = 1.0 / (1.0 + r * r / (reach * reach * sigma * sigma))
+        sigma = sigma_m + noise_share * noise * deep * deep
         w = 1.0 / (sigma * sigma)
-        size = abs(r)
-        if size > huber_m:
-            cost += w * huber_m * (2.0 * size - huber_m)
-            w *= huber_m / size
-        else:
-            cost += w * r * r
+        cost += w * r * r * share
+        w *= share * share
+        if abs(r) <= inlier_m:
             inliers += 1
         for a in range(3):
             n_world[a] = (
@@ -102,19 +105,20 @@ def add_keyframe_surface_term(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_photometric_term(
-    grey, depth, K, key_world, key_grey, T_world_cam, bias, sigma, huber, H, b
+    grey, depth, K, key_world, key_grey, T_world_cam, bias, gain, sigma, huber, H, b
 ):  # fmt: skip
     """Keyframe pixels key_world [N, 3] (m, world) with grey level key_grey [N] against an image.
 
     grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown) to skip
-    what is hidden, K [4]. Column 6 of the system is the grey bias. Returns (weighted squared error,
+    what is hidden, K [4]. An image is gain times the keyframe plus bias; they are columns 7 and 6 of the
+    system. Returns (weighted squared error,
     inliers, pixels in view).
     """
     height, width = grey.shape
     cost = 0.0
     inliers = 0
     seen = 0
-    J = np.empty(7)
+    J = np.empty(8)
     d = np.empty(3)
     weight = 1.0 / (sigma * sigma)
     for k in range(key_world.shape[0]):
@@ -144,7 +148,7 @@ def add_photometric_term(
         value = (g00 * (1 - fu) + g01 * fu) * (1 - fv) + (g10 * (1 - fu) + g11 * fu) * fv
         du = (g01 - g00) * (1 - fv) + (g11 - g10) * fv
         dv = (g10 - g00) * (1 - fu) + (g11 - g01) * fu
-        r = value - bias - key_grey[k]
+        r = value - bias - gain * key_grey[k]
         w = weight
         size = abs(r)
         if size > huber:
@@ -167,6 +171,7 @@ def add_photometric_term(
         J[4] = a2 * d[0] - a0 * d[2]
         J[5] = a0 * d[1] - a1 * d[0]
         J[6] = -1.0
+        J[7] = -key_grey[k]
         _add_row(J, r, w, H, b)
     return cost, inliers, seen
 

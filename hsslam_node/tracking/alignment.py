@@ -1,6 +1,7 @@
 """Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +13,26 @@ from hsslam_node.kernels.alignment import (
 )
 from hsslam_node.kernels.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.motion_prior import with_motion_prior
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 from hsslam_node.tracking.sdf_term import open_sdf_term
 
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
+_COARSE_WEAK = 10.0  # a direction is weak where the fine level's bound is exceeded by so much
 _DAMPING = 1e-4
+# of a step (m, rad, grey levels, gain): where nothing else says anything, stay
+_PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
+
+
+class Exposure(NamedTuple):
+    """The image is gain times the keyframe's plus bias."""
+
+    bias: float = 0.0  # grey levels
+    gain: float = 1.0
+
+
+_SAME_EXPOSURE = Exposure()
 
 
 @dataclass(frozen=True)
@@ -32,8 +47,9 @@ class Alignment:
     surface_coverage: float  # share of the points that met the keyframe's surface
     photometric_inlier_ratio: float  # nan without the term
     outside: int  # points outside the bound
+    exposure: Exposure = _SAME_EXPOSURE
     information: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
-    """[6, 6] of a twist (m, rad) as in `moved_about_camera`, with the grey bias left free."""
+    """[6, 6] of a twist (m, rad) as in `moved_about_camera`, with gain and bias left free."""
 
 
 def align(
@@ -44,6 +60,7 @@ def align(
     reference: ReferenceKeyframe | None,
     T_world_ref: np.ndarray,
     config: TrackerConfig,
+    exposure: Exposure = _SAME_EXPOSURE,
 ) -> Alignment:
     """Align a frame, coarse to fine, starting from `T_world_cam` [4, 4].
 
@@ -53,8 +70,9 @@ def align(
         view: the map; None before there is one.
         reference: the keyframe; None leaves its two terms out.
         T_world_ref: [4, 4] pose of the keyframe.
+        exposure: where to start.
     """
-    problem = _Problem(points, levels, view, reference, T_world_ref, config)
+    problem = _Problem(points, levels, view, reference, T_world_ref, config, exposure)
     T = T_world_cam.copy()
     iterations = 0
     system = None
@@ -62,11 +80,11 @@ def align(
         fine = level == len(levels) - 1
         for _ in range(config.iterations):
             system = problem.linearise(T, level)
-            x = np.linalg.solve(
-                system.H + _DAMPING * np.diag(np.diag(system.H)) + 1e-9 * np.eye(7), -system.b
-            )
+            weak_m = config.weak_direction_m * (1.0 if fine else _COARSE_WEAK)
+            H, b = with_motion_prior(system.H, system.b, T, T_world_cam, weak_m)
+            x = np.linalg.solve(H + _DAMPING * np.diag(np.diag(H)), -b)
             T = _moved(T, x[:6])
-            problem.bias += x[6]
+            problem.exposure = Exposure(problem.exposure.bias + x[6], problem.exposure.gain + x[7])
             iterations += 1
             if np.abs(x[:6]).max() < (config.stop_step if fine else _COARSE_STOP):
                 break
@@ -81,7 +99,8 @@ def align(
         surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
-        information=_without_bias(system.H),
+        information=_without_exposure(system.H),
+        exposure=problem.exposure,
     )
 
 
@@ -110,6 +129,7 @@ class _Problem:
         reference: ReferenceKeyframe | None,
         T_world_ref: np.ndarray,
         config: TrackerConfig,
+        exposure: Exposure,
     ) -> None:
         self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
         self._levels = levels
@@ -123,12 +143,12 @@ class _Problem:
             else ()
         )
         self._world = np.empty((len(points), 3), np.float32)
-        self.bias = 0.0
+        self.exposure = exposure
 
     def linearise(self, T: np.ndarray, level: int) -> _System:
         """The normal equations at T, at one level of the pyramid."""
         c = self._config
-        system = _System(np.zeros((7, 7)), np.zeros(7))
+        system = _System(np.diag(_PRIOR), np.zeros(8))
         fine = level == len(self._levels) - 1
         points = self._points[fine]
         n = len(points)
@@ -142,20 +162,23 @@ class _Problem:
             system.outside = n - found.seen
         if self._reference and c.surface_weight > 0:
             k = c.surface_weight**-0.5
+            sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide enough to be led by
+            if fine:
+                sigma_m, noise = c.surface_sigma_m, self._reference.depth_noise
             _, system.surface_inliers, system.surface_met = add_keyframe_surface_term(
                 points, world, centre, self._T_ref_world, self._reference.surface_points,
                 self._reference.surface_normals, self._reference.surface_K,
-                k * c.sdf_sigma_m, k * c.sdf_sigma_slope, c.sdf_huber_m, c.surface_gate_m,
+                k * sigma_m, k * noise, c.surface_noise, c.surface_kernel, c.sdf_huber_m, c.surface_gate_m,
                 system.H, system.b,
             )  # fmt: skip
         if self._reference and c.photometric_pixels:
             image = self._levels[level]
             _, system.photo_inliers, system.photo_seen = add_photometric_term(
                 image.grey, image.depth, image.K, self._key_world[level],
-                self._reference.grey[level], T, self.bias, c.photometric_sigma,
+                self._reference.grey[level], T, *self.exposure, c.photometric_sigma,
                 c.photometric_huber, system.H, system.b,
             )  # fmt: skip
-        lower = np.tril_indices(7, -1)
+        lower = np.tril_indices(8, -1)
         system.H[lower] = system.H.T[lower]
         return system
 
@@ -168,9 +191,9 @@ def _moved(T: np.ndarray, x: np.ndarray) -> np.ndarray:
     return out
 
 
-def _without_bias(H: np.ndarray) -> np.ndarray:
-    """[6, 6] of the pose alone from [7, 7]; the Schur complement."""
-    return H[:6, :6] - np.outer(H[:6, 6], H[6, :6]) / max(H[6, 6], 1e-9)
+def _without_exposure(H: np.ndarray) -> np.ndarray:
+    """[6, 6] of the pose alone from [8, 8]; the Schur complement."""
+    return H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
 
 
 def _ratio(part: int, whole: int) -> float:

@@ -39,7 +39,7 @@ class GpuSdfTerm:
             result[_H].view(7, 7), result[_B], result[_SUMS],
         )  # fmt: skip
         found = result.cpu().numpy()
-        H += found[_H].reshape(7, 7)
-        b += found[_B]
+        H[:7, :7] += found[_H].reshape(7, 7)
+        b[:7] += found[_B]
         _cost, inliers, seen, squares = found[_SUMS]
         return SdfEvidence(round(inliers), round(seen), float(squares))

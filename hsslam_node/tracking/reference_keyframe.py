@@ -7,9 +7,12 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.depth_points import halve_depth
+from hsslam_node.kernels.keyframe_surface import surface_of_depth
+from hsslam_node.tracking.depth_noise import depth_noise
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
+_EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,10 @@ class ReferenceKeyframe:
     id: int
     points: tuple[np.ndarray, ...]  # per level [N, 3] float64 m, salient pixels
     grey: tuple[np.ndarray, ...]  # per level [N] float32 0..255
-    surface_points: np.ndarray  # [h, w, 3] float32 m, at half resolution
+    surface_points: np.ndarray  # [h, w, 3] float32 m, at full or half resolution
     surface_normals: np.ndarray  # [h, w, 3] float32, 0 = none
     surface_K: np.ndarray  # [4] float64
+    depth_noise: float  # 1/m, of the inverse depth
 
 
 def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
@@ -72,8 +76,11 @@ def reference_keyframe(
         p, g = _salient_pixels(level, pixels)
         points.append(p)
         greys.append(g)
-    surface_points, surface_normals, K = _surface(frame)
-    return ReferenceKeyframe(id, tuple(points), tuple(greys), surface_points, surface_normals, K)
+    noise = depth_noise(frame)
+    surface_points, surface_normals, K = _surface(frame, noise)
+    return ReferenceKeyframe(
+        id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise
+    )
 
 
 def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.ndarray]:
@@ -105,31 +112,28 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
     return points, level.grey[v, u]
 
 
-def _surface(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and normals at half resolution; inverse depth is smoothed over 3 px where it is continuous."""
-    camera = frame.camera.scaled(0.5)
+def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and normals where the depth is continuous: of all pixels as they are if it is exact, else
+    at half resolution and smoothed, as inverse depth."""
+    is_exact = noise < _EXACT_NOISE
+    camera = frame.camera if is_exact else frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    depth = _halved_depth(frame.depth_m())
+    depth = frame.depth_m() if is_exact else _halved_depth(frame.depth_m())
     low = cv2.erode(  # nor is the image continuous at its border
         depth, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)
     )
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
     continuous = (low > 0) & (high - low < 0.05 * high)
-    inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
-    weight = cv2.GaussianBlur((depth > 0).astype(np.float32), (3, 3), 0.8)
-    inverse_depth = cv2.GaussianBlur(inverse_depth, (3, 3), 0.8)
-    z = np.divide(weight, inverse_depth, out=np.zeros_like(depth), where=continuous)
-    u, v = np.meshgrid(np.arange(depth.shape[1]), np.arange(depth.shape[0]))
-    points = np.stack([(u - K[2]) / K[0] * z, (v - K[3]) / K[1] * z, z], axis=-1).astype(np.float32)
-    du = np.zeros_like(points)
-    dv = np.zeros_like(points)
-    du[:, 1:-1] = points[:, 2:] - points[:, :-2]
-    dv[1:-1] = points[2:] - points[:-2]
-    normals = np.cross(dv, du)
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    complete = (
-        cv2.erode(continuous.astype(np.uint8), cross)[..., None] > 0
-    )  # its four neighbours too
-    normals = np.where(complete & (length > 0), normals / np.maximum(length, 1e-12), 0)
-    return points, normals.astype(np.float32), K
+    if not is_exact:
+        inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
+        weight = _smoothed((depth > 0).astype(np.float32))
+        depth = np.divide(weight, _smoothed(inverse_depth), out=depth, where=continuous)
+    depth = np.where(continuous, depth, np.float32(0))
+    points = np.empty((*depth.shape, 3), np.float32)
+    normals = np.empty_like(points)
+    surface_of_depth(depth, K, points, normals)
+    return points, normals, K
+
+
+def _smoothed(image: np.ndarray) -> np.ndarray:
+    return cv2.GaussianBlur(image, (3, 3), 0.8)

@@ -26,7 +26,7 @@ class SdfTerm(Protocol):
     def add(
         self, T_world_cam: np.ndarray, world: np.ndarray, fine: bool, H: np.ndarray, b: np.ndarray
     ) -> SdfEvidence:
-        """Add to H [7, 7] and b [7] (upper half of H; see kernels/alignment.py), linearised at the pose.
+        """Add to H [8, 8] and b [8] (upper half of H; see kernels/alignment.py), linearised at the pose.
 
         world [N, 3] float32 m: the points of this level seen from T_world_cam [4, 4].
         """

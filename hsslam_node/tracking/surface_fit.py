@@ -33,6 +33,6 @@ def surface_fit(
     _, inliers, seen, squares = add_sdf_term(
         sdf, gradient, inside, world, points[:, 2], T_world_cam[:3, 3].copy(), view.truncation_m,
         config.sdf_sigma_m, config.sdf_sigma_slope, config.sdf_huber_m,
-        np.zeros((7, 7)), np.zeros(7),
+        np.zeros((8, 8)), np.zeros(8),
     )  # fmt: skip
     return SurfaceFit(inliers / max(seen, 1), float(np.sqrt(squares / max(inliers, 1))), n - seen)

@@ -1,5 +1,6 @@
 """The tracker: one frame in, one pose with its quality out."""
 
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,9 +10,10 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
-from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.alignment import Alignment, Exposure, align
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.moving_things import SeenSpace, seen_space, without_moving_things
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
@@ -24,6 +26,8 @@ from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
 
 _FEWEST_POINTS = 100
+_FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
+_SEEN_SPACES, _SEEN_EVERY = 4, 8  # keyframes that tell what has moved, one of so many
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
@@ -43,6 +47,9 @@ class Tracker:
         self._before_last: TrackedFrame | None = None
         self._reference: ReferenceKeyframe | None = None
         self._relocalisation = Relocalisation(config.tracker, store, seed)
+        self._exposure = Exposure()  # of the last good frame against the reference
+        self._seen: deque[SeenSpace] = deque(maxlen=_SEEN_SPACES)
+        self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
         self._since_keyframe = 0
         self._lost_frames = 0
 
@@ -65,7 +72,7 @@ class Tracker:
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
         good = self._is_good(best, prediction, frame.stamp_ns)
-        reference = self._reference
+        before = self._reference, self._exposure, self._coverage
         if not good:
             for guess in self._other_guesses(frame):
                 best = self._try(points, levels, guess, view)
@@ -74,7 +81,7 @@ class Tracker:
                     break
         if good:
             return self._accept(frame, levels, best, view)
-        self._reference = reference  # not a keyframe that was tried in vain
+        self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
@@ -82,6 +89,7 @@ class Tracker:
         if points < _FEWEST_POINTS:  # nothing to start a map on
             return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
+        self._seen.append(seen_space(k, frame))
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
@@ -98,6 +106,7 @@ class Tracker:
         if self._lost_frames == 0:
             return
         for place in self._relocalisation.places(frame):
+            self._exposure, self._coverage = Exposure(), 0.0
             self._reference = place.reference
             yield place.T_world_cam
 
@@ -111,7 +120,9 @@ class Tracker:
         if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
         T_world_ref = self._store.pose(self._reference.id)
-        return align(points, levels, T, view, self._reference, T_world_ref, self._config)
+        return align(
+            points, levels, T, view, self._reference, T_world_ref, self._config, self._exposure
+        )
 
     def _is_good(self, alignment: Alignment | None, prediction: np.ndarray, stamp_ns: int) -> bool:
         assert self._last is not None
@@ -129,16 +140,27 @@ class Tracker:
         assert alignment is not None and self._reference is not None
         T = orthonormal(alignment.T_world_cam)
         self._since_keyframe += 1
-        is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames
+        self._coverage = max(self._coverage, alignment.surface_coverage)
+        is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames or (
+            self._since_keyframe >= _FEWEST_BETWEEN and self._is_left_behind(alignment)
+        )
         if is_keyframe:
             self._since_keyframe = 0
-            k = self._store.append(frame, T)
+            still = without_moving_things(
+                frame, T, [(space, self._store.pose(space.keyframe)) for space in self._seen]
+            )
+            k = self._store.append(still, T)
+            if not self._seen or k - self._seen[-1].keyframe >= _SEEN_EVERY:
+                self._seen.append(seen_space(k, still))
             T_keyframe_cam = np.eye(4)
         else:
-            k = self._store.count - 1
+            still, k = frame, self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
+        self._exposure = alignment.exposure
         if is_keyframe and self._is_outworn(alignment, T, frame):
-            self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
+            self._exposure, self._coverage = Exposure(), 0.0
+            levels = levels if still is frame else grey_pyramid(still)
+            self._reference = reference_keyframe(k, still, levels, self._config.photometric_pixels)
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         self._lost_frames = 0
@@ -165,9 +187,13 @@ class Tracker:
         agreement = alignment.surface_inlier_ratio, alignment.photometric_inlier_ratio
         return (
             self._overlap(T, frame) < c.reference_overlap
+            or self._is_left_behind(alignment)
             or agreement[0] < c.reference_surface_agreement
             or agreement[1] < c.reference_image_agreement
         )
+
+    def _is_left_behind(self, alignment: Alignment) -> bool:
+        return alignment.surface_coverage < self._config.reference_coverage * self._coverage
 
     def _overlap(self, T_world_cam: np.ndarray, frame: Frame) -> float:
         """Share of the reference's salient pixels that the frame sees."""

@@ -12,6 +12,7 @@ from hsslam_node.services.bench.map_checks import map_checks
 from hsslam_node.services.bench.realtime_checks import realtime_checks
 from hsslam_node.services.bench.refinement_checks import refinement_checks
 from hsslam_node.services.bench.robustness_checks import robustness_checks
+from hsslam_node.services.bench.stride_checks import stride_checks
 from hsslam_node.services.bench.viewer_checks import viewer_checks
 
 
@@ -21,6 +22,7 @@ def catalogue() -> list[Check]:
         *lockstep_checks(),
         *refinement_checks(),
         *robustness_checks(),
+        *stride_checks(),
         *map_checks(),
         *kidnapping_checks(),
         *faithful_checks(),

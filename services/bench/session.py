@@ -51,11 +51,21 @@ class Session:
         return _SEEDS[:1] if self.quick else _SEEDS
 
     def lockstep(
-        self, sequence: str, seed: int = 0, take: int = 1, frames: int | None = None
+        self,
+        sequence: str,
+        seed: int = 0,
+        take: int = 1,
+        frames: int | None = None,
+        stride: int = 1,
     ) -> ServeRun:
-        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect"."""
+        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect".
+
+        `stride`: only every so many-th frame.
+        """
         name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
         options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
+        if stride > 1:
+            name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
         if frames is None:
             return self._run(name, options)
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))

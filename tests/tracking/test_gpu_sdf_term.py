@@ -62,7 +62,7 @@ def _linearised(
 ) -> tuple[np.ndarray, np.ndarray, SdfEvidence]:
     world = np.empty_like(points)
     transform_points(T, points, world)
-    H, b = np.zeros((7, 7)), np.zeros(7)
+    H, b = np.zeros((8, 8)), np.zeros(8)
     term = open_sdf_term(view, (points[::4].copy(), points), CONFIG.tracker)
     evidence = term.add(T, world, True, H, b)
     return np.triu(H), b, evidence

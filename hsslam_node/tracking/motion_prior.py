@@ -1,0 +1,36 @@
+"""Where the surroundings do not say how the camera has moved, it moves on as it did."""
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse, so3_log
+
+LEVER_M = 2.0  # a rotation counts as the way of what is so far away
+
+
+def with_motion_prior(
+    H: np.ndarray, b: np.ndarray, T_world_cam: np.ndarray, prediction: np.ndarray, weak_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations H [8, 8], b [8] whose weak directions are held at the predicted pose [4, 4].
+
+    Along each eigenvector of the pose's information (gain and bias eliminated) the prior weighs
+    w^2 / information with w = 1 / weak_m^2: next to nothing where the data tell the way to much better
+    than weak_m, nearly all where they tell it much worse, as along the axis of a bare corridor.
+    """
+    scale = np.array([1.0, 1.0, 1.0, 1 / LEVER_M, 1 / LEVER_M, 1 / LEVER_M])
+    pose = H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
+    information, direction = np.linalg.eigh(scale[:, None] * pose * scale)
+    least = 1.0 / weak_m**2
+    strength = least**2 / np.maximum(information, 1e-3 * least)  # [6]
+    unscaled = direction / scale[:, None]
+    P = (unscaled * strength) @ unscaled.T
+    H, b = H.copy(), b.copy()
+    H[:6, :6] += P
+    b[:6] += P @ _way(prediction, T_world_cam)
+    return H, b
+
+
+def _way(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Twist [6] (m, rad; world axes, rotation about the camera) from one pose to the other."""
+    return np.concatenate(
+        [end[:3, 3] - start[:3, 3], so3_log(end[:3, :3] @ inverse(start)[:3, :3])]
+    )
