@@ -19,7 +19,6 @@ from hsslam_node.tracking.sdf_term import open_sdf_term
 
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
-_COARSE_WEAK = 10.0  # a direction is weak where the fine level's bound is exceeded by so much
 _DAMPING = 1e-4
 # of a step (m, rad, grey levels, gain): where nothing else says anything, stay
 _PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
@@ -80,8 +79,9 @@ def align(
         fine = level == len(levels) - 1
         for _ in range(config.iterations):
             system = problem.linearise(T, level)
-            weak_m = config.weak_direction_m * (1.0 if fine else _COARSE_WEAK)
-            H, b = with_motion_prior(system.H, system.b, T, T_world_cam, weak_m)
+            H, b = system.H, system.b
+            if fine:
+                H, b = with_motion_prior(H, b, T, T_world_cam, config.weak_direction_m)
             x = np.linalg.solve(H + _DAMPING * np.diag(np.diag(H)), -b)
             T = _moved(T, x[:6])
             problem.exposure = Exposure(problem.exposure.bias + x[6], problem.exposure.gain + x[7])
