@@ -36,11 +36,12 @@ def measured_rows(
 ) -> list[MeasuredRow]:
     """The rows, and their mean where the table has one (over sequences first, then over seeds)."""
     good = [result for result in results if not result.error]
+    seeds = {result.seed for result in good}
     found = []
     for row in rows:
         mine = [result for result in good if result.row == row.name]
         figures = {metric: _figure(mine, metric) for metric in table.metrics}
-        found.append(_measured(row, figures, method, "" if mine else "no result"))
+        found.append(_measured(row, figures, method, _note(mine, seeds)))
     if table.mean is not None:
         measured = {row.row.name for row in found if row.figures}
         of_rows = [result for result in good if result.row in measured]
@@ -73,6 +74,14 @@ def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[s
                 f"Not as in the paper, against the full model: {title}: {', '.join(found)}."
             )
     return lines
+
+
+def _note(results: Sequence[RunResult], seeds: set[int]) -> str:
+    """What is missing of a row whose other rows have these seeds."""
+    mine = {result.seed for result in results}
+    if not mine:
+        return "no result"
+    return "" if mine == seeds else f"{len(mine)} of {len(seeds)} seeds"
 
 
 def _measured(

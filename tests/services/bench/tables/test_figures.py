@@ -51,6 +51,9 @@ def test_what_failed_or_is_missing_is_no_figure():
     assert not row.figures
     (row,) = measured_rows(ABLATION, [FULL], results[:1], "HS-SLAM")
     assert row.note == "no result"
+    results = [_result("full", 0, ate_cm=1.0), _result("full", 1, ate_cm=1.0)]
+    rows = measured_rows(ABLATION, [FULL, A], [*results, _result("A", 1, ate_cm=1.0)], "HS-SLAM")
+    assert [row.note for row in rows] == ["", "1 of 2 seeds"]
 
 
 def test_the_mean_of_a_table_tells_how_many_rows_it_is_of():
