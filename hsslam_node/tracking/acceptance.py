@@ -21,7 +21,7 @@ def is_acceptable(
     """
     if alignment is None or not np.isfinite(alignment.T_world_cam).all():
         return False
-    if not _fits(alignment, config):
+    if not _fits(alignment, after_gap, config):
         return False
     if after_gap and not _fits_reference(alignment, config.relocalisation_coverage, config):
         return False
@@ -38,17 +38,19 @@ def quality(alignment: Alignment) -> float:
     return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
 
 
-def _fits(alignment: Alignment, config: TrackerConfig) -> bool:
-    """To the map; where the map lags behind the camera, to the reference keyframe alone.
+def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
+    """To the map; where that lags behind or somebody stands before it, to the reference keyframe alone.
 
-    Before there is a map, enough points must meet the keyframe: any few fit some surface.
+    Before there is a map, enough points must meet the keyframe: any few fit some surface. Somebody may
+    cover much of the keyframe, too: a camera that was tracked until now needs less of it.
     """
+    coverage = config.lag_coverage if after_gap else config.relocalisation_coverage
     is_backed = (
         np.isfinite(alignment.sdf_inlier_ratio)
         or alignment.surface_coverage > config.relocalisation_coverage
     )
     return (is_backed and quality(alignment) >= config.min_inlier_ratio) or (
-        _fits_reference(alignment, config.lag_coverage, config)
+        _fits_reference(alignment, coverage, config)
         and alignment.photometric_inlier_ratio > config.reference_image_agreement
     )
 

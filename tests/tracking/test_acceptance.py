@@ -52,6 +52,11 @@ def test_where_the_map_lags_the_keyframe_must_fit_in_all(field, value):
     assert _ok(replace(_GOOD, **{field: value}))  # the map fits
 
 
+def test_somebody_before_the_map_does_not_lose_a_camera_that_is_tracked():
+    covered = replace(_GOOD, sdf_inlier_ratio=0.6, surface_coverage=0.4)
+    assert _ok(covered) and not _ok(covered, after_gap=True)
+
+
 def test_after_a_gap_the_map_alone_is_not_enough():
     assert not _ok(replace(_GOOD, surface_coverage=0.1), after_gap=True)
     assert not _ok(replace(_GOOD, surface_inlier_ratio=0.5), after_gap=True)
