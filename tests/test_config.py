@@ -21,7 +21,8 @@ ABOVE_ZERO = {
     "mapper": "rays first_rate_factor window_keyframes max_depth_m plane_rate hash_rate "
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
-    "photometric_huber max_step_m max_step_rad surface_gate_m longest_gap_s",
+    "photometric_huber max_step_m max_step_rad surface_gate_m surface_sigma_m surface_kernel "
+    "longest_gap_s weak_direction_m",
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "pose_graph": "most_keyframes loop_gap loop_every loop_reach_m loop_reach_rad sigma_m sigma_rad "
@@ -33,7 +34,7 @@ ZERO_OR_MORE = {
     "field": "hash_levels",
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats",
-    "tracker": "border_px photometric_pixels surface_weight sdf_sigma_slope",
+    "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope",
     "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "pose_graph": "loops least_shift_m",
@@ -57,6 +58,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("mapper", "smoothness_vertices", 65, 64),
     ("tracker", "min_inlier_ratio", 1.1, 1.0),
     ("tracker", "reference_overlap", -0.1, 0.0),
+    ("tracker", "reference_coverage", 1.1, 1.0),
     ("tracker", "relocalisation_coverage", 1.1, 1.0),
     ("tracker", "lag_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
