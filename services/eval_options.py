@@ -54,7 +54,7 @@ class EvalOptions:
     depth_views: int = 1000
     """Virtual views of the depth error (0: none)."""
     cull_views: int = 100
-    """Virtual views that say, beside the cameras, what of a mesh counts (0: the cameras alone)."""
+    """Virtual views for a second score of the mesh, of what they and the cameras see (0: none)."""
     rendering: bool = True
     """PSNR and SSIM, where the run saved its map (about 1 s an image)."""
     consistency: bool = True

@@ -17,7 +17,7 @@ def _trajectories(figures: Mapping[str, Any]) -> Table | None:
         return None
     table = Table(title=f"trajectory: {_origin(figures)}", title_justify="left")
     for name in ("", "ATE", "mean", "max", "scored", "RPE frame", "RPE 1 s", "RPE 1 m"):
-        table.add_column(name, justify="right" if name else "left", no_wrap=True)
+        table.add_column(name, justify="right" if name else "left", no_wrap="RPE" not in name)
     for label, ate in figures["ate"].items():
         rpe = figures["rpe"][label]
         table.add_row(
@@ -48,8 +48,12 @@ def _meshes(figures: Mapping[str, Any]) -> Table | None:
     table = Table(title="mesh", title_justify="left")
     for name in names:
         table.add_column(name, justify="right" if name else "left")
+    lines = []
     for name, found in rows.items():
-        mesh, depth = found["mesh"], found.get("depth_l1", {})
+        lines.append((name, found["mesh"], found.get("depth_l1", {})))
+        if "mesh_virtual" in found:
+            lines.append((f"{name}, virtual views", found["mesh_virtual"], {}))
+    for name, mesh, depth in lines:
         accuracy, completion = (
             f"{_number(mesh[f'{kind}_mean_m'], 100, 2)} / "
             f"{_number(mesh[f'{kind}_median_m'], 100, 2)}"

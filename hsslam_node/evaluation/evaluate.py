@@ -141,7 +141,10 @@ class Evaluator:
         return found
 
     def _mesh_figures(self, judge: MeshJudge, mesh: trimesh.Trimesh) -> dict[str, Any]:
-        found: dict[str, Any] = {"mesh": judge.score(mesh, self._wanted.seed)}
+        seed = self._wanted.seed
+        found: dict[str, Any] = {"mesh": judge.score(mesh, seed)}
+        if self._wanted.cull_views:
+            found["mesh_virtual"] = judge.score_with_virtual(mesh, seed)
         if self._wanted.depth_views:
             found["depth_l1"] = judge.score_depth(mesh, self._wanted.depth_views, self._track)
         return found

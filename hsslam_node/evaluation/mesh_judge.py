@@ -63,7 +63,11 @@ class MeshJudge:
         return cls(surface, given, views, camera, cull_views)
 
     def score(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
-        """Accuracy and completion of a mesh in the truth's world; both meshes are culled alike."""
+        """Accuracy and completion of a mesh in the truth's world, of what the given cameras saw."""
+        return compare_meshes(mesh, self.surface, self.given, seed=seed)
+
+    def score_with_virtual(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
+        """The same of what given and virtual cameras saw: gaps behind objects count, too."""
         return compare_meshes(mesh, self.surface, self.culling, seed=seed)
 
     def score_depth(

@@ -21,9 +21,9 @@ def protocol() -> dict[str, Any]:
         "rpe": "every scored pose to the next, to the first 1 s later, to the first 1 m of path on",
         "mesh_alignment": "the final trajectory's; no ICP",
         "mesh_samples": mesh_metrics.SAMPLES,
-        "mesh_culling": f"every {mesh_judge.CULL_EVERY}th frame at its true pose and "
-        f"{mesh_judge.CULL_VIRTUAL} virtual views, {100 * mesh_judge.CULL_TOLERANCE_M:g} cm; "
-        "given cameras see where their sensor measured",
+        "mesh_culling": f"every {mesh_judge.CULL_EVERY}th frame at its true pose, where its sensor "
+        f"measured, {100 * mesh_judge.CULL_TOLERANCE_M:g} cm",
+        "mesh_virtual_culling": f"these and {mesh_judge.CULL_VIRTUAL} virtual views",
         "virtual_views": f"a given camera moved by up to {MOVED_M:g} m and turned by up to "
         f"{np.rad2deg(TURNED_RAD):.0f} degrees, {LEAST_OBSERVED:.0%} of its pixels observed",
         "depth_l1": "pixels whose true surface a given camera observed; a hole counts in full",
