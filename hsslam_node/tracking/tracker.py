@@ -24,6 +24,7 @@ from hsslam_node.tracking.reference_keyframe import (
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
+from hsslam_node.tracking.unexpected_motion import is_borne_out
 
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
@@ -71,12 +72,16 @@ class Tracker:
             return self._start(frame, levels, len(points))
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
-        good = self._is_good(best, prediction, frame.stamp_ns)
+        good = self._is_good(best, prediction, frame.stamp_ns) and self._is_borne_out(
+            best, prediction, frame
+        )
         before = self._reference, self._exposure, self._coverage
         if not good:
             for guess in self._other_guesses(frame):
                 best = self._try(points, levels, guess, view)
                 good = self._is_good(best, guess, frame.stamp_ns)
+                if good and self._reference is before[0]:  # else a place, which has been checked
+                    good = self._is_borne_out(best, prediction, frame)
                 if good:
                     break
         if good:
@@ -129,6 +134,11 @@ class Tracker:
         gap_s = 1e-9 * (stamp_ns - self._last.frame.stamp_ns)
         after_gap = self._lost_frames > 0 or gap_s > self._config.longest_gap_s
         return is_acceptable(alignment, prediction, after_gap=after_gap, config=self._config)
+
+    def _is_borne_out(self, best: Alignment | None, prediction: np.ndarray, frame: Frame) -> bool:
+        assert best is not None and self._last is not None
+        T_world_last = self._last.pose(self._store)
+        return is_borne_out(best.T_world_cam, prediction, frame, self._last, T_world_last)
 
     def _accept(
         self,
