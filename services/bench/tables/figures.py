@@ -113,6 +113,8 @@ def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
     a, b = full.figures.get(metric), other.figures.get(metric)
     if a is None or b is None or a.deviation is None or b.deviation is None:
         return 0.0
+    if a.seeds != b.seeds:  # one seed may be harder than the others
+        return 0.0
     better = (b.mean - a.mean) * _sign(metric)
     return better if abs(better) > math.hypot(a.deviation, b.deviation) else 0.0
 
