@@ -26,10 +26,10 @@ _WAY_M = np.array(
 def build_corridor(seed: int) -> Scene:
     """Plain paint and linoleum; doors, switches and lamps several metres apart."""
     rng = np.random.default_rng((seed, 1))
-    bare = ("paint:cream",) * 4
-    first = Plan((0.0, 0.0), (_ENDS_M[0], 4.0), _HEIGHT_M, ("paint:sky",) * 4, "lino:grey")
+    bare = _four("paint:cream")
+    first = Plan((0.0, 0.0), (_ENDS_M[0], 4.0), _HEIGHT_M, _four("paint:sky"), "lino:grey")
     middle = Plan((_ENDS_M[0], 1.1), (_ENDS_M[1], 2.9), _HEIGHT_M, bare, "lino:grey", "paint:white")
-    last = Plan((_ENDS_M[1], 0.0), (23.4, 4.0), _HEIGHT_M, ("paint:sage",) * 4, "lino:grey")
+    last = Plan((_ENDS_M[1], 0.0), (23.4, 4.0), _HEIGHT_M, _four("paint:sage"), "lino:grey")
     furniture = (_lobby(first, Side.WEST, rng), _fittings(middle), _lobby(last, Side.EAST, rng))
     zones = []
     for plan, pieces in zip((first, middle, last), furniture, strict=True):
@@ -49,6 +49,11 @@ def corridor_poses(length: int | None, seed: int) -> np.ndarray:
 
 
 _SHADE_FACES = ("wood:white",) * 4 + (HIDDEN, "glow")
+
+
+def _four(covering: str) -> tuple[str, str, str, str]:
+    """The same on all walls."""
+    return (covering, covering, covering, covering)
 
 
 def _lamps(plan: Plan) -> list[tuple[float, float, float]]:

@@ -34,7 +34,7 @@ def parquet(shape: Shape, texel_m: float, rng: Rng, color: np.ndarray) -> np.nda
     tone = rng.uniform(-1, 1, (int(row.max()) + 1, int(column.max()) + 1, 6)).astype(np.float32)
     grain = np.where(
         across,
-        fractal_noise(shape[::-1], texel_m, rng, 0.06, 0.006, 0.85, stretch=8).T,
+        fractal_noise((shape[1], shape[0]), texel_m, rng, 0.06, 0.006, 0.85, stretch=8).T,
         fractal_noise(shape, texel_m, rng, 0.06, 0.006, 0.85, stretch=8),
     )
     image = color * (1 + 0.24 * tone[row, column, stave] + 0.20 * grain)[..., None]
