@@ -19,7 +19,8 @@ run: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
-	NUMBA_CACHE_DIR=$$($(BIN)/python -c 'from hsslam_node.kernels.cache_folder import kernel_cache_folder as f; print(f())') $(BIN)/pytest
+	$(BIN)/pytest -m 'not e2e' --numprocesses 2 --dist loadfile
+	$(BIN)/pytest -m e2e
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

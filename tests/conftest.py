@@ -11,6 +11,11 @@ sys.path.insert(0, str(Path(__file__).parent))  # helpers beside this file
 
 from sequence_folders import replica_folder, tum_folder  # noqa: F401
 
+from hsslam_node.kernels.cache_folder import kernel_cache_folder
+
+# Read when numba is first imported: without it, machine code of changed kernels would be used.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_cache_folder()))
+
 # Shared machines stall, and kernels compile at their first call: no time limit on one example.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")

@@ -32,7 +32,7 @@ def test_accuracy():
     estimate = Trajectory(stamps, np.stack([r.T_world_cam for r in results]))
     result = ate(estimate, Trajectory(stamps, room_poses()))
     assert result.scored == 40 and result.rmse_m < 0.01
-    assert slam.store and slam.store.count == 10
+    assert slam.store and 8 <= slam.store.count <= 12
     assert all(r.map_version > 0 and r.residual_m < 0.01 for r in results[1:])
 
 

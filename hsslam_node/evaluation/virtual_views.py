@@ -1,6 +1,5 @@
 """Views from places where no camera was, of what cameras saw: seeded, drawn from the truth alone."""
 
-import itertools
 from collections.abc import Iterator
 
 import numba
@@ -19,6 +18,7 @@ LEAST_FILLED = 0.5  # share of the pixels that must show anything within reach
 _NEAREST_M = 0.2
 _STEP_PX = 4  # of the pixels that are asked whether they were observed
 _MOST_TRIES = 30  # times the wanted number
+_MOST_IN_VAIN = 300  # tries without a find: the cameras saw too little for such views
 
 
 def virtual_views(
@@ -37,9 +37,16 @@ def virtual_views(
     faces = np.ascontiguousarray(truth.faces, np.int64)
     candidates = _candidates(vertices, faces, views.T_world_cam, rng, _MOST_TRIES * count)
     reach_m = float(views.depths_m.max(initial=0.0))
-    drawn = ((T, view_of(vertices, faces, camera, T, reach_m)) for T in candidates)
-    good = ((T, depth) for T, depth in drawn if _is_good(depth, camera, T, views))
-    yield from itertools.islice(good, count)
+    found, in_vain = 0, 0
+    for T in candidates:
+        depth = view_of(vertices, faces, camera, T, reach_m)
+        if _is_good(depth, camera, T, views):
+            yield T, depth
+            found, in_vain = found + 1, 0
+        else:
+            in_vain += 1
+        if found == count or in_vain == _MOST_IN_VAIN:
+            return
 
 
 def view_of(

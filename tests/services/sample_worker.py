@@ -16,8 +16,8 @@ def _run(worker: Worker) -> None:
         raise UserError("field = 3: expected 4")
     if behaviour == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        time.sleep(60)
-    if behaviour == "stuck":
+    (worker.run.path / "at_work").touch()
+    if behaviour in ("deaf", "stuck"):
         time.sleep(60)
     if behaviour == "crash":
         os.abort()

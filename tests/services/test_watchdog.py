@@ -44,6 +44,13 @@ def _start(run_dir: Path, behaviour: str, seconds: float) -> tuple[subprocess.Po
     return supervisor, pids
 
 
+def _wait_for_work(run_dir: Path) -> None:
+    deadline = time.monotonic() + 20
+    while not (run_dir / "at_work").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
 def _wait_for_ends(pids: list[int], timeout_s: float) -> None:
     deadline = time.monotonic() + timeout_s
     while any(_lives(pid) for pid in pids):
@@ -61,7 +68,8 @@ def _lives(pid: int) -> bool:
 @pytest.mark.parametrize(("behaviour", "is_ready"), [("obedient", 1), ("deaf", 1), ("obedient", 0)])
 def test_killed_supervisor_leaves_nothing(tmp_path: Path, behaviour: str, is_ready: int):
     supervisor, pids = _start(tmp_path, behaviour, 60)
-    time.sleep(1.5 * is_ready)
+    if is_ready:
+        _wait_for_work(tmp_path)
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
     _wait_for_ends(pids, 6.0)
