@@ -44,7 +44,7 @@ REALTIME: Final = replace(
         smoothness_vertices=8,
     ),
     ba=BundleAdjustmentConfig(
-        rays=768, iterations=4, every_keyframes=8, pose_rate=1e-4, loss_threshold=0.2
+        method="graph", rays=768, iterations=4, every_keyframes=8, loss_threshold=0.2
     ),
 )
 

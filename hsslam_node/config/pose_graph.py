@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 class PoseGraphConfig:
     """Edges between keyframes and how far they are believed (`ba.method` graph)."""
 
-    neighbours: tuple[int, ...] = (1, 2, 3, 5, 8, 12, 20)
+    neighbours: tuple[int, ...] = (1, 5, 20)
     """A new keyframe is aligned to those so many keyframes before it."""
     most_keyframes: int = 12
     """Keyframes that one round aligns, the newest; others keep the motion that was tracked."""
@@ -36,9 +36,9 @@ class PoseGraphConfig:
     """Standard deviation of an alignment that covers everything, m; it grows with coverage^-1.5."""
     sigma_rad: float = 2e-4
     """The same for rotation."""
-    odometry_sigma_m: float = 3e-3
+    odometry_sigma_m: float = 1e-3
     """Standard deviation of the tracked motion from keyframe to keyframe, m."""
-    odometry_sigma_rad: float = 1e-3
+    odometry_sigma_rad: float = 4e-4
     """The same for rotation."""
     anchor_gap: int = 20
     """The tracked motion over so many keyframes counts, too: the map holds what alignments lose."""
