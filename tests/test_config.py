@@ -25,7 +25,7 @@ ABOVE_ZERO = {
     "longest_gap_s weak_direction_m",
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
-    "pose_graph": "most_keyframes loop_gap loop_every loop_reach_m loop_reach_rad sigma_m sigma_rad "
+    "pose_graph": "aligned_every most_keyframes loop_gap loop_reach_m loop_reach_rad sigma_m sigma_rad "
     "odometry_sigma_m odometry_sigma_rad anchor_gap anchor_sigma_m anchor_sigma_rad kernel window",
     "mesher": "voxel_m final_voxel_m",
     "bound": "margin least_m most_m growth_m farthest_m",

@@ -19,6 +19,7 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 
 _LOST_WEIGHT = 0.02  # edges that have faded below it are forgotten
+_ALIKE_EVERY = 4  # rounds: the newest keyframe is compared with all that look alike, 80 ms
 _SURPRISE_M, _SURPRISE_RAD = 0.01, 0.005  # a loop that is off by more asks for all poses
 
 
@@ -41,8 +42,9 @@ class GraphBundleAdjustment:
         self._alignment: KeyframeAlignment | None = None
         self._loops: LoopSearch | None = None
         self._edges: list[PoseEdge] = []
-        self._motions: list[np.ndarray] = []  # tracked, from each keyframe to the next
+        self._tracked: list[PoseEdge] = []  # from each keyframe to the next
         self._seen = 1  # keyframes that have their edges
+        self._rounds = 0
         self._all_at_next = False
 
     def is_due(self, store: KeyframeStore) -> bool:
@@ -68,51 +70,57 @@ class GraphBundleAdjustment:
 
     def _measure(self, store: KeyframeStore, poses: np.ndarray) -> int:
         """Edges of the keyframes that are new; returns how many loops they close."""
+        c = self._config
         if self._alignment is None or self._loops is None:
-            tracker, graph = self._slam.tracker, self._config
-            self._alignment = KeyframeAlignment(store, tracker, graph, self._seed)
-            self._loops = LoopSearch(store, self._alignment, tracker, graph, self._seed)
+            tracker = self._slam.tracker
+            self._alignment = KeyframeAlignment(store, tracker, c, self._seed)
+            self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
-        loops: list[PoseEdge] = []
         for k in range(self._seen, count):
-            is_late = k < count - self._config.most_keyframes
-            gaps = (1,) if is_late else self._config.neighbours
-            near = [
-                self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
-                for gap in gaps
+            self._add_tracked(k, inverse(poses[k - 1]) @ poses[k])
+        loops: list[PoseEdge] = []
+        oldest = max(self._seen, count - c.most_keyframes)
+        for k in range(count - 1, oldest - 1, -c.aligned_every):
+            near = {
+                gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
+                for gap in c.neighbours
                 if gap <= k
-            ]
-            self._edges += self._tracked(k, poses, near[0] if gaps[:1] == (1,) else None)
-            self._edges += [edge for edge in near if edge is not None]
-            if k % self._config.loop_every == 0 and not is_late:
-                loops += self._loops.near(k, poses)
-        if (
-            count > self._seen
-            and self._config.loops
-            and not any(e.second >= count - self._config.loop_every for e in loops)
-        ):
+            }
+            aligned = {gap: edge for gap, edge in near.items() if edge is not None}
+            self._edges += aligned.values()
+            self._doubt_tracked(k, aligned)
+            loops += self._loops.near(k, poses)
+        if self._rounds % _ALIKE_EVERY == 0 and c.loops and not loops:
             loops += self._loops.alike(count - 1)
+        self._rounds += 1
         self._seen = count
         self._edges += loops
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
         return len(loops)
 
-    def _tracked(self, k: int, poses: np.ndarray, aligned: PoseEdge | None) -> list[PoseEdge]:
-        """The tracked motion since the keyframe before, and since one some way back."""
+    def _add_tracked(self, k: int, T: np.ndarray) -> None:
+        """The tracked motion `T` since the keyframe before, and that since one some way back."""
         c = self._config
-        T = inverse(poses[k - 1]) @ poses[k]
-        worse = 1.0
-        if aligned is not None:  # it counts for less where that contradicts it, as after a jump
-            apart_m, apart_rad = difference(T, aligned.T_first_second)
-            worse = max(1.0, apart_m / c.odometry_sigma_m, apart_rad / c.odometry_sigma_rad)
-        information = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
-        edges = [PoseEdge(k - 1, k, T, information, False)]
-        self._motions.append(T)
-        if len(self._motions) >= c.anchor_gap > 1:
-            over = reduce(np.matmul, self._motions[-c.anchor_gap :])
+        information = _information(c.odometry_sigma_m, c.odometry_sigma_rad)
+        self._tracked.append(PoseEdge(k - 1, k, T, information, False))
+        if k >= c.anchor_gap > 1:
+            over = reduce(np.matmul, [e.T_first_second for e in self._tracked[-c.anchor_gap :]])
             information = _information(c.anchor_sigma_m, c.anchor_sigma_rad)
-            edges.append(PoseEdge(k - c.anchor_gap, k, over, information, True))
-        return edges
+            self._edges.append(PoseEdge(k - c.anchor_gap, k, over, information, True))
+
+    def _doubt_tracked(self, k: int, aligned: dict[int, PoseEdge]) -> None:
+        """Tracked motion counts for less where the keyframes' alignment to keyframe k contradicts it,
+        as after a jump."""
+        c = self._config
+        T_k = {0: np.eye(4)} | {gap: inverse(e.T_first_second) for gap, e in aligned.items()}
+        for gap in aligned:
+            if gap - 1 not in T_k:
+                continue
+            edge = self._tracked[k - gap]  # to the keyframe after k - gap
+            apart_m, apart_rad = difference(edge.T_first_second, inverse(T_k[gap]) @ T_k[gap - 1])
+            worse = max(1.0, apart_m / c.odometry_sigma_m, apart_rad / c.odometry_sigma_rad)
+            information = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
+            self._tracked[k - gap] = replace(edge, information=information)
 
     def _solved(self, poses: np.ndarray) -> np.ndarray:
         """All poses [n, 4, 4], the newest of them solved for; all, where a loop asks for it."""
@@ -120,9 +128,9 @@ class GraphBundleAdjustment:
         oldest = 1 if self._all_at_next else max(1, n - self._config.window)
         fixed = np.arange(n) < oldest
         used = [i for i, e in enumerate(self._edges) if e.second >= oldest]
-        edges = PoseEdges.of([self._edges[i] for i in used])
+        edges = PoseEdges.of([self._edges[i] for i in used] + self._tracked[oldest - 1 :])
         result = solve_pose_graph(poses, edges, fixed, kernel=self._config.kernel)
-        lost = {used[i] for i in np.flatnonzero(result.weights < _LOST_WEIGHT)}
+        lost = {i for i, w in zip(used, result.weights, strict=False) if w < _LOST_WEIGHT}
         self._edges = [e for i, e in enumerate(self._edges) if i not in lost]
         self._all_at_next = False
         return result.T_world_cam

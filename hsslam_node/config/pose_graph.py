@@ -10,16 +10,16 @@ from hsslam_node.errors import UserError
 class PoseGraphConfig:
     """Edges between keyframes and how far they are believed (`ba.method` graph)."""
 
-    neighbours: tuple[int, ...] = (1, 5, 20)
-    """A new keyframe is aligned to those so many keyframes before it."""
+    aligned_every: int = 2
+    """Of the new keyframes one in so many, from the newest back, has others aligned to it."""
+    neighbours: tuple[int, ...] = (1, 2, 8, 20)
+    """Those so many keyframes before it."""
     most_keyframes: int = 12
-    """Keyframes that one round aligns, the newest; others keep the motion that was tracked."""
+    """Keyframes that one round takes up, the newest; others keep the motion that was tracked."""
     loop_gap: int = 30
     """Keyframes at least so far apart may close a loop."""
-    loop_every: int = 2
-    """Every so many keyframes look for keyframes of long ago near by."""
     loops: int = 2
-    """Most loops that such a keyframe closes with keyframes near by."""
+    """Most loops that such a keyframe closes with keyframes of long ago near by."""
     loop_reach_m: float = 1.5
     """Near by: at most this distance between the cameras, m."""
     loop_reach_rad: float = 0.7
@@ -59,7 +59,7 @@ class PoseGraphConfig:
             raise UserError(
                 f"pose_graph.neighbours = {self.neighbours}: expected numbers of 1 or more"
             )
-        expect_positive(self, group, "most_keyframes", "loop_gap", "loop_every", "loop_reach_m")
+        expect_positive(self, group, "aligned_every", "most_keyframes", "loop_gap", "loop_reach_m")
         expect_positive(self, group, "loop_reach_rad", "sigma_m", "sigma_rad", "kernel", "window")
         expect_positive(self, group, "odometry_sigma_m", "odometry_sigma_rad")
         expect_positive(self, group, "anchor_gap", "anchor_sigma_m", "anchor_sigma_rad")
