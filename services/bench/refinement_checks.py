@@ -21,9 +21,10 @@ def _check(pace: str, sequence: str) -> Check:
     factor, most_m = _FACTORS[sequence], _MOST_M.get(sequence, float("inf"))
 
     def measure(session: Session) -> Measured:
-        of_pace = session.lockstep if pace == "lockstep" else session.realtime
-        runs = [finished(of_pace(sequence, seed)) for seed in session.seeds]
-        without = [finished(session.unrefined(sequence, pace, seed)) for seed in session.seeds]
+        runs, without = (
+            [finished(session.poses(sequence, s, pace, refined=refined)) for s in session.seeds]
+            for refined in (True, False)
+        )
         errors_m, plain_m = [ate_m(run) for run in runs], [ate_m(run) for run in without]
         mean_m, plain_mean_m = fmean(errors_m), fmean(plain_m)
         bound_m = min(factor * plain_mean_m, most_m)

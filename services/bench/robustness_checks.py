@@ -18,7 +18,7 @@ def robustness_checks() -> list[Check]:
 
 def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
-        runs = [finished(session.lockstep(sequence, seed)) for seed in session.seeds]
+        runs = [finished(session.poses(sequence, seed)) for seed in session.seeds]
         errors_m = [ate_m(run) for run in runs]
         counts = [scored(run) for run in runs]
         lost = sum(run.summary["frames"].get("lost", 0) for run in runs)

@@ -16,6 +16,7 @@ QUICK_FRAMES = 40
 _COLD_FRAMES = 60
 _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
 _HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
+_POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
 _SEEDS = (0, 1, 2)
 _SCENES = ("room", "apartment", "corridor", "person")
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
@@ -51,21 +52,11 @@ class Session:
         return _SEEDS[:1] if self.quick else _SEEDS
 
     def lockstep(
-        self,
-        sequence: str,
-        seed: int = 0,
-        take: int = 1,
-        frames: int | None = None,
-        stride: int = 1,
+        self, sequence: str, seed: int = 0, take: int = 1, frames: int | None = None
     ) -> ServeRun:
-        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect".
-
-        `stride`: only every so many-th frame.
-        """
+        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect"."""
         name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
         options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
-        if stride > 1:
-            name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
         if frames is None:
             return self._run(name, options)
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
@@ -76,11 +67,27 @@ class Session:
         pace = ("--pace", "realtime", "--rate-hz", "30", "--seed", str(seed))
         return self._run(name, (*self._source(sequence), *pace))
 
-    def unrefined(self, sequence: str, pace: str, seed: int) -> ServeRun:
-        """A run in either pace without bundle adjustment."""
-        clock = ("--pace", pace, *(("--rate-hz", "30") if pace == "realtime" else ()))
-        options = (*self._source(sequence), *clock, "--seed", str(seed), "--slam.ba.no-enabled")
-        return self._run(f"{pace}-{sequence}-seed{seed}-unrefined", options)
+    def poses(
+        self,
+        sequence: str,
+        seed: int,
+        pace: str = "lockstep",
+        stride: int = 1,
+        refined: bool = True,
+    ) -> ServeRun:
+        """A run for its poses alone: what comes after the last frame, which cannot move them, is cut short.
+
+        `stride`: only every so many-th frame. `refined`: with bundle adjustment.
+        """
+        name = f"poses-{pace}-{sequence}-seed{seed}"
+        options = (*self._source(sequence), "--pace", pace, "--seed", str(seed), *_POSES_ALONE)
+        if pace == "realtime":
+            options = (*options, "--rate-hz", "30")
+        if stride > 1:
+            name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
+        if not refined:
+            name, options = f"{name}-unrefined", (*options, "--slam.ba.no-enabled")
+        return self._run(name, options)
 
     def viewer(self, sequence: str) -> ServeRun:
         """The same with a web viewer that somebody looks at."""

@@ -19,8 +19,8 @@ def stride_checks() -> list[Check]:
 
 def _check(sequence: str, stride: int) -> Check:
     def measure(session: Session) -> Measured:
-        full = [ate_m(finished(session.lockstep(sequence, seed))) for seed in session.seeds]
-        runs = [finished(session.lockstep(sequence, s, stride=stride)) for s in session.seeds]
+        full = [ate_m(finished(session.poses(sequence, seed))) for seed in session.seeds]
+        runs = [finished(session.poses(sequence, s, stride=stride)) for s in session.seeds]
         errors_m = [ate_m(run) for run in runs]
         counts = [scored(run) for run in runs]
         lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
