@@ -3,18 +3,32 @@
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 
 from hsslam_node.proto.messages import Message
-from hsslam_node.proto.topics import Topic
+from hsslam_node.proto.topics import Topic, schema_of
 
 M = TypeVar("M", bound=Message)
 MEDIA_TYPE = "application/msgpack"
 
 _ENCODING = re.compile(rf"{MEDIA_TYPE};hsslam\.(\w+)\.v(\d+)")
 _ENCODER = msgspec.msgpack.Encoder()
+
+
+@dataclass(frozen=True)
+class Payload(Generic[M]):
+    """What is encoded without being a topic: `name` stands in what is told of it."""
+
+    name: str
+    message: type[M]
+    size_limit_bytes: int
+
+    @property
+    def schema(self) -> str:
+        """Schema name with its major version, as in the encoding: `hsslam.Status.v1`."""
+        return schema_of(self.message)
 
 
 @dataclass(frozen=True)
@@ -26,12 +40,12 @@ class Rejected:
     text: str
 
 
-def encoding_of(topic: Topic) -> str:
+def encoding_of(topic: Topic | Payload) -> str:
     """The encoding string that travels with each message of the topic."""
     return f"{MEDIA_TYPE};{topic.schema}"
 
 
-def encode(topic: Topic[M], message: M) -> bytes:
+def encode(topic: Topic[M] | Payload[M], message: M) -> bytes:
     """Payload of a message.
 
     Raises:
@@ -49,7 +63,7 @@ def encode(topic: Topic[M], message: M) -> bytes:
     return payload
 
 
-def decode(topic: Topic[M], payload: bytes, encoding: str) -> M | Rejected:
+def decode(topic: Topic[M] | Payload[M], payload: bytes, encoding: str) -> M | Rejected:
     """The message in a payload, its byte fields as views of it; or why it cannot be read."""
     rejected = check(topic, len(payload), encoding)
     if rejected is not None:
@@ -60,7 +74,7 @@ def decode(topic: Topic[M], payload: bytes, encoding: str) -> M | Rejected:
         return Rejected(topic.name, "malformed", f"{topic.name}: malformed message: {error}")
 
 
-def check(topic: Topic, nbytes: int, encoding: str) -> Rejected | None:
+def check(topic: Topic | Payload, nbytes: int, encoding: str) -> Rejected | None:
     """What can be refused before the payload is touched: size, encoding, schema, major version."""
 
     def no(reason: Any, found: object, expected: object) -> Rejected:

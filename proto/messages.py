@@ -180,6 +180,12 @@ class Event(Message, frozen=True, kw_only=True):
     stamp_ns: StampNs
 
 
+class Hold(Message, frozen=True, kw_only=True):
+    """The camera sends no frames while `paused`; outside cameras should do as much."""
+
+    paused: bool
+
+
 class Stop(Message, frozen=True, kw_only=True):
     """All processes end in order."""
 

@@ -31,11 +31,16 @@ class Topic(Generic[M]):
     @property
     def schema(self) -> str:
         """Schema name with its major version, as in the encoding: `hsslam.Frame.v1`."""
-        return f"hsslam.{self.message.__name__}.v{self.message.MAJOR}"
+        return schema_of(self.message)
 
     def key(self, robot: str) -> str:
         """The zenoh key of this topic for one robot."""
         return f"hsslam/{robot}/{self.name}"
+
+
+def schema_of(message: type[m.Message]) -> str:
+    """Schema name of a message type with its major version."""
+    return f"hsslam.{message.__name__}.v{message.MAJOR}"
 
 
 _KIB, _MIB = 2**10, 2**20
@@ -54,6 +59,7 @@ MESH = Topic("out/mesh", m.Mesh, "mesher", "below 1 Hz", "keep", 256 * _MIB, 1, 
 STEP = Topic("sys/step", m.Step, "mapper, global_ba", "lockstep only", "keep", 8 * _KIB)
 HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)
 EVENT = Topic("sys/event", m.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
+HOLD = Topic("sys/hold", m.Hold, "supervisor", "rare", "keep", 8 * _KIB, history=1)
 STOP = Topic("sys/stop", m.Stop, "supervisor", "once", "keep", 8 * _KIB, history=1)
 
 TOPICS: tuple[Topic, ...] = (
@@ -67,6 +73,7 @@ TOPICS: tuple[Topic, ...] = (
     STEP,
     HEALTH,
     EVENT,
+    HOLD,
     STOP,
 )
 

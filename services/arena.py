@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import fcntl
-import json
 import math
 import os
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import numpy as np
 import torch
 
 from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.services.array_header import ArrayHeader
 
 
 class Arena:
@@ -38,10 +38,7 @@ class Arena:
         with self.lease("arena-create"):
             if not self.exists(name):
                 self._reserve(name, math.prod(shape) * dtype.itemsize)
-                ready = self._path(name, ".tmp")
-                descr = np.lib.format.dtype_to_descr(dtype)
-                ready.write_text(json.dumps({"dtype": descr, "shape": list(shape)}))
-                ready.replace(self._path(name, ".json"))
+                ArrayHeader(dtype, tuple(shape)).write(self._path(name, ".json"))
         array = self.open(name)
         if array.shape != tuple(shape) or array.dtype != dtype:
             raise ValueError(
@@ -55,11 +52,7 @@ class Arena:
         Raises:
             KeyError: there is no array of this name yet.
         """
-        try:
-            header = json.loads(self._path(name, ".json").read_text())
-        except FileNotFoundError:
-            raise KeyError(name) from None
-        dtype, shape = _dtype(header["dtype"]), tuple(header["shape"])
+        dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape) * dtype.itemsize
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
@@ -107,15 +100,3 @@ class Arena:
             ) from None
         finally:
             os.close(fd)
-
-
-def _dtype(descr: Any) -> np.dtype:
-    """The dtype of a descriptor that JSON has turned from tuples into lists."""
-    if isinstance(descr, str):
-        return np.dtype(descr)
-    fields: Any = [
-        (field[0], _dtype(field[1]).descr if isinstance(field[1], list) else field[1])
-        + ((tuple(field[2]),) if len(field) > 2 else ())
-        for field in descr
-    ]
-    return np.lib.format.descr_to_dtype(fields)

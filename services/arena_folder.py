@@ -54,6 +54,16 @@ def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
     return removed
 
 
+def live_arenas(root: Path = SHM_ROOT) -> list[Path]:
+    """The folders whose owner lives."""
+    live = []
+    for path in sorted(root.glob(f"{_PREFIX}*")):
+        with contextlib.suppress(OSError), _try_lock(path / _OWNER_LOCK) as is_dead:
+            if not is_dead:
+                live.append(path)
+    return live
+
+
 def wait_for_owner_death(path: Path) -> None:
     """Return when the owner of the arena folder is dead, or has removed it."""
     try:

@@ -12,6 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.proto.messages import Message
 from hsslam_node.proto.topics import Topic
 from hsslam_node.services.publisher import Publisher
+from hsslam_node.services.request_queue import RequestQueue
 from hsslam_node.services.subscription import Subscription
 from hsslam_node.services.zenoh_session import free_endpoint, open_client, open_router
 
@@ -46,6 +47,7 @@ class Bus:
         self._arrivals = threading.Condition()
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
+        self._queues: list[RequestQueue] = []
         self._closed = False
         self._session = open_client(endpoint)
         atexit.register(self.close)  # an open session can keep the interpreter from ending
@@ -79,6 +81,12 @@ class Bus:
         self._subscriptions.append(subscription)
         return subscription
 
+    def requests(self) -> RequestQueue:
+        """The requests to this robot; one process answers them."""
+        queue = RequestQueue(self._session, self.robot)
+        self._queues.append(queue)
+        return queue
+
     @property
     def subscriptions(self) -> tuple[Subscription, ...]:
         """All subscriptions made here, with their counters."""
@@ -111,7 +119,7 @@ class Bus:
             return
         self._closed = True
         atexit.unregister(self.close)
-        for end in (*self._subscriptions, *self._publishers):
+        for end in (*self._queues, *self._subscriptions, *self._publishers):
             end.close()
         self._token.undeclare()
         self._session.close()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import SourceEnd
+from hsslam_node.services.camera_hold import CameraHold
 from hsslam_node.services.camera_progress import CameraProgress
 from hsslam_node.services.pacing import Lockstep, Pace, Realtime
 from hsslam_node.services.prefetch import Prefetch
@@ -33,11 +34,13 @@ def _run(worker: Worker) -> None:
         pace = Realtime(
             worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
         )
+    hold = CameraHold(worker)
     ahead = Prefetch(itertools.islice(source.frames(), progress.next_index, None), _AHEAD)
     try:
         pace.wait_for_peers()
         worker.ready()
         for item in ahead:
+            pace.held(hold.wait())
             if worker.should_stop():
                 break
             if isinstance(item, BadFrame):

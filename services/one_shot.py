@@ -10,6 +10,8 @@ from hsslam_node.services.process_table import WATCHDOG
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.spawn import Spawn, last_error, spawn
 
+_WATCHDOG_TIMEOUT_S = 5.0
+
 
 def run_one_shot(
     module: str,
@@ -41,3 +43,12 @@ def start_watchdog(run: RunInfo) -> subprocess.Popen:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
+
+
+def expect_end(watchdog: subprocess.Popen) -> None:
+    """Wait for the watchdog, which ends when the arena is removed."""
+    try:
+        watchdog.wait(_WATCHDOG_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        watchdog.kill()
+        watchdog.wait()

@@ -41,6 +41,8 @@ class ServeOptions:
     """auto | none | web | spawn | connect:URL (auto: spawn where there is a display, else none)."""
     out: str = ""
     """Folder of the results (empty: runs/SOURCE-TIME)."""
+    maps: str = "maps"
+    """Folder of saved maps, NAME.safetensors each."""
     seed: int = 0
     """Seed of everything random."""
     noise: Literal["none", "kinect"] = "none"

@@ -25,6 +25,8 @@ class Pace(Protocol):
 
     def send(self, frame: Frame) -> None: ...
 
+    def held(self, seconds: float) -> None: ...
+
 
 class Lockstep:
     """Sends frame k+1 when mapping and BA of frame k are done.
@@ -41,6 +43,9 @@ class Lockstep:
     def wait_for_peers(self) -> None:
         """Wait until all processes that a step needs take work."""
         self._peers.wait((*_NEEDED, "global_ba"), _OTHERS, self._worker)
+
+    def held(self, seconds: float) -> None:
+        """Nothing to do: a step takes as long as it takes."""
 
     def send(self, frame: Frame) -> None:
         """Publish, and wait for the step `done` of this frame."""
@@ -87,6 +92,11 @@ class Realtime:
         stamp_ns = self._stamp(frame)
         self._sleep_until(stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns))
+
+    def held(self, seconds: float) -> None:
+        """The sensor's clock stood still for so long."""
+        if self._progress.pinned_wall_ns:
+            self._progress.pinned_wall_ns += round(1e9 * seconds)
 
     def _send_until_answered(self, frame: Frame) -> None:
         stamp_ns = time.time_ns()

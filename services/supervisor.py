@@ -1,7 +1,6 @@
 """The supervisor: router, arena and processes of one run, from the first to the orderly end."""
 
 import signal
-import subprocess
 import time
 from types import FrameType
 
@@ -11,9 +10,10 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
+from hsslam_node.services.control.gateway import Gateway
 from hsslam_node.services.memory_use import MemoryOfAll
 from hsslam_node.services.nursery_link import NurseryLink
-from hsslam_node.services.one_shot import run_one_shot, start_watchdog
+from hsslam_node.services.one_shot import expect_end, run_one_shot, start_watchdog
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.preparation import Prepared, prepare
 from hsslam_node.services.process_table import (
@@ -35,7 +35,6 @@ _LONGEST_SETTLE_S = 5.0
 _WARM_UP_TIMEOUT_S = 600.0
 _SAVER_TIMEOUT_S = 300.0
 _EVALUATOR_TIMEOUT_S = 300.0
-_WATCHDOG_TIMEOUT_S = 5.0
 
 
 class Supervisor:
@@ -72,7 +71,7 @@ class Supervisor:
         finally:
             nursery.close()
             prepared.close()
-            _expect_end(watchdog)
+            expect_end(watchdog)
 
     @property
     def signals(self) -> int:
@@ -95,6 +94,7 @@ class _Run:
         self._nursery = nursery
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
+        self._gateway = Gateway(bus, prepared.info, nursery.spawn)
         self._status = StatusLine()
         self._memory = MemoryOfAll()
         self._children = {
@@ -120,6 +120,7 @@ class _Run:
 
     def kill_all(self) -> None:
         """End every process that still runs."""
+        self._gateway.close()
         for child in self._children.values():
             child.kill()
 
@@ -130,6 +131,8 @@ class _Run:
             self._want_late_ones()
             if self._supervisor.signals:
                 return "interrupted"
+            if self._gateway.wants_stop:
+                return "asked to stop"
             for child in self._children.values():
                 if child.state == "failed" and self._needs(child):
                     return f"{child.spec.name} cannot be kept running"
@@ -163,6 +166,7 @@ class _Run:
                 self._status.say(f"{event.process}: {event.text}", event.level)
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
         self._memory.look(heard_mb, self._nursery.pid)
+        self._gateway.tick(self._listener.state, self._children, self._memory.total_mb)
         self._status.show(self._listener.state, self._children, self._memory.total_mb)
         is_starting = any(child.state == "starting" for child in self._children.values())
         time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
@@ -175,6 +179,9 @@ class _Run:
     def _stop_in_order(self, reason: str) -> None:
         """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
         stop_ns = time.time_ns()
+        self._gateway.is_stopping = True
+        while self._gateway.is_busy and self._supervisor.signals < 2:
+            self._tick()
         for stage in sorted({child.spec.stop_stage for child in self._children.values()}):
             if stage == TRACKER_STAGE:
                 self._settle()
@@ -184,7 +191,7 @@ class _Run:
         if self._info.options.evaluate:
             self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
-        update_summary(self._info.path, section | self._memory.section())
+        update_summary(self._info.path, section | self._memory.section() | self._gateway.section())
 
     def _stop_stage(self, stage: int) -> None:
         of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]
@@ -236,11 +243,3 @@ class _Run:
         """Whether the run cannot go on without it; in lockstep each step also waits for the BA."""
         is_lockstep = self._info.options.pace == "lockstep"
         return child.spec.ends_run or (is_lockstep and child.spec.name == "global_ba")
-
-
-def _expect_end(watchdog: subprocess.Popen) -> None:
-    try:
-        watchdog.wait(_WATCHDOG_TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        watchdog.kill()
-        watchdog.wait()

@@ -40,11 +40,16 @@ class Trajectory:
 
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
     """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps to the ns."""
+    Path(path).write_text(tum_text(trajectory))
+
+
+def tum_text(trajectory: Trajectory) -> str:
+    """The lines of `write_tum`."""
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
     for stamp_ns, T in zip(trajectory.stamps_ns, trajectory.T_world_cam, strict=True):
         numbers = [*T[:3, 3], *quaternion_from_rotation(T[:3, :3])]
         lines.append(" ".join([format_stamp(stamp_ns), *(f"{v:.9f}" for v in numbers)]) + "\n")
-    Path(path).write_text("".join(lines))
+    return "".join(lines)
 
 
 def read_tum(path: Path | str) -> Trajectory:

@@ -19,10 +19,10 @@ def test_every_topic_and_field_is_in_the_table():
 
 
 def test_the_table_replaces_what_is_between_the_markers():
-    old = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+    old = f"before\n{BEGIN}\nstale\n{END}\nafter\n"
     new = with_topic_table(old, "x.md")
     assert new.startswith("before\n") and new.endswith("\nafter\n")
-    assert "old" not in new
+    assert "stale" not in new
     assert with_topic_table(new, "x.md") == new
 
 

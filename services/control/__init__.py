@@ -1,0 +1,1 @@
+"""Requests to a running service: the gateway that answers them, the command that asks."""

@@ -1,0 +1,117 @@
+"""`hsslam-ctl`: asks a running service, on this machine or another."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import tum_text
+from hsslam_node.proto import requests as rpc
+from hsslam_node.proto.mesh_codec import mesh_arrays
+from hsslam_node.proto.messages import Mesh, Message
+from hsslam_node.proto.request_messages import Ask, Done, SavedMap, SaveMap, Status, TrajectoryRows
+from hsslam_node.services.control.ask import NobodyThereError, NotDoneError, ask
+from hsslam_node.services.control.ctl_options import CtlOptions
+from hsslam_node.services.control.find_run import running_runs
+from hsslam_node.services.control.status_table import print_status
+from hsslam_node.services.control.trajectory_rows import trajectory_of
+from hsslam_node.services.parse_options import parse_options
+from hsslam_node.services.run_info import RunInfo
+
+_PROG = "hsslam-ctl"
+_DEFAULT_ROBOT = "robot"
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: done; 1: nobody there, refused, no answer; 2: bad input."""
+    try:
+        _ask(_options(sys.argv[1:] if args is None else args))
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except NotDoneError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+    except (KeyboardInterrupt, BrokenPipeError):
+        sys.exit(1)
+
+
+def _options(args: Sequence[str]) -> CtlOptions:
+    if "--version" in args:
+        print(f"{_PROG} {__version__}")
+        raise SystemExit(0)
+    options = parse_options(CtlOptions, _PROG, args)
+    options.expect_request()
+    return options
+
+
+def _ask(options: CtlOptions) -> None:
+    endpoint, robot = _whom(options)
+    request = next(request for request in rpc.REQUESTS if request.name == options.request)
+    message: Message = Ask()
+    if request is rpc.SAVE:
+        message = SaveMap(name=options.name, replace=options.replace)
+    _show(ask(endpoint, robot, request, message, options.timeout_s), options)
+
+
+def _whom(options: CtlOptions) -> tuple[str, str]:
+    """Endpoint and robot of the service that is meant."""
+    if options.connect:
+        return options.connect, options.robot or _DEFAULT_ROBOT
+    if options.run is not None:
+        run = RunInfo.read(options.run)
+        return run.endpoint, options.robot or run.robot
+    runs = [run for run in running_runs() if options.robot in ("", run.robot)]
+    if not runs:
+        of_robot = f" of robot {options.robot!r}" if options.robot else ""
+        raise NobodyThereError(f"nobody there: no run{of_robot} on this machine; see --connect")
+    if len(runs) > 1:
+        found = ", ".join(f"{run.robot} at {run.endpoint}" for run in runs)
+        raise UserError(f"{len(runs)} runs on this machine ({found}): expected --run or --connect")
+    return runs[0].endpoint, runs[0].robot
+
+
+def _show(answer: Message, options: CtlOptions) -> None:
+    match answer:
+        case Status() if options.json:
+            print(msgspec.json.format(msgspec.json.encode(answer)).decode())
+        case Status():
+            print_status(answer)
+        case Mesh():
+            _write_mesh(answer, options.out or Path("mesh.ply"))
+        case TrajectoryRows() if options.out is None:
+            print(tum_text(trajectory_of(answer)), end="")
+        case TrajectoryRows():
+            _write(options.out, tum_text(trajectory_of(answer)).encode())
+            print(f"{options.out}: {answer.count} poses")
+        case SavedMap():
+            size_mb = answer.nbytes / 2**20
+            print(f"{answer.path}: {answer.keyframes} keyframes, {size_mb:.1f} MiB")
+        case Done():
+            print(answer.text)
+
+
+def _write_mesh(mesh: Mesh, path: Path) -> None:
+    import trimesh
+
+    vertices, faces, colors = mesh_arrays(mesh)
+    triangles = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+    data = triangles.export(file_type="ply")
+    assert isinstance(data, bytes)
+    _write(path, data)
+    print(f"{path}: {mesh.face_count} triangles of map version {mesh.map_version}")
+
+
+def _write(path: Path | None, data: bytes) -> None:
+    assert path is not None
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise UserError(f"--out {path}: {error.strerror}: expected a file to write") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""The request gateway: what clients ask of a running service, answered in the supervisor's loop."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.proto import requests as rpc
+from hsslam_node.proto import topics
+from hsslam_node.proto.messages import Hold
+from hsslam_node.proto.request_messages import Done
+from hsslam_node.services.bus import Bus
+from hsslam_node.services.child import Child
+from hsslam_node.services.control.map_saving import MapSaving
+from hsslam_node.services.control.newest_mesh import NewestMesh
+from hsslam_node.services.control.run_status import run_status
+from hsslam_node.services.control.trajectory_rows import rows_of, trajectory_so_far
+from hsslam_node.services.request_queue import Asked
+from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.run_state import RunState
+from hsslam_node.services.spawn import Spawn
+
+_AT_A_TIME = 64  # requests in one turn of the loop
+
+
+class Gateway:
+    """Answers the table of requests; `tick` never blocks.
+
+    `wants_stop`: somebody has asked for the end of the run. `is_stopping`: set by the supervisor
+    when the end has begun.
+    """
+
+    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
+        self.wants_stop = False
+        self.is_stopping = False
+        self._run = run
+        self._requests = bus.requests()
+        self._holds = bus.publisher(topics.HOLD)
+        self._is_paused = False
+        self._mesh = NewestMesh(bus)
+        self._saving = MapSaving(run, spawn)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a map is being saved; the end of the run waits for it."""
+        return self._saving.is_busy
+
+    def tick(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> None:
+        """Answer what was asked since the last time."""
+        for _ in range(_AT_A_TIME):
+            asked = self._requests.poll()
+            if asked is None:
+                break
+            if asked.request is rpc.STATUS:
+                phase = "stopping" if self.is_stopping else self._pace
+                asked.answer(
+                    run_status(self._run, state, children, self._requests, phase, memory_mb)
+                )
+            else:
+                self._answer(asked)
+        self._mesh.tick()
+        self._saving.tick()
+
+    def section(self) -> dict[str, Any]:
+        """For the summary: how many requests came, how many were refused."""
+        return {
+            "requests": {"received": self._requests.received, "refused": self._requests.refused}
+        }
+
+    def close(self) -> None:
+        """End what is still being done."""
+        self._saving.close()
+
+    @property
+    def _pace(self) -> Any:
+        return "paused" if self._is_paused else "running"
+
+    def _answer(self, asked: Asked) -> None:
+        match asked.request:
+            case rpc.MESH:
+                self._mesh.ask(asked)
+            case rpc.TRAJECTORY:
+                self._answer_trajectory(asked)
+            case rpc.STOP:
+                again = self.wants_stop or self.is_stopping
+                self.wants_stop = True
+                asked.answer(Done(text="was stopping already" if again else "stopping"))
+            case _ if self.is_stopping:
+                asked.refuse("not_now", f"{asked.request.name}: the run is ending")
+            case rpc.SAVE:
+                self._saving.ask(asked)
+            case rpc.PAUSE:
+                self._hold(asked, True)
+            case rpc.RESUME:
+                self._hold(asked, False)
+
+    def _answer_trajectory(self, asked: Asked) -> None:
+        trajectory = trajectory_so_far(Path(self._run.arena_dir))
+        if trajectory is None:
+            asked.refuse("not_now", "trajectory: there is no pose yet")
+        else:
+            asked.answer(rows_of(trajectory))
+
+    def _hold(self, asked: Asked, paused: bool) -> None:
+        if not self._run.options.has_camera_process:
+            name = asked.request.name
+            asked.refuse("not_now", f"{name}: frames come from outside: hold that camera itself")
+            return
+        word = "paused" if paused else "running"
+        again = self._is_paused == paused
+        self._is_paused = paused
+        self._holds.put(Hold(paused=paused))
+        asked.answer(Done(text=f"was {word} already" if again else word))

@@ -1,0 +1,155 @@
+"""`hsslam-ctl`: what it refuses by itself, and a whole run that it steers."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+import trimesh
+
+from hsslam_node.checkpoint import load_checkpoint
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.services.arena_folder import ArenaFolder
+from hsslam_node.services.control.ctl_options import CtlOptions
+from hsslam_node.services.control.find_run import running_runs
+from hsslam_node.services.control.maps_folder import known_maps, map_path
+from hsslam_node.services.options import ServeOptions
+from hsslam_node.services.run_info import RunInfo
+from tests.services.serve_process import SMALL_ROOM
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((), "nothing asked: expected status | mesh"),
+        (("statsu",), "statsu: unknown request: .*did you mean status"),
+        (("save",), "save: expected save NAME"),
+        (("status", "x"), "status x: expected status alone"),
+        (("save", "../x"), "map '../x': expected a name of letters"),
+        (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
+        (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
+        (("mesh", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file in a folder"),
+        (("status", "--timeout-s", "0"), "--timeout-s 0.0: expected seconds above 0"),
+        (("status", "--run", "/nowhere"), "/nowhere/run.json: No such file"),
+        (("status", "--rum", "a"), "--rum: unknown option; did you mean --run"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
+    import re
+
+    from hsslam_node.services.control.ctl import main
+
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 2
+    told = capsys.readouterr().err
+    assert re.search(text.replace("|", r"\|"), told), told
+    assert told.count("\n") == 1
+
+
+def test_nobody_there_is_code_1():
+    done = _ctl("status", "--connect", "tcp/127.0.0.1:9", "--timeout-s", "1")
+    assert done.returncode == 1
+    assert done.stderr.startswith("nobody there: ")
+
+
+def test_options_are_checked():
+    with pytest.raises(UserError, match="--robot"):
+        CtlOptions(robot="a/b")
+
+
+def test_only_a_run_whose_supervisor_lives_is_found(tmp_path):
+    shm, out = tmp_path / "shm", tmp_path / "out"
+    shm.mkdir(), out.mkdir()
+    arena = ArenaFolder("one", out, root=shm)
+    assert running_runs(shm) == []  # nothing said of itself yet
+    run = RunInfo(
+        "one", str(out), str(arena.path), "tcp/127.0.0.1:1", "robot", 1, 2, ServeOptions()
+    )
+    run.write()
+    assert running_runs(shm) == [run]
+    arena.remove()
+    assert running_runs(shm) == []
+
+
+def test_maps_have_names_not_paths(tmp_path):
+    assert map_path(tmp_path, "room-1") == tmp_path / "room-1.safetensors"
+    for name in ("", "a/b", "..", "a b", "x" * 65):
+        with pytest.raises(UserError, match="expected a name"):
+            map_path(tmp_path, name)
+    map_path(tmp_path, "b").touch()
+    assert known_maps(tmp_path) == ["b"]
+    assert known_maps(tmp_path / "none") == []
+
+
+@pytest.mark.e2e
+def test_a_run_is_steered_from_outside(serve, tmp_path):
+    maps = tmp_path / "maps"
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", "--maps", str(maps))
+    run.wait_for_poses(30)
+    me = ("--run", str(run.out))
+
+    status = json.loads(_expect("status", "--json", *me))
+    assert status["state"] == "running"
+    assert status["frames_tracked"] >= 25 and status["keyframes"] >= 1
+    assert status["processes"]["tracker"] == "running"
+
+    assert _expect("pause", *me) == "paused\n"
+    assert _expect("pause", *me) == "was paused already\n"
+    held = _frames_when_still(me)
+    time.sleep(1.0)
+    assert _frames(me) == held
+    assert "paused" in _expect("status", *me)
+
+    assert "1 keyframes" in _expect("save", "room", *me) or (maps / "room.safetensors").exists()
+    assert load_checkpoint(maps / "room.safetensors").layout.parameter_count > 0
+    again = _ctl("save", "room", *me)
+    assert again.returncode == 1
+    assert "refused: save: map room: is there already" in again.stderr
+    assert _ctl("save", "room", "--replace", *me).returncode == 0
+
+    out = tmp_path / "now.txt"
+    assert f"{held} poses" in _expect("trajectory", "--out", str(out), *me)
+    assert len(read_tum(out)) == held
+    assert _expect("trajectory", *me) == out.read_text()
+
+    mesh = tmp_path / "now.ply"
+    run.wait_until(lambda: _ctl("mesh", "--out", str(mesh), *me).returncode == 0, 60)
+    assert len(trimesh.load_mesh(mesh).faces) > 100
+
+    assert _expect("resume", *me) == "running\n"
+    run.wait_for_poses(5)
+    assert _expect("stop", *me) == "stopping\n"
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    summary = run.summary()
+    assert summary["stop_reason"] == "asked to stop"
+    assert summary["requests"]["received"] > summary["requests"]["refused"] >= 1
+    assert "clock moved" not in run.stderr
+    assert _ctl("status", *me).stderr.startswith("nobody there: ")
+
+
+def _ctl(*arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "hsslam_node.services.control.ctl", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def _expect(*arguments: str) -> str:
+    done = _ctl(*arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def _frames(me: tuple[str, ...]) -> int:
+    return json.loads(_expect("status", "--json", *me))["frames_tracked"]
+
+
+def _frames_when_still(me: tuple[str, ...]) -> int:
+    """Poses when the last frames that were on their way have been tracked."""
+    before, now = -1, _frames(me)
+    while now != before:
+        time.sleep(1.0)
+        before, now = now, _frames(me)
+    return now
