@@ -29,6 +29,7 @@ lint: $(VENV)/.installed-dev
 	cp -r hsslam_node examples $(TYPES)/ && cp -r services proto $(TYPES)/hsslam_node/
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m hsslam_node.proto.topic_table --check docs/architecture.md
+	$(BIN)/python -m hsslam_node.proto.wire_doc --check docs/wire.md
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m hsslam_node.services.bench

@@ -17,12 +17,17 @@ _HEAD = ("key `hsslam/<robot>/`", "message", "from", "rate", "QoS", "kept", "lim
 
 def topic_table() -> str:
     """Markdown of all topics, then the fields of each message."""
-    rows = [_HEAD, ("---",) * len(_HEAD), *map(_row, TOPICS)]
-    lines = [f"| {' | '.join(row)} |" for row in rows]
+    lines = topic_rows()
     example = encoding_of(TOPICS[0])
     lines += ["", f"Encoding of each message: as in `{example}`. Fields:", ""]
     lines += [f"- `{topic.message.__name__}`: {_fields(topic)}" for topic in TOPICS]
     return "\n".join(lines)
+
+
+def topic_rows() -> list[str]:
+    """The lines of the table alone."""
+    rows = [_HEAD, ("---",) * len(_HEAD), *map(_row, TOPICS)]
+    return [f"| {' | '.join(row)} |" for row in rows]
 
 
 def with_topic_table(text: str, name: str) -> str:
@@ -70,7 +75,7 @@ def _row(topic: Topic) -> tuple[str, ...]:
         topic.rate,
         topic.qos.upper(),
         str(topic.history or "-"),
-        _size(topic.size_limit_bytes),
+        size_text(topic.size_limit_bytes),
         "yes" if topic.logged else "-",
         "yes" if topic.drawn else "-",
     )
@@ -80,7 +85,8 @@ def _fields(topic: Topic) -> str:
     return ", ".join(f"`{field}`" for field in topic.message.__struct_fields__)
 
 
-def _size(nbytes: int) -> str:
+def size_text(nbytes: int) -> str:
+    """A limit in KiB or MiB."""
     return f"{nbytes // 2**20} MiB" if nbytes >= 2**20 else f"{nbytes // 2**10} KiB"
 
 

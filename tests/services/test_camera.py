@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.proto import topics
-from hsslam_node.proto.messages import Frame, Health, MapVersion, Step
+from hsslam_node.proto.messages import Frame, Health, Hold, MapVersion, Step
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.process_table import PROCESSES
@@ -125,3 +125,21 @@ def test_realtime_holds_for_the_map_then_keeps_the_clock(other_end):
     assert np.median(lateness_ms) < 10
     assert end.end.wait(5).frame_count == 40
     end.expect_clean_end()
+
+
+def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
+    end = other_end(frames=40, rate_hz=20.0)
+    holds = end.bus.publisher(topics.HOLD)
+    assert end.next_frame().index == 0
+    end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
+    last = end.frames.wait(5)
+    holds.put(Hold(paused=True))
+    while (frame := end.frames.wait(0.6)) is not None:
+        last = frame
+    assert last.index < 20
+    assert end.frames.wait(1.0) is None
+    holds.put(Hold(paused=False))
+    after = [end.frames.wait(5) for _ in range(4)]
+    assert [frame.index for frame in after] == [last.index + k for k in range(1, 5)]
+    assert after[0].stamp_ns - last.stamp_ns > 1.5e9
+    np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)

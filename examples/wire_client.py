@@ -1,0 +1,28 @@
+"""A client in 20 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
+
+python examples/wire_client.py [tcp/127.0.0.1:7447 [robot [poses]]]
+"""
+
+import json
+import sys
+
+import msgpack
+import zenoh
+
+endpoint, robot, count = (
+    *sys.argv[1:],
+    *("tcp/127.0.0.1:7447", "robot", "100")[len(sys.argv) - 1 :],
+)
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+config.insert_json5("scouting/multicast/enabled", "false")
+with zenoh.open(config) as session:
+    poses = session.declare_subscriber(f"hsslam/{robot}/out/pose", zenoh.handlers.RingChannel(16))
+    ask = zenoh.Encoding("application/msgpack;hsslam.Ask.v1")
+    for reply in session.get(f"hsslam/{robot}/rpc/status", payload=msgpack.packb({}), encoding=ask):
+        status = msgpack.unpackb((reply.ok or reply.err).payload.to_bytes())
+        print("status:", status.get("state"), "keyframes:", status.get("keyframes"))
+    for _ in range(int(count)):
+        pose = msgpack.unpackb(poses.recv().payload.to_bytes())
+        print(pose["index"], pose["status"], *(f"{metres:.3f}" for metres in pose["t"]), flush=True)

@@ -1,0 +1,62 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.proto.field_types import field_type
+from hsslam_node.proto.requests import REFUSAL, REQUESTS
+from hsslam_node.proto.topics import TOPICS
+from hsslam_node.proto.wire_doc import wire_doc
+
+
+def test_every_topic_request_message_and_field_is_in_the_document():
+    text = wire_doc()
+    messages = {REFUSAL.message, *(topic.message for topic in TOPICS)}
+    for request in REQUESTS:
+        assert f"| `{request.name}` |" in text
+        messages |= {request.asked.message, request.answered.message}
+    for topic in TOPICS:
+        assert f"| `{topic.name}` |" in text
+    for message in messages:
+        section = text.partition(f"\n### {message.__name__} v{message.MAJOR}\n")[2].split("\n### ")[
+            0
+        ]
+        assert all(f"| `{field}` |" in section for field in message.__struct_fields__), message
+
+
+@pytest.mark.parametrize(
+    ("annotation", "words"),
+    [
+        (int, "int"),
+        (tuple[float, float], "array of 2 float"),
+        (dict[str, int], "map of (str) to (int)"),
+        (list[bool], "array of (bool)"),
+        (memoryview, "bin"),
+    ],
+)
+def test_types_have_words(annotation, words):
+    assert field_type(annotation) == words
+
+
+def test_a_type_without_words_is_told():
+    with pytest.raises(TypeError, match="no words"):
+        field_type(set[int])
+
+
+def test_the_command_checks_and_writes(tmp_path):
+    page = tmp_path / "wire.md"
+    assert _run("--check", page) == 2
+    assert _run(page) == 0
+    assert _run("--check", page) == 0
+    page.write_text(page.read_text() + "more")
+    assert _run("--check", page) == 1
+
+
+def test_the_docs_are_current():
+    assert (Path(__file__).parents[2] / "docs/wire.md").read_text() == wire_doc()
+
+
+def _run(*arguments) -> int:
+    command = [sys.executable, "-m", "hsslam_node.proto.wire_doc", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True).returncode
