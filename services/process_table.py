@@ -52,7 +52,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
     ),
     _row("recorder", "writes run.mcap and feeds rerun", nice=8, stop_stage=RECORDER_STAGE),
     _row("camera", "publishes the source", nice=0, stop_stage=CAMERA_STAGE, may_finish=True),
-    _row("global_ba", "refines keyframe poses", nice=10, stop_stage=MAP_STAGE, is_late=True),
+    _row("global_ba", "refines keyframe poses", nice=14, stop_stage=MAP_STAGE, is_late=True),
     _row("mesher", "extracts the mesh", nice=19, stop_stage=MAP_STAGE, is_late=True),
 )
 

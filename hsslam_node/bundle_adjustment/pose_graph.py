@@ -15,9 +15,9 @@ from hsslam_node.geometry.se3_batch import (
     log_jacobian_batch,
 )
 
-_STOP = 1e-6  # m, rad
+_STOP = 1e-5  # m, rad
 _DAMPING = 1e-9  # share of the diagonal
-_FADING = 1.6  # by which the kernel narrows each iteration
+_FADING = 2.5  # by which the kernel narrows each iteration
 
 
 @dataclass(frozen=True)
