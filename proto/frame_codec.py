@@ -49,14 +49,14 @@ def frame_from_message(message: messages.Frame) -> Frame:
 
 
 def color_image(message: messages.Frame) -> np.ndarray:
-    """Colour of a frame message, [H, W, 3] uint8 RGB; UserError if it is no such JPEG."""
+    """Colour of a frame message, [H, W, 3] uint8 RGB; UserError if it is no such image."""
     if message.color_encoding == "rgb8":
         return _owned(np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3)))
     import cv2
 
     image = _imdecode(message.color, cv2.IMREAD_COLOR)
     if image is None or image.shape[:2] != _size(message):
-        raise _not_an_image(message, "color", "JPEG", image)
+        raise _not_an_image(message, "color", message.color_encoding.upper(), image)
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 

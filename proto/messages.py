@@ -32,7 +32,7 @@ class Frame(Message, frozen=True, kw_only=True):
     """One undistorted RGB-D frame; depth is registered to colour; pixel centres at integers.
 
     `stamp_ns` is the wall clock of the sensor, `source_stamp_ns` the stamp in the source's files.
-    `color` is [H, W, 3] uint8 RGB raw ("rgb8") or a JPEG; `depth` is [H, W] uint16 raw, little
+    `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
     endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement.
     """
 
@@ -46,7 +46,7 @@ class Frame(Message, frozen=True, kw_only=True):
     cx: float
     cy: float
     color: memoryview
-    color_encoding: Literal["rgb8", "jpeg"] = "rgb8"
+    color_encoding: Literal["rgb8", "jpeg", "png"] = "rgb8"
     depth: memoryview
     depth_encoding: Literal["u16", "png"] = "u16"
     depth_units_per_m: float

@@ -8,10 +8,10 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import SourceEnd
 from hsslam_node.services.camera_hold import CameraHold
 from hsslam_node.services.camera_progress import CameraProgress
+from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.pacing import Lockstep, Pace, Realtime
 from hsslam_node.services.prefetch import Prefetch
 from hsslam_node.services.worker import Worker, run_worker
-from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import BadFrame
 
 _AHEAD = 30  # frames decoded in advance: rides out a second of other load
@@ -24,7 +24,7 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     options = worker.options
-    source = open_source(options.source, options.source_options)
+    source = open_any_source(options.source, options.source_options)
     progress = CameraProgress.read(Path(worker.run.arena_dir))
     frames_topic = worker.bus.publisher(topics.FRAME)
     pace: Pace

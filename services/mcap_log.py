@@ -3,6 +3,7 @@
 import shutil
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -16,6 +17,7 @@ from hsslam_node.proto.topics import Topic
 from hsslam_node.services.patient_file import PatientFile
 
 RESERVE_BYTES = 64 * 2**20
+RUN_METADATA = "hsslam.run"
 _FLUSH_S = 1.0
 _CHUNK_BYTES = 2**20
 
@@ -25,10 +27,17 @@ class McapLog:
 
     Bus channels carry the payload as it was published (topic = zenoh key, encoding `msgpack`, JSON
     Schema); `counts` has the messages of each topic. Everything is on disk 1 s later.
-    `space_is_short` turns true when less than `reserve_bytes` are free: then log no more frames.
+    `metadata` becomes the record `hsslam.run` at the start. `space_is_short` turns true when less than
+    `reserve_bytes` are free: then log no more frames.
     """
 
-    def __init__(self, path: Path, robot: str, reserve_bytes: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        robot: str,
+        reserve_bytes: int | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
         self.path = path
         self.counts: Counter[str] = Counter()
         self.space_is_short = False
@@ -38,6 +47,8 @@ class McapLog:
         stream = cast(IO[Any], self._file)
         self._writer = Writer(stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.LZ4)
         self._writer.start(profile="", library=f"hsslam-node {__version__}")
+        if metadata:
+            self._writer.add_metadata(RUN_METADATA, dict(metadata))
         self._channels: dict[str, int] = {}
         self._viz_sequence: Counter[str] = Counter()
         self._flushed_s = time.monotonic()
@@ -69,6 +80,11 @@ class McapLog:
         self._writer.add_message(
             self._channels[message.topic], stamp_ns, message.payload, stamp_ns, sequence
         )
+
+    @property
+    def bytes_written(self) -> int:
+        """Size of the file so far, without what the next flush adds."""
+        return self._file.tell()
 
     def tick(self) -> None:
         """Call it often; once a second it brings everything to the disk."""

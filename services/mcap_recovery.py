@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-_MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"
 _PART = re.compile(r"run(?:\.(\d+))?\.mcap")
 
 
@@ -43,11 +43,11 @@ def next_part(run_dir: Path) -> Path:
 
 def is_finished(path: Path) -> bool:
     """Whether the file ends as a finished MCAP does."""
-    if path.stat().st_size < 2 * len(_MAGIC):
+    if path.stat().st_size < 2 * len(MAGIC):
         return False
     with path.open("rb") as stream:
-        stream.seek(-len(_MAGIC), 2)
-        return stream.read() == _MAGIC
+        stream.seek(-len(MAGIC), 2)
+        return stream.read() == MAGIC
 
 
 def recover(path: Path) -> Recovered:
@@ -114,6 +114,8 @@ def _copied(records: Iterator[McapRecord], writer: Writer) -> Iterator[McapRecor
                 record.publish_time,
                 record.sequence,
             )
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
         yield record
 
 

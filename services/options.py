@@ -20,7 +20,8 @@ class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
 
     Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk | tum:FOLDER |
-    replica:FOLDER | scannet:FOLDER or FILE.sens | zenoh: (frames that somebody else publishes).
+    replica:FOLDER | scannet:FOLDER or FILE.sens | mcap:FILE (the frames of a log; FILE may be a run folder) |
+    zenoh: (frames that somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -58,6 +59,11 @@ class ServeOptions:
     downscale: int = 1
     """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
+    log_color: Literal["jpeg", "png"] = "jpeg"
+    """Colour in the log: jpeg (quality 90), or png (lossless, 6 times as large: replays give the same
+    poses)."""
+    log_part_mb: int | None = None
+    """Begin a new part of the log (run.1.mcap, ...) after so many MB (none: one file)."""
     evaluate: bool = True
     """Compare with ground truth at the end, where the source has it."""
     robot: str = "robot"
@@ -84,6 +90,8 @@ class ServeOptions:
             raise UserError(f"--stride {self.stride}: expected 1 or more")
         if self.frames is not None and self.frames < 1:
             raise UserError(f"--frames {self.frames}: expected 1 or more")
+        if self.log_part_mb is not None and self.log_part_mb < 1:
+            raise UserError(f"--log-part-mb {self.log_part_mb}: expected 1 or more")
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
 

@@ -1,6 +1,8 @@
 """A file that outlives a full disk."""
 
+import contextlib
 import errno
+import fcntl
 import os
 from pathlib import Path
 
@@ -10,6 +12,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 class PatientFile:
     """Sequential output that keeps in memory, in order, what a full disk refuses, and tries again.
 
+    The file is locked (flock) while it is open, so that others see that it grows.
     Positions (`tell`) count what was accepted, so an index written through it stays right.
     Errors other than a full disk are raised as OSError.
     """
@@ -17,6 +20,8 @@ class PatientFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._pending = bytearray()
         self._position = 0
 

@@ -2,13 +2,19 @@
 
 import time
 from collections.abc import Iterable
+from typing import Protocol
 
 from hsslam_node.proto import topics
 from hsslam_node.services.bus import Bus
-from hsslam_node.services.worker import Worker
 
 _POLL_S = 0.1
 _LONGEST_WAIT_S = 30.0  # for processes that the run can do without
+
+
+class CanStop(Protocol):
+    """Who waits, and for how long: a worker until it is told to end."""
+
+    def should_stop(self) -> bool: ...
 
 
 class Peers:
@@ -18,15 +24,15 @@ class Peers:
         self._health = bus.subscribe(topics.HEALTH, 64)
         self._pids: dict[str, int] = {}
 
-    def wait(self, names: Iterable[str], others: Iterable[str], worker: Worker) -> None:
+    def wait(self, names: Iterable[str], others: Iterable[str], waiting: CanStop) -> None:
         """Return when all of `names` run, and `others`, too, or have had their time.
 
-        Also when this worker must stop.
+        Also when the one that waits must stop.
         """
         needed = set(names)
         missing = needed | set(others)
         give_up_s = time.monotonic() + _LONGEST_WAIT_S
-        while missing and not worker.should_stop():
+        while missing and not waiting.should_stop():
             if not missing & needed and time.monotonic() > give_up_s:
                 return
             health = self._health.wait(_POLL_S)

@@ -14,9 +14,9 @@ import zenoh
 from hsslam_node.errors import UserError
 from hsslam_node.services.arena_folder import ArenaFolder, remove_dead_arenas
 from hsslam_node.services.bus import open_router
+from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
-from hsslam_node.sources.open_source import open_source
 
 _OLD_RESULTS = (
     "run*.mcap*",
@@ -52,7 +52,7 @@ def prepare(options: ServeOptions) -> Prepared:
         UserError: no such source, no permission for the folder, port taken, no shared memory.
     """
     if options.has_camera_process:
-        open_source(options.source, replace(options.source_options, noise="none"))
+        open_any_source(options.source, replace(options.source_options, noise="none"))
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:
@@ -86,6 +86,7 @@ def _run_folder(options: ServeOptions) -> Path:
     """The run folder, made; one that exists must be that of an earlier run."""
     name = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
     run_dir = Path(options.out or f"runs/{name}-{time.strftime('%Y%m%d-%H%M%S')}").absolute()
+    _expect_source_elsewhere(options.source, run_dir)
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
         if any(run_dir.iterdir()):
@@ -93,6 +94,16 @@ def _run_folder(options: ServeOptions) -> Path:
     except OSError as error:
         raise _no_folder(run_dir, error) from None
     return run_dir
+
+
+def _expect_source_elsewhere(source: str, run_dir: Path) -> None:
+    """The results of an earlier run are removed: a log that is replayed must not be among them."""
+    kind, _, place = source.partition(":")
+    log = Path(place).expanduser().resolve()
+    if kind == "mcap" and run_dir.resolve() in (log, log.parent):
+        raise UserError(
+            f"--out {run_dir}: holds the log that is the source: expected another folder"
+        )
 
 
 def _expect_finished_run(run_dir: Path) -> None:

@@ -15,8 +15,8 @@ from hsslam_node.proto.messages import Frame, Mesh, Message
 from hsslam_node.proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.frame_compression import compress_frame
-from hsslam_node.services.mcap_log import McapLog
-from hsslam_node.services.mcap_recovery import Recovered, is_finished, next_part, parts, recover
+from hsslam_node.services.log.parted_log import LogSettings, PartedLog, log_settings
+from hsslam_node.services.mcap_recovery import Recovered, is_finished, parts, recover
 from hsslam_node.services.rerun_view import RerunView, Tell
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.subscription import Received, Subscription
@@ -40,19 +40,28 @@ class Recorder:
         UserError: the run folder cannot be written, or the viewer cannot be started.
     """
 
-    def __init__(self, bus: Bus, run_dir: Path, run_id: str, viewer: str, tell: Tell) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        run_dir: Path,
+        run_id: str,
+        viewer: str,
+        tell: Tell,
+        log: LogSettings | None = None,
+    ) -> None:
         self._bus = bus
         self._run_dir = run_dir
         self._tell = tell
         self._skipped: Counter[str] = Counter()
         self._viz_mesh_s = float("-inf")
         self._recovery = _Recovery(run_dir, tell)
-        path = next_part(run_dir)
         try:
-            self._log = McapLog(path, bus.robot)
+            self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
-            raise UserError(f"{path}: {error.strerror}: expected to write the log there") from None
-        self._view = RerunView(path.with_suffix(".rrd"), viewer, run_id, tell)
+            raise UserError(
+                f"{run_dir}: {error.strerror}: expected to write the log there"
+            ) from None
+        self._view = RerunView(self._log.path.with_suffix(".rrd"), viewer, run_id, tell)
         self._subscriptions: list[Subscription] = [
             bus.subscribe(
                 topic, _FRAME_DEPTH if topic is FRAME else _DEPTH, history=topic.history > 0
@@ -134,8 +143,10 @@ class Recorder:
             return
         payload = received.payload
         if isinstance(message, Frame):
-            message = compress_frame(message)
-            payload = encode(FRAME, message)
+            logged = compress_frame(message, self._log.settings.color)
+            payload = encode(FRAME, logged)
+            is_drawable = logged.color_encoding == "jpeg"
+            message = logged if is_drawable else compress_frame(message)
         if self._log.space_is_short and topic in (FRAME, MESH):
             self._skip(topic, f"{self._run_dir}: disk nearly full: frames are no longer logged")
         else:
@@ -208,7 +219,8 @@ def record(worker: Worker) -> None:
     cv2.setNumThreads(1)
     run = worker.run
     viewer = run.options.resolved_viewer
-    recorder = Recorder(worker.bus, run.path, run.run_id, viewer, worker.event)
+    log = log_settings(run)
+    recorder = Recorder(worker.bus, run.path, run.run_id, viewer, worker.event, log)
     worker.ready()
     try:
         while not worker.should_stop():

@@ -16,6 +16,7 @@ _EXAMPLES = (
     "tum:<folder>",
     "replica:<folder>",
     "scannet:<folder or .sens>",
+    "mcap:<log>",
     "zenoh:",
 )
 
@@ -28,7 +29,11 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
         UserError: no such source, its files are not there, or its camera makes no sense.
     """
     options = options or SourceOptions()
-    source = _plain_source(spec, options)
+    return with_effects(_plain_source(spec, options), options)
+
+
+def with_effects(source: Source, options: SourceOptions) -> Source:
+    """The source with the noise, the changes of exposure and the size that the options ask for."""
     if options.noise == "kinect":
         from hsslam_node.sources.noise import KinectNoise
 
@@ -63,6 +68,10 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
         from hsslam_node.sources.scannet import ScanNetSource
 
         return ScanNetSource(rest, options)
+    if kind == "mcap" and rest:
+        raise UserError(
+            f"source {spec}: a log has no ground truth and is opened by the service only"
+        )
     if kind == "zenoh" and colon and not rest:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")
     raise unknown_source(spec)

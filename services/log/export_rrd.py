@@ -1,0 +1,22 @@
+"""A log as a recording for the rerun viewer, with its mesh, which rerun's own MCAP import leaves out."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import rerun as rr
+
+from hsslam_node.proto.topics import TOPICS
+from hsslam_node.services.log.log_file import bus_messages
+from hsslam_node.services.rerun_scene import RerunScene, blueprint
+
+
+def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
+    """Draw every message that the viewer shows, none thinned out; yields what it wrote."""
+    stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
+    stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
+    scene = RerunScene(stream)
+    for logged in bus_messages(files, {topic.name for topic in TOPICS if topic.drawn}):
+        scene.draw(logged.message())
+    stream.flush()
+    stream.disconnect()
+    yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"

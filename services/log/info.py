@@ -1,0 +1,87 @@
+"""What is in one log file."""
+
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.reader import make_reader
+from mcap.records import Statistics
+from mcap.summary import Summary
+from rich.table import Table
+from rich.text import Text
+
+from hsslam_node.presets import PRESETS
+from hsslam_node.services.log.log_file import DAMAGED, damaged
+from hsslam_node.services.mcap_log import RUN_METADATA
+from hsslam_node.services.options import ServeOptions
+
+
+def log_info(path: Path) -> Iterator[Text | Table]:
+    """The file in a line, the run in another, its topics in a table.
+
+    Raises:
+        UserError: the file is damaged.
+    """
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            about = {record.name: record.metadata for record in reader.iter_metadata()}
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if summary is None or summary.statistics is None:
+        raise damaged(path, ValueError("no statistics"))
+    statistics = summary.statistics
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(statistics.message_start_time / 1e9))
+    yield Text(
+        f"{path}: finished, {path.stat().st_size / 1e6:.1f} MB, {_seconds(statistics):.1f} s from "
+        f"{began} UTC, {statistics.message_count} messages",
+        no_wrap=True,
+    )
+    run = about.get(RUN_METADATA)
+    if run is not None:
+        yield Text(_run_line(run))
+    yield _topics(summary, statistics)
+
+
+def _topics(summary: Summary, statistics: Statistics) -> Table:
+    table = Table("topic", "schema")
+    table.add_column("messages", justify="right")
+    table.add_column("rate, Hz", justify="right")
+    seconds = _seconds(statistics)
+    for channel in sorted(summary.channels.values(), key=lambda channel: channel.topic):
+        count = statistics.channel_message_counts.get(channel.id, 0)
+        schema = summary.schemas.get(channel.schema_id)
+        rate = f"{(count - 1) / seconds:.2f}" if seconds > 0 and count > 1 else "-"
+        table.add_row(channel.topic, schema.name if schema else "-", str(count), rate)
+    return table
+
+
+def _seconds(statistics: Statistics) -> float:
+    return (statistics.message_end_time - statistics.message_start_time) / 1e9
+
+
+def _run_line(run: Mapping[str, str]) -> str:
+    line = f"run {run.get('run_id', '?')} of hsslam-node {run.get('version', '?')}"
+    try:
+        given = msgspec.json.decode(run.get("options", "{}").encode())
+        preset = PRESETS.get(given.get("preset"), ServeOptions().slam)
+        usual = msgspec.to_builtins(ServeOptions(slam=preset))
+        options = dict(_differences(given, usual, "--"))
+    except (msgspec.MsgspecError, AttributeError):
+        return f"{line}, options of another version"
+    words = [f"{name} {value}" for name, value in options.items()]
+    return f"{line}: {' '.join(words) if words else 'all options as by default'}"
+
+
+def _differences(given: Any, usual: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Options, as one would write them, that are not as by default."""
+    for key, value in given.items():
+        default = usual.get(key) if isinstance(usual, Mapping) else None
+        dashed = name + key.replace("_", "-")
+        if isinstance(value, Mapping):
+            yield from _differences(value, default or {}, f"{dashed}.")
+        elif value != default:
+            yield dashed, value

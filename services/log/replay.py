@@ -1,0 +1,135 @@
+"""`hsslam-replay`: the bus layer of a log on a zenoh router again."""
+
+import contextlib
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import zenoh
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+from hsslam_node.proto import messages
+from hsslam_node.proto.topics import FRAME, POSE, TOPICS
+from hsslam_node.services.bus import Bus, open_router
+from hsslam_node.services.log.log_file import Logged, bus_messages, log_parts
+from hsslam_node.services.log.replay_options import ReplayOptions
+from hsslam_node.services.log.replay_step import StepByStep
+from hsslam_node.services.log.restamp import restamped
+from hsslam_node.services.parse_options import parse_options
+
+_PROG = "hsslam-replay"
+_FLUSH_S = 0.5  # for the last message to leave
+_LONGEST_SLEEP_S = 0.2
+_ALL = ("in/**", "out/**")
+_STEP = ("in/**",)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Exit code 0: replayed; 1: interrupted; 2: bad input, told in one line."""
+    try:
+        _replay(sys.argv[1:] if args is None else args)
+        return 0
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        return 1
+
+
+def _replay(args: Sequence[str]) -> None:
+    if "--version" in args:
+        print(f"{_PROG} {__version__}")
+        return
+    options = parse_options(ReplayOptions, _PROG, args)
+    if not options.log:
+        raise UserError(f"no log: expected FILE; see {_PROG} --help")
+    names = wanted_names(options.only or (_STEP if options.step else _ALL))
+    files = log_parts(Path(options.log), _say)
+    robot = next((logged.robot for logged in bus_messages(files, names)), None)
+    if robot is None:
+        raise UserError(
+            f"{options.log}: none of {', '.join(sorted(names))}: expected such messages"
+        )
+    with contextlib.ExitStack() as stack:
+        endpoint = options.connect
+        if not endpoint:
+            endpoint = f"tcp/{options.bind}:{options.zenoh_port}"
+            stack.callback(open_router(endpoint).close)
+            _say(f"router at {endpoint}, keys hsslam/{robot}/...")
+        bus = stack.enter_context(Bus(endpoint, robot, "replay"))
+        if options.step:
+            sent = StepByStep(bus, _say).replay(bus_messages(files, names))
+        else:
+            time.sleep(options.delay)
+            sent = publish(bus, bus_messages(files, names), options.rate, POSE.name not in names)
+        time.sleep(_FLUSH_S)
+    _show(sent)
+
+
+def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = False) -> Counter[str]:
+    """Publish each message when its time has come, `rate` times as fast as it was logged.
+
+    Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
+    Returns how many went out of each topic.
+    """
+    publishers = {}
+    sent: Counter[str] = Counter()
+    start_s, first_ns = time.monotonic(), None
+    for message in logged:
+        first_ns = message.log_ns if first_ns is None else first_ns
+        due_s = start_s + (message.log_ns - first_ns) / 1e9 / rate
+        while (wait_s := due_s - time.monotonic()) > 0:
+            time.sleep(min(wait_s, _LONGEST_SLEEP_S))
+        if message.topic not in publishers:
+            publishers[message.topic] = bus.publisher(message.topic)
+        frame = message.message() if restamp and message.topic is FRAME else None
+        if isinstance(frame, messages.Frame):
+            publishers[FRAME].put(restamped(frame))
+        else:
+            publishers[message.topic].put_payload(message.payload, message.publish_ns)
+        sent[message.topic.name] += 1
+    return sent
+
+
+def wanted_names(patterns: Sequence[str]) -> set[str]:
+    """Names of the topics that one of the zenoh key expressions intersects.
+
+    Raises:
+        UserError: one is no key expression, or there is no such topic.
+    """
+    names: set[str] = set()
+    for pattern in patterns:
+        try:
+            expression = zenoh.KeyExpr(pattern)
+        except zenoh.ZError:
+            raise UserError(f"--only {pattern}: expected keys such as in/** or out/pose") from None
+        found = {t.name for t in TOPICS if expression.intersects(zenoh.KeyExpr(t.name))}
+        if not found:
+            known = ", ".join(topic.name for topic in TOPICS)
+            raise UserError(f"--only {pattern}: no such topic: expected some of {known}")
+        names |= found
+    return names
+
+
+def _show(sent: Counter[str]) -> None:
+    table = Table("topic")
+    table.add_column("messages", justify="right")
+    for name, count in sorted(sent.items()):
+        table.add_row(name, str(count))
+    Console(emoji=False, highlight=False, markup=False).print(table)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

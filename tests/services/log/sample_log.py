@@ -1,0 +1,60 @@
+"""A small log of everything that commands look at."""
+
+from pathlib import Path
+
+import numpy as np
+from wire_samples import frame, keyframe, mesh, pose
+
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.codec import encode
+from hsslam_node.proto.foxglove import viz_messages
+from hsslam_node.services.frame_compression import compress_frame
+from hsslam_node.services.log.parted_log import LogSettings, PartedLog
+
+START_NS = 1_700_000_000_000_000_000
+PERIOD_NS = 100_000_000
+
+
+def write_log(folder: Path, count: int = 20, color="png", **settings) -> Path:
+    """`count` frames and poses 0.1 s apart, a keyframe every 5, one correction, two meshes, one event."""
+    log = PartedLog(folder, "r", LogSettings(color, **settings))
+
+    def put(topic, message, index):
+        at = START_NS + PERIOD_NS * index
+        log.write(topic, encode(topic, message), at, at - 1000, index)
+        for viz in viz_messages(message, at):
+            log.write_viz(viz, at)
+
+    for index in range(count):
+        put(topics.FRAME, compress_frame(textured(index), color), index)
+        put(topics.POSE, pose(index, "lost" if index == 3 else "tracked"), index)
+        if index % 5 == 0:
+            put(topics.KEYFRAME, keyframe(index // 5), index)
+        log._part._writer.flush()
+    moved = messages.Correction(
+        pose_version=1,
+        base_version=0,
+        keyframes=[1],
+        t=[(9.0, 8.0, 7.0)],
+        q=[(0.0, 0.0, 0.0, 1.0)],
+        loss_before=2.0,
+        loss_after=1.0,
+    )
+    put(topics.CORRECTION, moved, count - 1)
+    put(topics.MESH, mesh(), 2)
+    put(topics.MESH, mesh(final=True), count - 1)
+    event = messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)
+    put(topics.EVENT, event, 0)
+    log.close()
+    return folder / "run.mcap"
+
+
+def textured(index: int) -> messages.Frame:
+    """A frame whose pixels tell its index."""
+    noise = np.random.default_rng(index)
+    message = frame(index)
+    color = noise.integers(0, 256, (message.height_px, message.width_px, 3), np.uint8)
+    depth = noise.integers(0, 60_000, (message.height_px, message.width_px)).astype("<u2")
+    fields = {name: getattr(message, name) for name in message.__struct_fields__}
+    fields |= {"color": color.data.cast("B"), "depth": depth.data.cast("B"), "fx": 51.234567890123}
+    return messages.Frame(**fields)
