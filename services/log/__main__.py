@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.text import Text
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
@@ -58,7 +59,7 @@ def _info(args: Sequence[str]) -> None:
     for place in options.files:
         for path in log_parts(place, _say):
             for shown in log_info(path):
-                console.print(shown)
+                console.print(shown, soft_wrap=isinstance(shown, Text))
 
 
 def _recover(args: Sequence[str]) -> None:

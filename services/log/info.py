@@ -37,8 +37,7 @@ def log_info(path: Path) -> Iterator[Text | Table]:
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(statistics.message_start_time / 1e9))
     yield Text(
         f"{path}: finished, {path.stat().st_size / 1e6:.1f} MB, {_seconds(statistics):.1f} s from "
-        f"{began} UTC, {statistics.message_count} messages",
-        no_wrap=True,
+        f"{began} UTC, {statistics.message_count} messages"
     )
     run = about.get(RUN_METADATA)
     if run is not None:
@@ -68,15 +67,14 @@ def _run_line(run: Mapping[str, str]) -> str:
     try:
         given = msgspec.json.decode(run.get("options", "{}").encode())
         preset = PRESETS.get(given.get("preset"), ServeOptions().slam)
-        usual = msgspec.to_builtins(ServeOptions(slam=preset))
-        options = dict(_differences(given, usual, "--"))
+        usual = msgspec.json.decode(msgspec.json.encode(ServeOptions(slam=preset)))
+        words = list(_differences(given, usual, "--"))
     except (msgspec.MsgspecError, AttributeError):
         return f"{line}, options of another version"
-    words = [f"{name} {value}" for name, value in options.items()]
     return f"{line}: {' '.join(words) if words else 'all options as by default'}"
 
 
-def _differences(given: Any, usual: Any, name: str) -> Iterator[tuple[str, Any]]:
+def _differences(given: Any, usual: Any, name: str) -> Iterator[str]:
     """Options, as one would write them, that are not as by default."""
     for key, value in given.items():
         default = usual.get(key) if isinstance(usual, Mapping) else None
@@ -84,4 +82,11 @@ def _differences(given: Any, usual: Any, name: str) -> Iterator[tuple[str, Any]]
         if isinstance(value, Mapping):
             yield from _differences(value, default or {}, f"{dashed}.")
         elif value != default:
-            yield dashed, value
+            yield _written(dashed, value)
+
+
+def _written(name: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return name if value else name.replace("--", "--no-", 1)
+    words = [str(item) for item in value] if isinstance(value, list) else [str(value)]
+    return " ".join([name, *words])

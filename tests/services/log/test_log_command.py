@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.presets import PRESETS
 from hsslam_node.proto.frame_codec import frame_from_message
 from hsslam_node.services.log.__main__ import main
 from hsslam_node.services.options import ServeOptions
@@ -21,13 +22,15 @@ from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_l
 
 
 def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
-    options = msgspec.json.encode(ServeOptions(source="tum:desk", seed=7)).decode()
+    given = ServeOptions(source="tum:desk", seed=7, evaluate=False, slam=PRESETS["realtime"])
+    options = msgspec.json.encode(given).decode()
     metadata = {"run_id": "run-1", "version": "0.1", "options": options}
     path = write_log(tmp_path, metadata=metadata)
     assert main(["info", str(path)]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+    printed = capsys.readouterr().out
+    shown = " ".join(printed.split())
     assert "finished" in shown and "1.9 s from 2023-11-14 22:13:20 UTC" in shown
-    assert "run run-1 of hsslam-node 0.1: --source tum:desk --seed 7" in shown
+    assert "run run-1 of hsslam-node 0.1: --source tum:desk --seed 7 --no-evaluate\n" in printed
     assert "hsslam/r/in/frame │ hsslam.Frame.v1 │ 20 │ 10.00 │" in shown
     assert "/viz/mesh │ foxglove.SceneUpdate │ 2 │" in shown
 
