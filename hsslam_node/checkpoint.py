@@ -5,6 +5,7 @@ import difflib
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -14,9 +15,12 @@ from hsslam_node.config import FieldConfig
 from hsslam_node.errors import UserError
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 FORMAT = "hsslam-map"
 FORMAT_VERSION = 2
+P = TypeVar("P")
 _READABLE = ("1", "2")  # 1: before bounds could grow
 
 
@@ -28,6 +32,8 @@ class MapCheckpoint:
     params: np.ndarray  # [P] float32
     keyframe_stamps_ns: np.ndarray  # [n] int64
     T_world_keyframe: np.ndarray  # [n, 4, 4] float64
+    camera: Camera | None = None  # of the keyframes; None in maps of before it was kept
+    sampling: SamplingPattern | None = None  # that the map was trained with; None likewise
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
@@ -40,7 +46,7 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     """Write the map; the file appears whole or not at all.
 
     One tensor per block of the field (`field/<block>`), the keyframes, and in the metadata format,
-    version, field configuration and bound.
+    version, field configuration, bound, camera and sampling pattern.
 
     Raises:
         UserError: the file cannot be written.
@@ -57,6 +63,8 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
         "bound": json.dumps([bound.low, bound.high]),
         "first_bound": json.dumps([first.low, first.high]) if first else "null",
     }
+    for name, part in (("camera", checkpoint.camera), ("sampling", checkpoint.sampling)):
+        metadata[name] = json.dumps(dataclasses.asdict(part)) if part else "null"
     partial = path.with_name(f"{path.name}.partial")
     try:
         save_file(tensors, partial, metadata)
@@ -80,7 +88,11 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             _check_format(path, metadata)
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         layout = _layout(path, metadata)
-        return _checkpoint(layout, tensors)
+        return dataclasses.replace(
+            _checkpoint(layout, tensors),
+            camera=_part(metadata, "camera", Camera),
+            sampling=_part(metadata, "sampling", SamplingPattern),
+        )
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         text = " ".join(str(error).split())
         raise UserError(f"{path}: damaged map: {text or type(error).__name__}") from None
@@ -122,6 +134,17 @@ def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheck
     return MapCheckpoint(
         layout, params, tensors["keyframes/stamps_ns"], tensors["keyframes/T_world_keyframe"]
     )
+
+
+def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
+    """A dataclass in the metadata; None in maps of before it was kept."""
+    values = json.loads(metadata.get(name, "null"))
+    if values is None:
+        return None
+    try:
+        return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    except (UserError, AttributeError) as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type) -> None:

@@ -25,7 +25,7 @@ def _run(worker: Worker) -> None:
     if path.exists() and not wish.replace:
         raise UserError(f"map {wish.name}: is there already: expected another name, or to replace")
     link = MapLink(worker.arena, worker.options.slam)
-    checkpoint = map_snapshot(link.store(), link.parameters())
+    checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -4,9 +4,12 @@ from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.errors import UserError
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 
-def map_snapshot(store: KeyframeStore | None, parameters: FieldParameters | None) -> MapCheckpoint:
+def map_snapshot(
+    store: KeyframeStore | None, parameters: FieldParameters | None, sampling: SamplingPattern
+) -> MapCheckpoint:
     """The map as published last, and the keyframes of now.
 
     Raises:
@@ -20,4 +23,5 @@ def map_snapshot(store: KeyframeStore | None, parameters: FieldParameters | None
         if parameters.is_intact(version):
             break
     poses = store.poses()
-    return MapCheckpoint(layout, params, store.stamps_ns()[: len(poses)], poses)
+    stamps_ns = store.stamps_ns()[: len(poses)]
+    return MapCheckpoint(layout, params, stamps_ns, poses, store.camera, sampling)

@@ -43,7 +43,12 @@ def _run(worker: Worker) -> None:
         },
     )
     checkpoint = MapCheckpoint(
-        parameters.layout, parameters.params.copy(), store.stamps_ns(), store.poses()
+        parameters.layout,
+        parameters.params.copy(),
+        store.stamps_ns(),
+        store.poses(),
+        store.camera,
+        worker.options.slam.sampling,
     )
     save_checkpoint(run_dir / "map.safetensors", checkpoint)
     voxel_m = worker.options.slam.mesher.final_voxel_m

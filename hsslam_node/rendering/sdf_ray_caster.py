@@ -1,0 +1,76 @@
+"""Depth images of a map's surface, found by walking along the rays."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+
+_NEAREST_M = 0.1  # in front of the camera
+_SHORTEST_STEP = 0.2  # in truncations; the longest is one
+
+
+class SdfRayCaster:
+    """Where rays first come out of free space into a surface.
+
+    Args:
+        query_sdf: signed distances [N], in units of the truncation, at points [N, 3] m, world.
+        bound: the space of the map; nothing is asked outside.
+        truncation_m: of the map, m.
+    """
+
+    def __init__(
+        self, query_sdf: Callable[[np.ndarray], np.ndarray], bound: Bound, truncation_m: float
+    ) -> None:
+        self._query = query_sdf
+        self._bound = bound
+        self._truncation_m = truncation_m
+
+    def depth(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
+        """Planar depth [H, W] float32 m of the surface from T_world_cam [4, 4]; 0: none."""
+        v, u = np.divmod(np.arange(camera.width_px * camera.height_px), camera.width_px)
+        rays = np.stack(
+            [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))], axis=1
+        )
+        rays = rays @ T_world_cam[:3, :3].T  # [R, 3], per metre of depth
+        near, far = self._reach(T_world_cam[:3, 3], rays)
+        depth = self._walk(T_world_cam[:3, 3], rays, np.maximum(near, _NEAREST_M), far)
+        return depth.astype(np.float32).reshape(camera.height_px, camera.width_px)
+
+    def _reach(self, origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Depths [R] at which rays enter and leave the bound."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low = (np.asarray(self._bound.low) - origin) / rays
+            high = (np.asarray(self._bound.high) - origin) / rays
+        first = np.fmin(low, high).max(axis=1)
+        last = np.fmax(low, high).min(axis=1)
+        return first, last
+
+    def _walk(
+        self, origin: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
+    ) -> np.ndarray:
+        """Depths [R] of the first change of sign from free space, refined once."""
+        per_sdf = self._truncation_m / np.linalg.norm(rays, axis=1)  # depth per unit of distance
+        found = np.zeros(len(rays))
+        last_z, last_sdf = (
+            z.copy(),
+            np.full(len(rays), -1.0),
+        )  # who starts inside looks for free space
+        active = np.flatnonzero(z < far)
+        while len(active):
+            sdf = self._ask(origin, rays[active], z[active])
+            hit = (sdf <= 0) & (last_sdf[active] > 0)
+            at, before, now = active[hit], last_sdf[active[hit]], sdf[hit]
+            found[at] = last_z[at] + (z[at] - last_z[at]) * before / (before - now)
+            last_z[active], last_sdf[active] = z[active], sdf
+            z[active] += np.clip(np.abs(sdf), _SHORTEST_STEP, 1.0) * per_sdf[active]
+            active = active[~hit & (z[active] < far[active])]
+        at = np.flatnonzero(found)
+        if len(at):
+            correction = self._ask(origin, rays[at], found[at])
+            found[at] += np.clip(correction, -_SHORTEST_STEP, _SHORTEST_STEP) * per_sdf[at]
+        return found
+
+    def _ask(self, origin: np.ndarray, rays: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return self._query((origin + rays * z[:, None]).astype(np.float32)).astype(np.float64)

@@ -1,0 +1,64 @@
+"""`hsslam-mesh`: the mesh of a saved map."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+from hsslam_node.meshing.extract_mesh import extract_mesh
+from hsslam_node.services.offline.mesh_options import MeshOptions
+from hsslam_node.services.offline.saved_map import KeyframeViews, SavedMap
+from hsslam_node.services.parse_options import parse_options
+
+_PROG = "hsslam-mesh"
+_VIEW_PX = 320  # width of the views that tell what was seen
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: written; 1: interrupted; 2: bad input."""
+    try:
+        _mesh(_options(sys.argv[1:] if args is None else args))
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(1)
+
+
+def _options(args: Sequence[str]) -> MeshOptions:
+    if "--version" in args:
+        print(f"{_PROG} {__version__}")
+        raise SystemExit(0)
+    options = parse_options(MeshOptions, _PROG, args)
+    options.expect_map()
+    return options
+
+
+def _mesh(options: MeshOptions) -> None:
+    saved = SavedMap(Path(options.map), options.device)
+    camera = saved.camera
+    if camera.width_px > _VIEW_PX:
+        camera = camera.scaled(_VIEW_PX / camera.width_px)
+    views = KeyframeViews(saved, camera)
+    console = Console(stderr=True)
+    for k in track(range(len(views)), "views", console=console, transient=True):
+        views[k]
+    bound = saved.checkpoint.layout.bound
+    queries = saved.queries
+    mesh = extract_mesh(queries.sdf, queries.color, bound, camera, views, options.voxel)
+    if len(mesh.faces) == 0:
+        raise UserError(f"{options.map}: no surface is seen from its {len(views)} keyframes")
+    try:
+        mesh.export(options.out)
+    except OSError as error:
+        raise UserError(f"--out {options.out}: {error.strerror}: expected to write there") from None
+    print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
+
+
+if __name__ == "__main__":
+    main()
