@@ -21,8 +21,9 @@ with zenoh.open(config) as session:
     poses = session.declare_subscriber(f"hsslam/{robot}/out/pose", zenoh.handlers.RingChannel(16))
     ask = zenoh.Encoding("application/msgpack;hsslam.Ask.v1")
     for reply in session.get(f"hsslam/{robot}/rpc/status", payload=msgpack.packb({}), encoding=ask):
-        status = msgpack.unpackb((reply.ok or reply.err).payload.to_bytes())
-        print("status:", status.get("state"), "keyframes:", status.get("keyframes"))
+        answer = reply.ok or sys.exit("refused, or no answer in time")
+        status = msgpack.unpackb(answer.payload.to_bytes())
+        print("status:", status["state"], "keyframes:", status["keyframes"])
     for _ in range(int(count)):
         pose = msgpack.unpackb(poses.recv().payload.to_bytes())
         print(pose["index"], pose["status"], *(f"{metres:.3f}" for metres in pose["t"]), flush=True)

@@ -10,6 +10,7 @@ _NEEDED = {
     "serve": set(),
     "supervisor": set(),
     "watchdog": set(),
+    "control.ctl": set(),
     "camera": set(),  # what its source needs comes with the source
     "recorder": {"cv2", "rerun", "mcap"},
     "tracker": {"torch", "numba", "cv2", "scipy"},

@@ -81,15 +81,18 @@ def test_what_cannot_be_read_is_refused(ends, name, payload, encoding, reason):
 def test_noise_on_every_request_is_counted(ends):
     queue, client = ends
     rng = random.Random(0)
-    received, refused, sent = queue.received, queue.refused, 0
-    for request in REQUESTS:
-        encoding = zenoh.Encoding(encoding_of(request.asked))
-        for _ in range(100):
-            payload = b"\xc1" + rng.randbytes(rng.randrange(200))
-            (reply,) = list(client.get(request.key("r"), payload=payload, encoding=encoding))
-            assert reply.err is not None
-            sent += 1
-    assert queue.received - received == queue.refused - refused == sent
+    received, refused = queue.received, queue.refused
+    for _ in range(200):
+        replies = []
+        for k in range(50):
+            request = REQUESTS[k % len(REQUESTS)]
+            right = encoding_of(request.asked)
+            encoding = zenoh.Encoding(rng.choice([right, right, "zenoh/bytes", f"{right[:-1]}7"]))
+            payload = b"\xc1" + rng.randbytes(rng.choice([1, 10, 200, 5000]))
+            replies.append(client.get(request.key("r"), payload=payload, encoding=encoding))
+        assert all(next(iter(reply)).err is not None for reply in replies)
+    assert queue.received - received == queue.refused - refused == 10_000
+    assert queue.poll() is None
 
 
 def test_more_requests_than_can_wait_are_refused_as_busy(ends):
