@@ -1,6 +1,6 @@
 """What every camera looks like to the rest of the system, and the options that choose one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -95,7 +95,7 @@ class SourceOptions:
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
 
-    def selected(self, count: int) -> range:
+    def selected(self, count: int) -> Sequence[int]:
         """Which of `count` frames are used; ground truth and source select alike."""
         chosen = range(0, count, self.stride)
         return chosen if self.frames is None else chosen[: self.frames]

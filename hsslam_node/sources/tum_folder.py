@@ -94,7 +94,20 @@ class TumFolder:
             raise UserError(f"{self.path}: no stamps of rgb.txt and depth.txt within 20 ms")
         return [(int(color_ns[i]), color_files[i], depth_files[j]) for i, j in pairs]
 
+    def listed_stamps(self, name: str) -> np.ndarray:
+        """Stamps of a list such as `rgb.txt` in the order of its lines, [N] int64 ns.
+
+        Raises:
+            UserError: the list is missing or malformed.
+        """
+        return np.array(self._read_lines(name)[0], np.int64)
+
     def _read_list(self, name: str) -> tuple[np.ndarray, list[Path]]:
+        stamps, files = self._read_lines(name)
+        order = np.argsort(stamps, kind="stable")
+        return np.array(stamps, np.int64)[order], [files[i] for i in order]
+
+    def _read_lines(self, name: str) -> tuple[list[int], list[Path]]:
         path = self.path / name
         try:
             lines = path.read_text().splitlines()
@@ -114,8 +127,7 @@ class TumFolder:
                 ) from None
         if not stamps:
             raise UserError(f"{path}: holds no image: expected lines 'timestamp file'")
-        order = np.argsort(stamps, kind="stable")
-        return np.array(stamps, np.int64)[order], [files[i] for i in order]
+        return stamps, files
 
 
 def associate(a_ns: np.ndarray, b_ns: np.ndarray, max_dt_ns: int) -> list[tuple[int, int]]:

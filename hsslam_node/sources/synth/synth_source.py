@@ -1,6 +1,6 @@
 """The built-in sources, `synth:room` and others."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,7 +54,7 @@ def synth_truth(
     return trajectory, lambda: scene_mesh(SCENES[name].build(options.synth).still_parts)
 
 
-def _trajectory(name: str, options: SourceOptions) -> tuple[Trajectory, range]:
+def _trajectory(name: str, options: SourceOptions) -> tuple[Trajectory, Sequence[int]]:
     """Of the frames that are used, and which those are."""
     poses = SCENES[name].poses(options.synth)
     rows = options.selected(len(poses))

@@ -1,0 +1,74 @@
+"""All checks of one source."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hsslam_node.doctor.association import check_association
+from hsslam_node.doctor.camera_motion import check_camera_motion
+from hsslam_node.doctor.coverage import check_coverage
+from hsslam_node.doctor.depth_range import check_depth_range
+from hsslam_node.doctor.depth_scale import check_depth_scale
+from hsslam_node.doctor.exposure import check_exposure
+from hsslam_node.doctor.finding import Finding
+from hsslam_node.doctor.intrinsics import check_intrinsics
+from hsslam_node.doctor.rate import check_rate
+from hsslam_node.doctor.readable import check_readable
+from hsslam_node.doctor.recorded_stamps import RecordedStamps
+from hsslam_node.doctor.registration import check_registration
+from hsslam_node.doctor.repeated_images import check_repeated_images
+from hsslam_node.doctor.sample import Sample
+from hsslam_node.doctor.sharpness import check_sharpness
+from hsslam_node.doctor.stamp_gaps import check_stamp_gaps
+from hsslam_node.doctor.stamp_jitter import check_stamp_jitter
+from hsslam_node.doctor.stamp_order import check_stamp_order
+from hsslam_node.doctor.view_motion import check_view_motion
+
+_ALIGNED_PAIRS = 20
+
+
+def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
+    """One finding a check, as they come; `stamps` of all images, where the source has them."""
+    yield from _of_stamps(sample, stamps)
+    yield check_readable(len(sample.frames), [bad.reason for bad in sample.bad])
+    if not sample.frames:
+        return
+    yield check_intrinsics(sample.frames[0].camera)
+    yield from _of_depth(sample)
+    yield check_registration([(frame.color, frame.depth_m()) for frame in sample.spread])
+    yield from _of_images(sample)
+    yield check_camera_motion(sample.pairs[:: max(len(sample.pairs) // _ALIGNED_PAIRS, 1)])
+
+
+def _of_stamps(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
+    if stamps is None:
+        intervals_ns = sample.intervals_ns
+        yield check_rate(intervals_ns)
+        yield check_stamp_order(intervals_ns, "frames")
+        yield check_stamp_gaps(intervals_ns)
+        yield check_stamp_jitter(intervals_ns, "frames")
+        return
+    yield check_rate(np.diff(np.sort(stamps.color_ns)))
+    for of, recorded in (("colour", stamps.color_ns), ("depth", stamps.depth_ns)):
+        yield check_stamp_order(np.diff(recorded), of)
+    yield check_stamp_gaps(np.diff(np.sort(stamps.color_ns)))
+    for of, recorded in (("colour", stamps.color_ns), ("depth", stamps.depth_ns)):
+        yield check_stamp_jitter(np.diff(np.sort(recorded)), of)
+    yield check_association(stamps.color_ns, stamps.depth_ns, stamps.max_dt_ns)
+
+
+def _of_depth(sample: Sample) -> Iterator[Finding]:
+    depths = [frame.depth_raw for frame in sample.frames]
+    first, spread = sample.frames[0], [frame.depth_raw for frame in sample.spread]
+    yield check_coverage(depths)
+    yield check_depth_range(spread, first.depth_units_per_m)
+    yield check_depth_scale(spread, first.depth_units_per_m, first.camera)
+
+
+def _of_images(sample: Sample) -> Iterator[Finding]:
+    images = [frame.color for frame in sample.frames]
+    pairs = [(a.color, b.color) for a, b in sample.pairs]
+    yield check_exposure(images, pairs)
+    yield check_sharpness(images)
+    yield check_repeated_images(pairs)
+    yield check_view_motion(pairs)

@@ -1,0 +1,35 @@
+"""What one check has to say."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["ok", "note", "fault"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The outcome of one check: what was measured, what was expected, and what to do about it.
+
+    *fault*: a run on this source goes wrong or gives wrong metres. *note*: worth knowing, or it could
+    not be told.
+
+    Raises:
+        ValueError: a measurement is not finite, or a fault says neither what was expected nor what to do.
+    """
+
+    name: str
+    severity: Severity
+    value: float | None  # None: could not be measured
+    unit: str
+    seen: str  # in plain words, figures with units
+    expected: str
+    advice: str = ""  # empty only where nothing has to be done
+
+    def __post_init__(self) -> None:
+        if self.severity not in ("ok", "note", "fault"):
+            raise ValueError(f"severity {self.severity!r}: expected ok, note or fault")
+        if self.value is not None and not math.isfinite(self.value):
+            raise ValueError(f"{self.name}: value {self.value}: expected a finite number or None")
+        if self.severity == "fault" and not (self.expected and self.advice):
+            raise ValueError(f"{self.name}: a fault says what was expected and what to do")

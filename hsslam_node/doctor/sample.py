@@ -1,0 +1,96 @@
+"""A few frames of a source: short runs of consecutive ones, spread over the sequence."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import BadFrame, Source, SourceOptions
+
+RUN_FRAMES = 3
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What was looked at; `frames[i]` and `bad[i]` are told apart by their index among `rows`."""
+
+    name: str
+    frame_count: int | None
+    rows: tuple[int, ...]  # numbers within the source
+    frames: tuple[Frame, ...]
+    bad: tuple[BadFrame, ...]
+
+    @property
+    def spread(self) -> list[Frame]:
+        """One frame of each run."""
+        starts = {i for i, row in enumerate(self.rows) if i == 0 or row != self.rows[i - 1] + 1}
+        if len(starts) < len(self.frames) / (2 * RUN_FRAMES):  # one long run: every third
+            starts = set(range(0, len(self.rows), RUN_FRAMES))
+        return [frame for frame in self.frames if frame.index in starts]
+
+    @property
+    def pairs(self) -> list[tuple[Frame, Frame]]:
+        """Consecutive frames of the source."""
+        return [
+            (a, b)
+            for a, b in itertools.pairwise(self.frames)
+            if b.index == a.index + 1 and self.rows[b.index] == self.rows[a.index] + 1
+        ]
+
+    @property
+    def intervals_ns(self) -> np.ndarray:
+        """Between consecutive frames, readable or not, [N] int64 ns."""
+        stamps = {item.index: item.stamp_ns for item in (*self.frames, *self.bad)}
+        found = [
+            stamps[i + 1] - stamps[i]
+            for i in range(len(self.rows) - 1)
+            if self.rows[i + 1] == self.rows[i] + 1 and i in stamps and i + 1 in stamps
+        ]
+        return np.array(found, np.int64)
+
+
+def take_sample(spec: str, options: SourceOptions, frames: int) -> Sample:
+    """At most `frames` frames of the source that `spec` names.
+
+    A source that does not know its length, a live one, gives its first frames.
+
+    Raises:
+        UserError: as `open_source`.
+    """
+    source = open_source(spec, options)
+    count = source.frame_count
+    rows = tuple(range(frames if count is None else min(count, frames)))
+    if count is not None and count > frames:
+        spread = _spread_rows(count, frames)
+        picked = open_source(spec, _PickedRows(**vars(options), rows=spread))
+        if picked.frame_count == len(spread):  # it picks; otherwise its first frames have to do
+            source, rows = picked, spread
+    return _read(source, count, rows)
+
+
+def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
+    read = list(itertools.islice(source.frames(), len(rows)))
+    frames = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, Frame))
+    bad = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, BadFrame))
+    return Sample(source.name, count, rows[: len(read)], frames, bad)
+
+
+def _spread_rows(count: int, frames: int) -> tuple[int, ...]:
+    runs = max(frames // RUN_FRAMES, 1)
+    starts = np.linspace(0, max(count - RUN_FRAMES, 0), runs).astype(int)
+    rows = {int(start) + i for start in starts for i in range(min(RUN_FRAMES, frames))}
+    return tuple(sorted(rows))
+
+
+@dataclass(frozen=True)
+class _PickedRows(SourceOptions):
+    """Options that select the frames with these numbers, of those that the options would select."""
+
+    rows: tuple[int, ...] = field(default=())
+
+    def selected(self, count: int) -> Sequence[int]:
+        chosen = super().selected(count)
+        return [chosen[row] for row in self.rows if row < len(chosen)]
