@@ -60,7 +60,7 @@ class ServeOptions:
     """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
-    """Colour in the log: jpeg (quality 90), or png (lossless, 6 times as large: replays give the same
+    """Colour in the log: jpeg (quality 90), or png (lossless, 7 times as large: replays give the same
     poses)."""
     log_part_mb: int | None = None
     """Begin a new part of the log (run.1.mcap, ...) after so many MB (none: one file)."""
