@@ -28,7 +28,7 @@ from hsslam_node.tracking.unexpected_motion import is_borne_out
 
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
-_SEEN_SPACES, _SEEN_EVERY = 4, 8  # keyframes that tell what has moved, one of so many
+_SEEN_SPACES, _SEEN_EVERY = 8, 2  # keyframes that tell what has moved, one of so many
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
