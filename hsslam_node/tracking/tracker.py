@@ -29,6 +29,10 @@ from hsslam_node.tracking.unexpected_motion import is_borne_out
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _SEEN_SPACES, _SEEN_EVERY = 8, 2  # keyframes that tell what has moved, one of so many
+_THIN_COVERAGE, _LESS = (
+    0.45,
+    0.85,
+)  # of the points: little, as somebody stands there, and less than it was
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
@@ -203,7 +207,10 @@ class Tracker:
         )
 
     def _is_left_behind(self, alignment: Alignment) -> bool:
-        return alignment.surface_coverage < self._config.reference_coverage * self._coverage
+        covered = alignment.surface_coverage
+        return covered < self._config.reference_coverage * self._coverage or (
+            covered < _THIN_COVERAGE and covered < _LESS * self._coverage
+        )
 
     def _overlap(self, T_world_cam: np.ndarray, frame: Frame) -> float:
         """Share of the reference's salient pixels that the frame sees."""
