@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Sequence
 
-from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.services.options import ServeOptions
@@ -18,9 +17,6 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
     Raises:
         UserError: an unknown option or preset (the nearest is suggested), or a bad value.
     """
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
     preset = _preset(args)
     default = ServeOptions(preset=preset, slam=PRESETS[preset])
     return parse_options(ServeOptions, _PROG, args, default)

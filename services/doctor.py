@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from hsslam_node import __version__
 from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.finding import Finding
 from hsslam_node.doctor.recorded_stamps import recorded_stamps
 from hsslam_node.doctor.sample import Sample, take_sample
 from hsslam_node.errors import UserError
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.sources.source import SourceOptions, SynthOptions
@@ -59,21 +59,11 @@ class DoctorOptions:
 
 def main(args: Sequence[str] | None = None) -> None:
     """Exit code 0: no fault; 1: faults, or interrupted; 2: bad input."""
-    try:
-        faults = _look(_options(sys.argv[1:] if args is None else args))
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(1)
-    sys.exit(1 if faults else 0)
+    given = sys.argv[1:] if args is None else args
+    sys.exit(exit_code(lambda: 1 if _look(_options(given)) else 0))
 
 
 def _options(args: Sequence[str]) -> DoctorOptions:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
     options = parse_options(DoctorOptions, _PROG, args)
     if not options.source:
         raise UserError("SOURCE: missing: expected what to look at, as tum:FOLDER")

@@ -10,7 +10,6 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.scores import scores_as_json
@@ -18,6 +17,7 @@ from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.services.bench.report import source_commit
 from hsslam_node.services.eval_options import EvalOptions
 from hsslam_node.services.eval_table import eval_table
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.run_subject import run_subject
@@ -29,20 +29,12 @@ _VIEWS_FILE = "virtual_views.txt"
 
 def main(args: Sequence[str] | None = None) -> None:
     """Exit code 0: scored; 1: interrupted; 2: bad input."""
-    try:
-        _evaluate(_options(sys.argv[1:] if args is None else args))
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(1)
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _evaluate(_options(given))):
+        sys.exit(code)
 
 
 def _options(args: Sequence[str]) -> EvalOptions:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
     options = parse_options(EvalOptions, _PROG, args)
     options.expect_subject()
     return options

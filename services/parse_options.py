@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import tyro
 
+from hsslam_node import __version__
 from hsslam_node.errors import UserError
 
 _Options = TypeVar("_Options")
@@ -18,11 +19,14 @@ _Options = TypeVar("_Options")
 def parse_options(
     cls: type[_Options], prog: str, args: Sequence[str], default: _Options | None = None
 ) -> _Options:
-    """The options of this command line, over the defaults; `--help` prints and exits with code 0.
+    """The options of this command line, over the defaults; `--help`, `--version` print and exit with 0.
 
     Raises:
         UserError: an unknown option (the nearest is suggested), or a bad value.
     """
+    if "--version" in args:
+        print(f"{prog} {__version__}")
+        raise SystemExit(0)
     start = cls() if default is None else default
     if "-h" in args or "--help" in args:
         tyro.cli(cls, prog=prog, args=["--help"], default=start)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import msgspec
 
-from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import tum_text
 from hsslam_node.proto import requests as rpc
@@ -18,6 +17,7 @@ from hsslam_node.services.control.ctl_options import CtlOptions
 from hsslam_node.services.control.find_run import running_runs
 from hsslam_node.services.control.status_table import print_status
 from hsslam_node.services.control.trajectory_rows import trajectory_of
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import RunInfo
 
@@ -27,22 +27,21 @@ _DEFAULT_ROBOT = "robot"
 
 def main(args: Sequence[str] | None = None) -> None:
     """Exit code 0: done; 1: nobody there, refused, no answer; 2: bad input."""
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _asked(given)):
+        sys.exit(code)
+
+
+def _asked(args: Sequence[str]) -> int:
     try:
-        _ask(_options(sys.argv[1:] if args is None else args))
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        _ask(_options(args))
     except NotDoneError as error:
         print(error, file=sys.stderr)
-        sys.exit(1)
-    except (KeyboardInterrupt, BrokenPipeError):
-        sys.exit(1)
+        return 1
+    return 0
 
 
 def _options(args: Sequence[str]) -> CtlOptions:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
     options = parse_options(CtlOptions, _PROG, args)
     options.expect_request()
     return options

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.log.log_file import log_parts
 from hsslam_node.services.log.log_options import (
     ExportOptions,
@@ -23,17 +24,7 @@ _PROG = "hsslam-log"
 
 def main(args: Sequence[str] | None = None) -> int:
     """Exit code 0: done; 1: interrupted; 2: bad input, told in one line."""
-    try:
-        _command(sys.argv[1:] if args is None else args)
-        return 0
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 1
-    except BrokenPipeError:
-        return 1
+    return exit_code(lambda: _command(sys.argv[1:] if args is None else args))
 
 
 def _command(args: Sequence[str]) -> None:

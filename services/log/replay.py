@@ -11,11 +11,11 @@ import zenoh
 from rich.console import Console
 from rich.table import Table
 
-from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.proto import messages
 from hsslam_node.proto.topics import FRAME, POSE, TOPICS
 from hsslam_node.services.bus import Bus, open_router
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.log.log_file import Logged, bus_messages, log_parts
 from hsslam_node.services.log.replay_options import ReplayOptions
 from hsslam_node.services.log.replay_step import StepByStep
@@ -31,23 +31,10 @@ _STEP = ("in/**",)
 
 def main(args: Sequence[str] | None = None) -> int:
     """Exit code 0: replayed; 1: interrupted; 2: bad input, told in one line."""
-    try:
-        _replay(sys.argv[1:] if args is None else args)
-        return 0
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 1
-    except BrokenPipeError:
-        return 1
+    return exit_code(lambda: _replay(sys.argv[1:] if args is None else args))
 
 
 def _replay(args: Sequence[str]) -> None:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        return
     options = parse_options(ReplayOptions, _PROG, args)
     if not options.log:
         raise UserError(f"no log: expected FILE; see {_PROG} --help")

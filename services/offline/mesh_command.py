@@ -7,9 +7,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.meshing.extract_mesh import extract_mesh
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.offline.mesh_options import MeshOptions
 from hsslam_node.services.offline.saved_map import KeyframeViews, SavedMap
 from hsslam_node.services.parse_options import parse_options
@@ -20,20 +20,12 @@ _VIEW_PX = 320  # width of the views that tell what was seen
 
 def main(args: Sequence[str] | None = None) -> None:
     """Exit code 0: written; 1: interrupted; 2: bad input."""
-    try:
-        _mesh(_options(sys.argv[1:] if args is None else args))
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(1)
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _mesh(_options(given))):
+        sys.exit(code)
 
 
 def _options(args: Sequence[str]) -> MeshOptions:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
     options = parse_options(MeshOptions, _PROG, args)
     options.expect_map()
     return options

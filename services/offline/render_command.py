@@ -10,13 +10,13 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from hsslam_node import __version__
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.map_renderer import MapRenderer
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.presets import REALTIME
+from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.offline.render_options import RenderOptions
 from hsslam_node.services.offline.saved_map import SavedMap
 from hsslam_node.services.parse_options import parse_options
@@ -27,21 +27,9 @@ _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
 
 def main(args: Sequence[str] | None = None) -> None:
     """Exit code 0: written; 1: interrupted; 2: bad input."""
-    try:
-        _render(_options(sys.argv[1:] if args is None else args))
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(1)
-
-
-def _options(args: Sequence[str]) -> RenderOptions:
-    if "--version" in args:
-        print(f"{_PROG} {__version__}")
-        raise SystemExit(0)
-    return parse_options(RenderOptions, _PROG, args)
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _render(parse_options(RenderOptions, _PROG, given))):
+        sys.exit(code)
 
 
 def _render(options: RenderOptions) -> None:
