@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from hsslam_node.services.bench.accuracy import Accuracy
 from hsslam_node.services.bench.check import Check, Measured
-from hsslam_node.services.bench.lockstep_checks import ate_m, scored
 from hsslam_node.services.bench.serve_run import finished
 from hsslam_node.services.bench.session import NotMeasured, Session
 
@@ -55,17 +55,12 @@ def faithful_checks() -> list[Check]:
 def _ate_check(sequence: str, bound_m: float) -> Check:
     def measure(session: Session) -> Measured:
         runs = [finished(session.lockstep(sequence, seed)) for seed in session.seeds]
-        errors_m = [ate_m(run) for run in runs]
-        counts = [scored(run) for run in runs]
-        lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
-        complete = lost == 0 and all(n == expected and n > 0 for n, expected in counts)
-        mean = sum(errors_m) / len(errors_m)
-        each = ", ".join(f"{100 * e:.3f}" for e in errors_m)
+        found = Accuracy.of(runs)
         return Measured(
-            f"{100 * mean:.3f} cm (seeds: {each}); {lost} lost",
-            mean <= bound_m and complete,
-            {"rmse_m": errors_m, "scored": counts, "lost": lost, "bound_m": bound_m},
-            mean,
+            f"{100 * found.mean_m:.3f} cm (seeds: {found.each_cm(3)}); {found.lost} lost",
+            found.mean_m <= bound_m and found.complete,
+            found.values(bound_m),
+            found.mean_m,
             "lower",
         )
 

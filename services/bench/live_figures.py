@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from hsslam_node.services.bench.accuracy import ate_m, scored
 from hsslam_node.services.bench.check import Measured
-from hsslam_node.services.bench.lockstep_checks import ate_m, scored
 from hsslam_node.services.bench.serve_run import ServeRun
 
 _LIGHT_POINTS = 640 * 12  # of one light iteration

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from hsslam_node.services.bench.accuracy import Accuracy
 from hsslam_node.services.bench.check import Check, Measured
 from hsslam_node.services.bench.serve_run import ServeRun, finished
 from hsslam_node.services.bench.session import Session
@@ -38,36 +39,17 @@ def lockstep_checks() -> list[Check]:
     ]
 
 
-def ate_m(run: ServeRun) -> float:
-    """ATE RMSE of the final trajectory, m; infinite where there is none."""
-    value = _final(run).get("rmse_m")
-    return float("inf") if value is None else float(value)
-
-
-def scored(run: ServeRun) -> tuple[int, int]:
-    """Frames that the ATE is over, and frames that have a true pose."""
-    final = _final(run)
-    return final.get("scored", 0), final.get("expected", 0)
-
-
-def _final(run: ServeRun) -> dict[str, Any]:
-    return run.summary.get("evaluation", {}).get("ate", {}).get("final", {})
-
-
 def _ate_check(sequence: str, bound_m: float) -> Check:
     def measure(session: Session) -> Measured:
         runs = [finished(session.lockstep(sequence, seed)) for seed in session.seeds]
-        errors_m = [ate_m(run) for run in runs]
-        counts = [scored(run) for run in runs]
-        lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
-        worst = max(errors_m)
-        fewest = min(counts)
-        complete = all(n == expected and expected > 0 for n, expected in counts)
-        each = ", ".join(f"{100 * e:.2f}" for e in errors_m)
+        found = Accuracy.of(runs)
+        worst = max(found.errors_m)
+        fewest = min(found.counts)
         return Measured(
-            f"{100 * worst:.2f} cm (seeds: {each}); {fewest[0]}/{fewest[1]} scored, {lost} lost",
-            worst <= bound_m and complete and lost == 0,
-            {"rmse_m": errors_m, "scored": counts, "lost": lost, "bound_m": bound_m},
+            f"{100 * worst:.2f} cm (seeds: {found.each_cm()}); "
+            f"{fewest[0]}/{fewest[1]} scored, {found.lost} lost",
+            worst <= bound_m and found.complete,
+            found.values(bound_m),
             worst,
             "lower",
         )

@@ -2,8 +2,8 @@
 
 from statistics import fmean
 
+from hsslam_node.services.bench.accuracy import ate_m, scored
 from hsslam_node.services.bench.check import Check, Measured
-from hsslam_node.services.bench.lockstep_checks import ate_m, scored
 from hsslam_node.services.bench.serve_run import ServeRun, finished
 from hsslam_node.services.bench.session import Session
 

@@ -1,9 +1,7 @@
 """What makes tracking hard: somebody in the way, changing exposure, bare walls."""
 
-from statistics import fmean
-
+from hsslam_node.services.bench.accuracy import Accuracy
 from hsslam_node.services.bench.check import Check, Measured
-from hsslam_node.services.bench.lockstep_checks import ate_m, scored
 from hsslam_node.services.bench.serve_run import finished
 from hsslam_node.services.bench.session import Session
 
@@ -19,16 +17,12 @@ def robustness_checks() -> list[Check]:
 def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         runs = [finished(session.poses(sequence, seed)) for seed in session.seeds]
-        errors_m = [ate_m(run) for run in runs]
-        counts = [scored(run) for run in runs]
-        lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
-        complete = all(n == expected and expected > 0 for n, expected in counts)
-        each = ", ".join(f"{100 * e:.2f}" for e in errors_m)
+        found = Accuracy.of(runs)
         return Measured(
-            f"{100 * fmean(errors_m):.2f} cm (seeds: {each}), {lost} lost",
-            fmean(errors_m) <= _BOUND_M and complete and lost == 0,
-            {"rmse_m": errors_m, "scored": counts, "lost": lost, "bound_m": _BOUND_M},
-            fmean(errors_m),
+            f"{100 * found.mean_m:.2f} cm (seeds: {found.each_cm()}), {found.lost} lost",
+            found.mean_m <= _BOUND_M and found.complete,
+            found.values(_BOUND_M),
+            found.mean_m,
             "lower",
         )
 
