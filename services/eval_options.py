@@ -41,6 +41,8 @@ class EvalOptions:
     """Whose truth: synth:room | tum:FOLDER | replica:FOLDER (empty: that of the run)."""
     noise: Literal["none", "kinect"] = "none"
     """Depth noise that was added to the source (with a run: as there)."""
+    start: int = 0
+    """So many frames at the beginning were left out (with a run: as there)."""
     stride: int = 1
     """Every n-th frame was used (with a run: as there)."""
     frames: int | None = None

@@ -84,6 +84,7 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     source_options = SourceOptions(
         noise=options.noise,
         seed=options.seed,
+        start=options.start,
         stride=options.stride,
         frames=options.frames,
         synth=options.synth,

@@ -52,6 +52,8 @@ class ServeOptions:
     """Changes of brightness added to the images: smooth drift and jumps of 20 to 30 %."""
     rate_hz: float | None = None
     """Frames per second of the sensor clock, Hz (none: the source's own)."""
+    start: int = 0
+    """Leave out so many frames at the beginning of the source."""
     stride: int = 1
     """Use every n-th frame of the source."""
     frames: int | None = None
@@ -86,6 +88,8 @@ class ServeOptions:
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
+        if self.start < 0:
+            raise UserError(f"--start {self.start}: expected 0 or more")
         if self.stride < 1:
             raise UserError(f"--stride {self.stride}: expected 1 or more")
         if self.frames is not None and self.frames < 1:
@@ -102,6 +106,7 @@ class ServeOptions:
             noise=self.noise,
             exposure=self.exposure,
             seed=self.seed,
+            start=self.start,
             stride=self.stride,
             frames=self.frames,
             downscale=self.downscale,

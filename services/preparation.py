@@ -52,7 +52,9 @@ def prepare(options: ServeOptions) -> Prepared:
         UserError: no such source, no permission for the folder, port taken, no shared memory.
     """
     if options.has_camera_process:
-        open_any_source(options.source, replace(options.source_options, noise="none"))
+        source = open_any_source(options.source, replace(options.source_options, noise="none"))
+        if source.frame_count == 0:
+            raise UserError(f"--start {options.start}: source {options.source} has no more frames")
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:

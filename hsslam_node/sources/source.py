@@ -76,8 +76,10 @@ class SourceOptions:
     """Gain and bias added to the images, as of a camera that sets its own exposure."""
     seed: int = 0
     """Seed of noise and exposure."""
+    start: int = 0
+    """Leave out so many frames at the beginning."""
     stride: int = 1
-    """Use every n-th frame."""
+    """Use every n-th frame of the others."""
     frames: int | None = None
     """Use at most this many frames."""
     downscale: int = 1
@@ -90,6 +92,7 @@ class SourceOptions:
         if self.exposure not in ("none", "drift"):
             raise UserError(f"--exposure {self.exposure!r}: expected none or drift")
         _expect_range("seed", self.seed, 0, 2**31 - 1)
+        _expect_range("start", self.start, 0, 1_000_000_000)
         _expect_range("stride", self.stride, 1, 1_000_000)
         _expect_range("downscale", self.downscale, 1, 16)
         if self.frames is not None:
@@ -97,7 +100,7 @@ class SourceOptions:
 
     def selected(self, count: int) -> Sequence[int]:
         """Which of `count` frames are used; ground truth and source select alike."""
-        chosen = range(0, count, self.stride)
+        chosen = range(self.start, count, self.stride)
         return chosen if self.frames is None else chosen[: self.frames]
 
 

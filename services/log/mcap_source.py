@@ -59,7 +59,7 @@ class McapSource:
     def _messages(self) -> Iterator[messages.Frame]:
         """Selected frames, not decoded, in order of their indices."""
         stride, most = self._options.stride, self._options.frames
-        newest, seen = -1, 0
+        newest, seen = -1, -self._options.start
         for logged in bus_messages(self._files, {FRAME.name}):
             message = logged.message()
             assert isinstance(message, messages.Frame)
@@ -68,6 +68,6 @@ class McapSource:
             newest = message.index
             if most is not None and seen >= most * stride:
                 return
-            if seen % stride == 0:
+            if seen >= 0 and seen % stride == 0:
                 yield message
             seen += 1

@@ -9,6 +9,8 @@ from hsslam_node.sources.source import SourceOptions, SynthOptions
 def test_selected_takes_every_nth_up_to_a_limit():
     assert list(SourceOptions(stride=3).selected(10)) == [0, 3, 6, 9]
     assert list(SourceOptions(stride=3, frames=2).selected(10)) == [0, 3]
+    assert list(SourceOptions(start=4, stride=3, frames=9).selected(10)) == [4, 7]
+    assert list(SourceOptions(start=10).selected(10)) == []
     assert list(SourceOptions(frames=99).selected(3)) == [0, 1, 2]
 
 
@@ -16,6 +18,7 @@ def test_selected_takes_every_nth_up_to_a_limit():
     ("make", "field"),
     [
         (lambda: SourceOptions(noise="salt"), "noise"),  # type: ignore[arg-type]
+        (lambda: SourceOptions(start=-1), "start"),
         (lambda: SourceOptions(stride=0), "stride"),
         (lambda: SourceOptions(frames=0), "frames"),
         (lambda: SourceOptions(seed=-1), "seed"),

@@ -48,6 +48,8 @@ def test_frames_are_selected_as_of_any_source_and_taken_from_all_parts(tmp_path)
     options = SourceOptions(stride=3, frames=4, downscale=2)
     found = list(open_any_source(f"mcap:{tmp_path}", options).frames())
     assert [item.index for item in found] == [0, 3, 6, 9]
+    later = open_any_source(f"mcap:{tmp_path}", SourceOptions(start=5, stride=3, frames=3))
+    assert [item.index for item in later.frames()] == [5, 8, 11]
     assert isinstance(found[0], Frame) and found[0].color.shape == (24, 32, 3)
 
 
