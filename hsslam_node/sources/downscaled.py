@@ -1,16 +1,17 @@
 """Frames at a whole fraction of their size."""
 
-from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.changed_source import ChangedSource
+from hsslam_node.sources.source import Source
 
 
-class Downscaled:
+class Downscaled(ChangedSource):
     """A source whose images are `factor` times smaller along each side.
 
     Colour is averaged over the area of a pixel. Depth is not, since a mean across an edge lies on
@@ -27,29 +28,16 @@ class Downscaled:
                 f"--downscale {factor}: images are {camera.width_px}x{camera.height_px}: "
                 "expected a factor that divides both sides"
             )
-        self._source = source
+        super().__init__(source, f"at 1/{factor} size")
         self._factor = factor
-        self.name = f"{source.name} at 1/{factor} size"
         self.camera = camera.scaled(1.0 / factor)
-        self.rate_hz = source.rate_hz
-        self.frame_count = source.frame_count
-        self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """The frames of the wrapped source, smaller."""
-        for frame in self._source.frames():
-            yield frame if isinstance(frame, BadFrame) else self._small(frame)
-
-    def _small(self, frame: Frame) -> Frame:
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, smaller."""
         size = (self.camera.width_px, self.camera.height_px)
         color = cv2.resize(frame.color, size, interpolation=cv2.INTER_AREA)
         first = (self._factor - 1) // 2
         depth = np.ascontiguousarray(frame.depth_raw[first :: self._factor, first :: self._factor])
-        return Frame(
-            frame.index,
-            frame.stamp_ns,
-            self.camera,
-            np.asarray(color, np.uint8),
-            depth,
-            frame.depth_units_per_m,
+        return replace(
+            frame, camera=self.camera, color=np.asarray(color, np.uint8), depth_raw=depth
         )

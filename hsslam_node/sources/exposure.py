@@ -1,12 +1,13 @@
 """A camera that sets its own exposure, for sources that have none."""
 
-from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.changed_source import ChangedSource
+from hsslam_node.sources.source import Source
 
 _JUMP_EVERY = 120  # frames
 _JUMP = (1.22, 1.30)
@@ -14,7 +15,7 @@ _DRIFT, _DRIFT_FRAMES = (0.10, 0.06), (230.0, 97.0)
 _BIAS_GREY, _BIAS_FRAMES = 6.0, 310.0
 
 
-class ChangingExposure:
+class ChangingExposure(ChangedSource):
     """A source whose brightness changes from frame to frame; depth is not touched.
 
     Grey values go through gain x value + bias and are clipped to [0, 255]. The gain drifts smoothly by up
@@ -23,31 +24,14 @@ class ChangingExposure:
     """
 
     def __init__(self, source: Source, seed: int) -> None:
-        self._source = source
+        super().__init__(source, "with changing exposure")
         self._seed = seed
-        self.name = f"{source.name} with changing exposure"
-        self.camera = source.camera
-        self.rate_hz = source.rate_hz
-        self.frame_count = source.frame_count
-        self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """The frames of the wrapped source, brighter or darker."""
-        for frame in self._source.frames():
-            yield frame if isinstance(frame, BadFrame) else self._exposed(frame)
-
-    def _exposed(self, frame: Frame) -> Frame:
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, brighter or darker."""
         gain, bias = exposure(self._seed, frame.index)
         grey = np.clip(gain * np.arange(256) + bias + 0.5, 0, 255).astype(np.uint8)
-        color = np.asarray(cv2.LUT(frame.color, grey), np.uint8)
-        return Frame(
-            frame.index,
-            frame.stamp_ns,
-            frame.camera,
-            color,
-            frame.depth_raw,
-            frame.depth_units_per_m,
-        )
+        return replace(frame, color=np.asarray(cv2.LUT(frame.color, grey), np.uint8))
 
 
 def exposure(seed: int, index: int) -> tuple[float, float]:

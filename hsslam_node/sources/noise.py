@@ -1,6 +1,6 @@
 """Kinect-class depth noise for sources that have none."""
 
-from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 
 import numba
@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.changed_source import ChangedSource
+from hsslam_node.sources.source import Source
 
 _JITTER_PX = 0.5
 _FOCAL_BASELINE = 580.0 * 0.075  # px m, disparity = this / depth
@@ -18,7 +19,7 @@ _MAX_DEPTH_M = 6.0
 _TABLE_BITS = 12
 
 
-class KinectNoise:
+class KinectNoise(ChangedSource):
     """A source whose depth went through a structured-light sensor.
 
     Each pixel looks up the depth of a neighbour (Gaussian, 0.5 px), its disparity for a 580 px x
@@ -28,24 +29,14 @@ class KinectNoise:
     """
 
     def __init__(self, source: Source, seed: int) -> None:
-        self._source = source
+        super().__init__(source, "with kinect noise")
         self._seed = seed
-        self.name = f"{source.name} with kinect noise"
-        self.camera = source.camera
-        self.rate_hz = source.rate_hz
-        self.frame_count = source.frame_count
-        self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """The frames of the wrapped source, their depth made noisy."""
-        for frame in self._source.frames():
-            yield frame if isinstance(frame, BadFrame) else self._noisy(frame)
-
-    def _noisy(self, frame: Frame) -> Frame:
-        depth = add_kinect_noise(frame.depth_raw, frame.depth_units_per_m, self._seed, frame.index)
-        return Frame(
-            frame.index, frame.stamp_ns, frame.camera, frame.color, depth, frame.depth_units_per_m
-        )
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, its depth made noisy."""
+        units_per_m = frame.depth_units_per_m
+        depth_raw = add_kinect_noise(frame.depth_raw, units_per_m, self._seed, frame.index)
+        return replace(frame, depth_raw=depth_raw)
 
 
 def add_kinect_noise(
