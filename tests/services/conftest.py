@@ -1,4 +1,4 @@
-"""A run that exists (folder, router, arena) without the processes of the service."""
+"""A router, or a run that exists (folder, router, arena), without the processes of the service."""
 
 import os
 import time
@@ -13,6 +13,15 @@ from hsslam_node.services.bus import free_endpoint, open_router
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
 from tests.services.serve_process import ServeProcess
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a router listens."""
+    address = free_endpoint()
+    router = open_router(address)
+    yield address
+    router.close()
 
 
 @pytest.fixture

@@ -16,14 +16,6 @@ from hsslam_node.services.zenoh_session import open_client
 SIZE_PX = (640, 480)
 
 
-@pytest.fixture
-def endpoint():
-    address = free_endpoint()
-    router = open_router(address)
-    yield address
-    router.close()
-
-
 def test_messages_arrive_in_order_with_their_envelope(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         stops = b.subscribe(topics.STEP, depth=64)

@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 import rerun_cli
 from mcap.reader import make_reader
 from wire_samples import frame, keyframe, mesh, pose
@@ -14,7 +13,7 @@ from wire_samples import frame, keyframe, mesh, pose
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.codec import decode, encoding_of
 from hsslam_node.proto.frame_codec import frame_from_message
-from hsslam_node.services.bus import Bus, free_endpoint, open_router
+from hsslam_node.services.bus import Bus
 from hsslam_node.services.mcap_recovery import is_finished
 from hsslam_node.services.recorder import Recorder
 
@@ -32,14 +31,6 @@ with Bus(sys.argv[1], "r", "recorder") as bus:
         recorder.spin_once()
     recorder.close()
 """
-
-
-@pytest.fixture
-def endpoint():
-    address = free_endpoint()
-    router = open_router(address)
-    yield address
-    router.close()
 
 
 def test_a_run_is_logged_whole(endpoint, tmp_path):

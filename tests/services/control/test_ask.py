@@ -6,17 +6,9 @@ import zenoh
 
 from hsslam_node.proto.request_messages import Ask
 from hsslam_node.proto.requests import PAUSE, STATUS
-from hsslam_node.services.bus import Bus, free_endpoint, open_router
+from hsslam_node.services.bus import Bus, free_endpoint
 from hsslam_node.services.control.ask import NoAnswerError, NobodyThereError, RefusedError, ask
 from hsslam_node.services.zenoh_session import open_client
-
-
-@pytest.fixture
-def endpoint():
-    address = free_endpoint()
-    router = open_router(address)
-    yield address
-    router.close()
 
 
 def test_no_router_is_nobody_there():
