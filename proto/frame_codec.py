@@ -42,16 +42,17 @@ def frame_from_message(message: messages.Frame) -> Frame:
         index=message.index,
         stamp_ns=message.source_stamp_ns,
         camera=camera,
-        color=color_image(message),
-        depth_raw=depth_image(message),
+        color=_owned(color_image(message)),
+        depth_raw=_owned(depth_image(message)),
         depth_units_per_m=message.depth_units_per_m,
     )
 
 
 def color_image(message: messages.Frame) -> np.ndarray:
-    """Colour of a frame message, [H, W, 3] uint8 RGB; UserError if it is no such image."""
+    """Colour of a frame message, [H, W, 3] uint8 RGB, perhaps a view of it; UserError if it is no such
+    image."""
     if message.color_encoding == "rgb8":
-        return _owned(np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3)))
+        return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
     import cv2
 
     image = _imdecode(message.color, cv2.IMREAD_COLOR)
@@ -61,9 +62,10 @@ def color_image(message: messages.Frame) -> np.ndarray:
 
 
 def depth_image(message: messages.Frame) -> np.ndarray:
-    """Depth of a frame message, [H, W] uint16; UserError if it is no such 16-bit PNG."""
+    """Depth of a frame message, [H, W] uint16, perhaps a view of it; UserError if it is no such 16-bit
+    PNG."""
     if message.depth_encoding == "u16":
-        return _owned(np.frombuffer(message.depth, "<u2").reshape(_size(message)))
+        return np.frombuffer(message.depth, "<u2").reshape(_size(message))
     import cv2
 
     image = _imdecode(message.depth, cv2.IMREAD_UNCHANGED)

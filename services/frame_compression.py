@@ -4,23 +4,12 @@ from typing import Literal
 
 import cv2
 import msgspec
-import numpy as np
 
 from hsslam_node.proto.frame_codec import color_image, depth_image
 from hsslam_node.proto.messages import Frame
+from hsslam_node.services.png import encode_png
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
-# run lengths of horizontal differences: 3.9 ms and 122 kB for a Kinect frame, where the default search
-# for repeats takes 5.5 ms for 131 kB
-_PNG = [
-    *(cv2.IMWRITE_PNG_COMPRESSION, 1),
-    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB),
-    *(cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE),
-]
-_COLOR_PNG = [
-    *(cv2.IMWRITE_PNG_COMPRESSION, 1),
-    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB),
-]
 
 
 def compress_frame(frame: Frame, color: Literal["jpeg", "png"] = "jpeg") -> Frame:
@@ -42,20 +31,17 @@ def jpeg(frame: Frame) -> bytes:
     """Colour as JPEG; one that comes as JPEG is passed on."""
     if frame.color_encoding == "jpeg":
         return bytes(frame.color)
-    return _encode(".jpg", cv2.cvtColor(color_image(frame), cv2.COLOR_RGB2BGR), _JPEG)
+    image = cv2.cvtColor(color_image(frame), cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", image, _JPEG)[1].tobytes()
 
 
 def _color_png(frame: Frame) -> bytes:
     if frame.color_encoding == "png":
         return bytes(frame.color)
-    return _encode(".png", cv2.cvtColor(color_image(frame), cv2.COLOR_RGB2BGR), _COLOR_PNG)
+    return encode_png(color_image(frame))
 
 
 def _depth_png(frame: Frame) -> bytes:
     if frame.depth_encoding == "png":
         return bytes(frame.depth)
-    return _encode(".png", depth_image(frame), _PNG)
-
-
-def _encode(kind: str, image: np.ndarray, parameters: list[int]) -> bytes:
-    return cv2.imencode(kind, image, parameters)[1].tobytes()
+    return encode_png(depth_image(frame))
