@@ -5,7 +5,7 @@ import os
 import re
 import secrets
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
@@ -14,7 +14,6 @@ import zenoh
 from hsslam_node.errors import UserError
 from hsslam_node.services.arena_folder import ArenaFolder, remove_dead_arenas
 from hsslam_node.services.bus import open_router
-from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
 
@@ -46,15 +45,11 @@ class Prepared:
 
 
 def prepare(options: ServeOptions) -> Prepared:
-    """Check the source, make the run folder, listen, make the arena, write run.json.
+    """Make the run folder, listen, make the arena, write run.json.
 
     Raises:
-        UserError: no such source, no permission for the folder, port taken, no shared memory.
+        UserError: no permission for the folder, port taken, no shared memory.
     """
-    if options.has_camera_process:
-        source = open_any_source(options.source, replace(options.source_options, noise="none"))
-        if source.frame_count == 0:
-            raise UserError(f"--start {options.start}: source {options.source} has no more frames")
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:

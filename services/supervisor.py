@@ -11,6 +11,7 @@ from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.control.gateway import Gateway
+from hsslam_node.services.expect_source import expect_source
 from hsslam_node.services.memory_use import MemoryOfAll
 from hsslam_node.services.nursery_link import NurseryLink
 from hsslam_node.services.one_shot import expect_end, run_one_shot, start_watchdog
@@ -54,6 +55,7 @@ class Supervisor:
         Raises:
             UserError: the run cannot start.
         """
+        expect_source(self._options)  # before the signals are ours: it may have to be fetched
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._signalled)
         prepared = prepare(self._options)

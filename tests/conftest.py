@@ -16,6 +16,8 @@ from hsslam_node.kernels.cache_folder import kernel_cache_folder
 # Read when numba is first imported: without it, machine code of changed kernels would be used.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_cache_folder()))
 
+os.environ["HSSLAM_TUM_URL"] = "http://127.0.0.1:9"  # no test fetches from elsewhere
+
 # Shared machines stall, and kernels compile at their first call: no time limit on one example.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")

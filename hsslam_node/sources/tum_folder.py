@@ -1,6 +1,5 @@
 """Where a TUM sequence lies, its camera, and which depth image belongs to which colour image."""
 
-import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +11,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import parse_stamp_ns
 from hsslam_node.sources.camera_file import read_tum_camera
+from hsslam_node.sources.tum_archive import TumArchive, data_folders
 
 MAX_DT_NS = 20_000_000
-_ARCHIVE_URL = "https://cvg.cit.tum.de/rgbd/dataset/freiburg{n}/{archive}.tgz"
-_NICKNAMES = {"fr3/office": "fr3/long_office_household"}
 _DEPTH_SCALE = 5000.0
 # Published colour calibrations; depth is registered to colour. fr3 is distributed undistorted.
 _FREIBURG_CAMERAS = {
@@ -40,25 +38,19 @@ class TumFolder:
     @classmethod
     def find(cls, name: str) -> "TumFolder":
         """The folder of a name such as `fr1/desk`, or of a path (absolute, here, or in
-        $HSSLAM_DATA).
+        $HSSLAM_DATA). A published sequence that is not on disk is fetched: `TumArchive.fetch`.
 
         Raises:
-            UserError: not on disk; says what to fetch and where to put it.
+            UserError: not on disk and not to be had.
         """
-        data = os.environ.get("HSSLAM_DATA")
-        freiburg = re.fullmatch(r"fr([123])/([\w-]+)", _NICKNAMES.get(name, name))
-        folder = f"rgbd_dataset_freiburg{freiburg[1]}_{freiburg[2]}" if freiburg else name
-        candidates = [Path(name).expanduser()]
-        if data:
-            candidates += [Path(data) / folder, Path(data) / name]
-        for path in candidates:
+        archive = TumArchive.named(name)
+        names = [name] if archive is None else [archive.folder_name, name]
+        places = [folder / n for folder in data_folders() for n in names]
+        for path in (Path(name).expanduser(), *places):
             if path.is_dir():
                 return cls(path)
-        if freiburg:
-            url = _ARCHIVE_URL.format(n=freiburg[1], archive=folder)
-            place = f"{data or '$HSSLAM_DATA'}/{folder}"
-            unset = "" if data else " (HSSLAM_DATA is not set)"
-            raise UserError(f"source tum:{name}: fetch {url} and unpack it to {place}{unset}")
+        if archive is not None:
+            return cls(archive.fetch())
         raise UserError(
             f"source tum:{name}: no such folder: expected one with rgb.txt and depth.txt"
         )

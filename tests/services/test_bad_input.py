@@ -37,7 +37,7 @@ def _expect_one_line(run: ServeProcess, *parts: str) -> None:
 
 def test_unknown_source_and_a_folder_that_is_not_there(serve):
     _expect_one_line(serve("--source", "synth:rom"), "synth:rom", "did you mean synth:room?")
-    _expect_one_line(serve("--source", "tum:fr1/desk"), "fr1/desk", "HSSLAM_DATA")
+    _expect_one_line(serve("--source", "tum:fr1/desk"), "fr1/desk", "refused", "by hand")
 
 
 def test_busy_port(serve):

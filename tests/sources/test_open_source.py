@@ -35,24 +35,3 @@ def test_a_wrong_spec_suggests_the_nearest(spec, suggestion):
 def test_nothing_like_it_still_tells_what_is_expected():
     with pytest.raises(UserError, match="expected one of synth:room"):
         open_source("42")
-
-
-@pytest.mark.parametrize(
-    ("name", "archive"),
-    [
-        ("fr1/desk", "freiburg1/rgbd_dataset_freiburg1_desk.tgz"),
-        ("fr2/xyz", "freiburg2/rgbd_dataset_freiburg2_xyz.tgz"),
-        ("fr3/office", "freiburg3/rgbd_dataset_freiburg3_long_office_household.tgz"),
-    ],
-)
-def test_a_missing_sequence_says_what_to_fetch_and_where_to_put_it(
-    name, archive, monkeypatch, tmp_path
-):
-    monkeypatch.setenv("HSSLAM_DATA", str(tmp_path))
-    with pytest.raises(UserError) as error:
-        open_source(f"tum:{name}")
-    assert archive in str(error.value)
-    assert str(tmp_path) in str(error.value)
-    monkeypatch.delenv("HSSLAM_DATA")
-    with pytest.raises(UserError, match=r"HSSLAM_DATA is not set"):
-        open_source(f"tum:{name}")

@@ -1,0 +1,154 @@
+"""One file over HTTP, resumed where it broke off."""
+
+import fcntl
+import http.client
+import os
+import re
+import shutil
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+
+Report = Callable[[int, int | None], None]  # bytes so far, of how many
+
+_CHUNK_BYTES = 1 << 18
+_SILENCE_S = 30.0
+_PAUSES_S = (0.5, 2.0, 5.0)  # before another try; anew after each that brought something
+_BROKEN = (OSError, http.client.HTTPException)  # URLError and time-outs are OSErrors
+
+
+class _CannotFetchError(Exception):
+    """No use in trying again; the text says why."""
+
+
+def download(url: str, target: Path, report: Report, room_factor: float = 1.0) -> None:
+    """Put the file at `url` to `target`, whose folder is there; what a broken download has left in
+    `target.part` is kept and gone on from (HTTP Range).
+
+    The size is that which the server tells; `target` appears when it is all there. At least
+    `room_factor` times the size must be free on the disk.
+
+    Raises:
+        UserError: no answer, refused, broken off again and again, no room, or somebody else is at it.
+    """
+    if not re.match(r"https?://", url):
+        raise UserError(f"{url}: expected an address that begins with https:// or http://")
+    part = target.with_name(target.name + ".part")
+    with part.open("ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UserError(f"{part}: another process is fetching it: wait for that one") from None
+        try:
+            _fetch(url, file, report, room_factor)
+        except _CannotFetchError as error:
+            if not file.tell():
+                part.unlink()
+            raise UserError(f"{url}: {error}") from None
+        os.fsync(file.fileno())
+        part.replace(target)
+
+
+def _fetch(url: str, file: BinaryIO, report: Report, room_factor: float) -> None:
+    """Try until everything is there; gives up when the first try, or some in a row, bring nothing."""
+    start = furthest = file.tell()
+    failures = 0
+    while True:
+        try:
+            if _fetch_once(url, file, report, room_factor):
+                return
+            reason = "broken off"
+        except urllib.error.HTTPError as error:
+            reason = f"{error.code} {error.reason}"
+            if error.code < 500:
+                raise _CannotFetchError(reason) from None
+        except _BROKEN as error:
+            reason = _reason(error)
+        failures = 0 if file.tell() > furthest else failures + 1
+        furthest = max(furthest, file.tell())
+        if furthest == start or failures > len(_PAUSES_S):
+            have = f" at {file.tell()} bytes, which are kept" if file.tell() else ""
+            raise _CannotFetchError(f"{reason}{have}")
+        time.sleep(_PAUSES_S[max(failures - 1, 0)])
+
+
+def _fetch_once(url: str, file: BinaryIO, report: Report, room_factor: float) -> bool:
+    """One request for what is missing; whether everything is there now."""
+    have = file.tell()
+    headers = {"User-Agent": f"hsslam/{__version__}"}
+    if have:
+        headers["Range"] = f"bytes={have}-"
+    try:
+        response = urllib.request.urlopen(
+            urllib.request.Request(url, headers=headers), timeout=_SILENCE_S
+        )
+    except urllib.error.HTTPError as error:
+        total = _size_of_all(error.headers.get("Content-Range"))
+        if error.code == 416 and have and total is not None:  # nothing after these bytes
+            if total == have:
+                return True
+            _empty(file)
+            return _fetch_once(url, file, report, room_factor)
+        raise
+    with response:
+        total = _accept(response, file)
+        _expect_room(file, total, room_factor)
+        report(file.tell(), total)
+        while chunk := response.read(_CHUNK_BYTES):
+            _write(file, chunk)
+            report(file.tell(), total)
+    return total is None or file.tell() == total
+
+
+def _accept(response: http.client.HTTPResponse, file: BinaryIO) -> int | None:
+    """The size of the whole file; one that is sent from its beginning replaces what is there."""
+    if response.status == 206:
+        content_range = response.headers.get("Content-Range", "")
+        if not content_range.startswith(f"bytes {file.tell()}-"):
+            raise _CannotFetchError(f"asked for bytes from {file.tell()}, got {content_range!r}")
+        return _size_of_all(content_range)
+    _empty(file)
+    length = response.headers.get("Content-Length")
+    return int(length) if length and length.isdigit() else None
+
+
+def _empty(file: BinaryIO) -> None:
+    file.seek(0)
+    file.truncate()
+
+
+def _size_of_all(content_range: str | None) -> int | None:
+    match = re.fullmatch(r"bytes (?:\d+-\d+|\*)/(\d+)", content_range or "")
+    return int(match[1]) if match else None
+
+
+def _expect_room(file: BinaryIO, total: int | None, room_factor: float) -> None:
+    if total is None:
+        return
+    folder = Path(file.name).parent
+    needed = int(total * room_factor) - file.tell()
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise _CannotFetchError(
+            f"{needed / 1e6:.0f} MB needed in {folder}, {free / 1e6:.0f} MB are free there"
+        )
+
+
+def _write(file: BinaryIO, chunk: bytes) -> None:
+    try:
+        file.write(chunk)
+        file.flush()
+    except OSError as error:  # a full disk is no broken line
+        raise _CannotFetchError(f"{file.name}: {error.strerror}") from None
+
+
+def _reason(error: Exception) -> str:
+    inner = error.reason if isinstance(error, urllib.error.URLError) else error
+    text = inner.strerror if isinstance(inner, OSError) and inner.strerror else str(inner)
+    return text or type(inner).__name__

@@ -1,0 +1,95 @@
+"""The published TUM RGB-D sequences: their names, and how they come onto the disk."""
+
+import difflib
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import cache_root
+from hsslam_node.sources.download.progress_bar import progress_bar
+from hsslam_node.sources.download.resumed_file import download
+from hsslam_node.sources.download.tgz_folder import unpack_tgz
+
+_SITE = "https://cvg.cit.tum.de/rgbd/dataset"
+_NICKNAMES = {"fr3/office": "fr3/long_office_household"}
+_ROOM_FACTOR = 2.1  # the archive and what is in it: images that do not get smaller by packing
+_KNOWN = {
+    "1": "xyz rpy 360 floor desk desk2 room plant teddy",
+    "2": "xyz rpy 360_hemisphere 360_kidnap desk large_no_loop large_with_loop pioneer_360 pioneer_slam "
+    "pioneer_slam2 pioneer_slam3 coke dishes flowerbouquet flowerbouquet_brownbackground metallic_sphere "
+    "metallic_sphere2 desk_with_person",
+    "3": "nostructure_notexture_far nostructure_notexture_near_withloop nostructure_texture_far "
+    "nostructure_texture_near_withloop structure_notexture_far structure_notexture_near "
+    "structure_texture_far structure_texture_near office long_office_household cabinet large_cabinet "
+    "teddy sitting_static sitting_xyz sitting_halfsphere sitting_rpy walking_static walking_xyz "
+    "walking_halfsphere walking_rpy",
+}
+
+
+@dataclass(frozen=True)
+class TumArchive:
+    """A sequence by its short name, such as `fr1/desk`."""
+
+    name: str
+    folder_name: str
+    url: str
+
+    @classmethod
+    def named(cls, name: str) -> "TumArchive | None":
+        """The archive of a name `fr1/...`, `fr2/...` or `fr3/...`; None of anything else.
+
+        `$HSSLAM_TUM_URL` stands for the folder of the site in which `freiburg1` lies: a mirror.
+        """
+        match = re.fullmatch(r"fr([123])/([\w-]+)", _NICKNAMES.get(name, name))
+        if match is None:
+            return None
+        folder_name = f"rgbd_dataset_freiburg{match[1]}_{match[2]}"
+        site = os.environ.get("HSSLAM_TUM_URL") or _SITE
+        url = f"{site.rstrip('/')}/freiburg{match[1]}/{folder_name}.tgz"
+        return cls(name, folder_name, url)
+
+    def fetch(self) -> Path:
+        """The folder of the sequence in the first of `data_folders()`, fetched and unpacked.
+
+        An archive that somebody has put there by hand is taken as it is.
+
+        Raises:
+            UserError: what went wrong, the address, and what to do by hand.
+        """
+        folder = data_folders()[0] / self.folder_name
+        archive = folder.with_name(f"{self.folder_name}.tgz")
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            if not archive.exists():
+                line = f"tum:{self.name} is not on disk: fetching {self.url} to {folder.parent}"
+                with progress_bar(line, "fetching") as report:
+                    download(self.url, archive, report, _ROOM_FACTOR)
+            with progress_bar(f"unpacking {archive}", "unpacking") as report:
+                unpack_tgz(archive, folder, report)
+            archive.unlink()
+        except UserError as error:
+            raise UserError(f"source tum:{self.name}: {error}{self._advice(folder)}") from None
+        except OSError as error:
+            raise UserError(
+                f"source tum:{self.name}: {folder.parent}: {error.strerror}: expected a folder to "
+                "write to (HSSLAM_DATA names it)"
+            ) from None
+        return folder
+
+    def _advice(self, folder: Path) -> str:
+        number, _, rest = self.name[2:].partition("/")
+        known = _KNOWN[number].split()
+        if rest not in known:
+            near = difflib.get_close_matches(rest, known, n=1, cutoff=0.5)
+            hint = f"fr{number}/{near[0]}" if near else f"one of fr{number}/{{{', '.join(known)}}}"
+            return f"; did you mean {hint}?"
+        return f"; by hand: put that file to {folder.parent}, or unpack it there"
+
+
+def data_folders() -> list[Path]:
+    """Where sequences lie: $HSSLAM_DATA if that is set, and a folder of the user's cache. They are fetched
+    to the first."""
+    data = os.environ.get("HSSLAM_DATA")
+    return [*([Path(data)] if data else []), cache_root() / "sequences"]
