@@ -13,7 +13,7 @@ from hsslam_node.proto.topics import Topic, schema_of
 M = TypeVar("M", bound=Message)
 MEDIA_TYPE = "application/msgpack"
 
-_ENCODING = re.compile(rf"{MEDIA_TYPE};hsslam\.(\w+)\.v(\d+)")
+_ENCODING = re.compile(rf"{MEDIA_TYPE};hsslam\.(\w+)\.v([0-9]+)")
 _ENCODER = msgspec.msgpack.Encoder()
 
 
@@ -36,7 +36,7 @@ class Rejected:
     """Why a payload was not read, in one line for the operator."""
 
     topic: str
-    reason: Literal["encoding", "schema", "version", "size", "malformed"]
+    reason: Literal["encoding", "schema", "version", "size", "attachment", "malformed"]
     text: str
 
 
@@ -70,7 +70,7 @@ def decode(topic: Topic[M] | Payload[M], payload: bytes, encoding: str) -> M | R
         return rejected
     try:
         return _decoder(topic.message).decode(payload)
-    except (msgspec.MsgspecError, RecursionError) as error:
+    except (msgspec.MsgspecError, RecursionError, ValueError, OverflowError) as error:
         return Rejected(topic.name, "malformed", f"{topic.name}: malformed message: {error}")
 
 
@@ -90,7 +90,7 @@ def check(topic: Topic | Payload, nbytes: int, encoding: str) -> Rejected | None
     name, major = match.groups()
     if name != topic.message.__name__:
         return no("schema", name, topic.message.__name__)
-    if int(major[:9]) != topic.message.MAJOR:
+    if major != str(topic.message.MAJOR):
         return no("version", major, topic.message.MAJOR)
     return None
 

@@ -20,8 +20,15 @@ class Envelope:
         return _LAYOUT.pack(self.publisher, self.sequence, self.stamp_ns, self.publish_ns)
 
     @staticmethod
-    def unpack(data: bytes | None) -> "Envelope | None":
-        """The envelope in an attachment; None where there is none (an outside publisher)."""
-        if data is None or len(data) != _LAYOUT.size:
-            return None
-        return Envelope(*_LAYOUT.unpack(data))
+    def unpack(data: bytes) -> "Envelope":
+        """The envelope in an attachment.
+
+        Raises:
+            ValueError: another length, or a time before 1970.
+        """
+        if len(data) != _LAYOUT.size:
+            raise ValueError(f"attachment of {len(data)} bytes: expected {_LAYOUT.size}")
+        envelope = Envelope(*_LAYOUT.unpack(data))
+        if envelope.stamp_ns < 0 or envelope.publish_ns < 0:
+            raise ValueError("attachment with a time before 1970: expected ns since then")
+        return envelope

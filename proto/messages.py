@@ -4,18 +4,20 @@ import math
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+Real = Annotated[float, Meta(ge=-1e30, le=1e30)]  # finite: nan and inf are no readings
+Vector = tuple[Real, Real, Real]
+Quaternion = tuple[Real, Real, Real, Real]
 Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 SizePx = Annotated[int, Meta(ge=1, le=8192)]
 Name = Annotated[str, Meta(max_length=64)]
 Text = Annotated[str, Meta(max_length=4096)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
-Counters = Annotated[dict[Name, int], Meta(max_length=256)]
-StageTimes = Annotated[dict[Name, float], Meta(max_length=256)]
+Counters = Annotated[dict[Name, Index], Meta(max_length=256)]
+StageTimes = Annotated[dict[Name, Real], Meta(max_length=256)]
 Level = Literal["info", "warning", "error"]
 
 
@@ -41,15 +43,15 @@ class Frame(Message, frozen=True, kw_only=True):
     source_stamp_ns: StampNs
     width_px: SizePx
     height_px: SizePx
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    fx: Real
+    fy: Real
+    cx: Real
+    cy: Real
     color: memoryview
     color_encoding: Literal["rgb8", "jpeg", "png"] = "rgb8"
     depth: memoryview
     depth_encoding: Literal["u16", "png"] = "u16"
-    depth_units_per_m: float
+    depth_units_per_m: Real
 
     def __post_init__(self) -> None:
         _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
@@ -83,9 +85,9 @@ class Pose(Message, frozen=True, kw_only=True):
     q: Quaternion
     quality: Ratio
     inlier_ratio: Ratio
-    residual_mm: float
+    residual_mm: Real
     map_version: Index
-    keyframe: Annotated[int, Meta(ge=-1)]
+    keyframe: Annotated[int, Meta(ge=-1, le=2**63 - 1)]
     stage_ms: StageTimes = {}
 
     def __post_init__(self) -> None:
@@ -110,9 +112,9 @@ class MapVersion(Message, frozen=True, kw_only=True):
 
     version: Index
     iterations: Index
-    loss: float
+    loss: Real
     keyframes: Index
-    mapping_ms: float
+    mapping_ms: Real
 
 
 class Correction(Message, frozen=True, kw_only=True):
@@ -120,11 +122,11 @@ class Correction(Message, frozen=True, kw_only=True):
 
     pose_version: Index
     base_version: Index
-    keyframes: list[int]
+    keyframes: list[Index]
     t: list[Vector]
     q: list[Quaternion]
-    loss_before: float
-    loss_after: float
+    loss_before: Real
+    loss_after: Real
 
     def __post_init__(self) -> None:
         if not len(self.keyframes) == len(self.t) == len(self.q):
@@ -151,6 +153,10 @@ class Mesh(Message, frozen=True, kw_only=True):
             size = memoryview(getattr(self, name)).nbytes
             if size != nbytes:
                 raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+        if self.face_count and np.frombuffer(self.faces, "<u4").max() >= self.vertex_count:
+            raise ValueError(f"faces name more than the {self.vertex_count} vertices")
+        if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
+            raise ValueError("vertices: expected finite numbers")
 
 
 class Step(Message, frozen=True, kw_only=True):
@@ -189,7 +195,7 @@ class Hold(Message, frozen=True, kw_only=True):
 class Stop(Message, frozen=True, kw_only=True):
     """All processes end in order."""
 
-    reason: Text = ""
+    reason: Text
 
 
 def _expect_finite(message: Message, *names: str) -> None:

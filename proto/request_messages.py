@@ -4,16 +4,16 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from hsslam_node.proto.messages import Counters, Index, Message, Name, Text
+from hsslam_node.proto.messages import Counters, Index, Message, Name, Real, Text
 
 MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
-class Ask(Message, frozen=True, kw_only=True):
+class Ask(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A request that needs no arguments; no payload at all means the same."""
 
 
-class SaveMap(Message, frozen=True, kw_only=True):
+class SaveMap(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Keep the map as it is now under a name: letters, digits, _ and -, 64 at most."""
 
     name: MapName
@@ -28,21 +28,22 @@ class Status(Message, frozen=True, kw_only=True):
     source: Text
     preset: Name
     pace: Name
-    seconds: float
+    seconds: Real
     frames_sent: Index
     frames_tracked: Index
     frames_lost: Index
     frames_dropped: Index
-    fps: float
-    latency_ms: float
+    fps: Real
+    latency_ms: Real
     tracking: Literal["none", "initial", "tracked", "lost"]
-    quality: float
+    quality: Real
     keyframes: Index
     map_version: Index
     ba_rounds: Index
     memory_mb: Index
     requests: Index
     requests_refused: Index
+    messages_rejected: Index = 0
     processes: dict[Name, Name]
     restarts: Counters
 

@@ -30,7 +30,8 @@ connect to, scouting off. All keys begin with `hsslam/<robot>/` (`--robot`, defa
 - **Encoding** of the zenoh message: `{MEDIA_TYPE};hsslam.<Message>.v<major>`. Another message, another major
   version or no such encoding: not read, counted, told as an event.
 - **Attachment** of messages on topics (may be missing): 24 bytes, little endian: uint32 publisher, uint32
-  number in its sequence, int64 stamp of the sensor, int64 time of publication (ns since 1970).
+  number in its sequence, int64 stamp of the sensor, int64 time of publication (ns since 1970). A message
+  with any other attachment is not read.
 - **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
   right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
 - **Limits**: a payload above the limit of its topic or request is not read. Nothing is ever unpickled.
@@ -40,7 +41,8 @@ A client that uses `eclipse-zenoh` and `msgpack` alone: [`{_EXAMPLE}`](../{_EXAM
 _REQUESTS = """## Requests
 
 A request is a zenoh query (`get`) on `hsslam/<robot>/rpc/<name>` whose payload is the message asked. No
-payload stands for a message without required fields. There is one answer:
+payload stands for a message without required fields; a field that the service does not know is refused
+here, so that nothing is done other than meant. There is one answer:
 
 - a reply: done, the payload is the message answered;
 - an error reply with encoding `{refusal}`: refused, the payload says why;

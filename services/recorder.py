@@ -53,6 +53,7 @@ class Recorder:
         self._run_dir = run_dir
         self._tell = tell
         self._skipped: Counter[str] = Counter()
+        self._unusable = 0
         self._viz_mesh_s = float("-inf")
         self._recovery = _Recovery(run_dir, tell)
         try:
@@ -78,9 +79,9 @@ class Recorder:
         for subscription in self._subscriptions:
             if subscription.topic.history and not self._recovery.is_done():
                 continue
-            while (received := subscription.poll_raw()) is not None:
+            while (received := subscription.poll_received()) is not None:
                 worked = True
-                self._record(subscription, received)
+                self._record(subscription.topic, received)
                 if subscription.topic is FRAME:
                     break
         if not worked and not self._recovery.is_done():
@@ -102,6 +103,7 @@ class Recorder:
             "events_logged": counts[EVENT.name],
             "messages_logged": counts.total(),
             "frames_dropped": dropped[FRAME.name] + self._skipped[FRAME.name],
+            "frames_unusable": self._unusable,
             "poses_dropped": dropped[POSE.name],
             "viewer_dropped": self._view.dropped,
         }
@@ -131,22 +133,22 @@ class Recorder:
             if self.spin_once(_QUIET_S / 3):
                 quiet_since = time.monotonic()
 
-    def _record(self, subscription: Subscription, received: Received) -> None:
-        topic = subscription.topic
+    def _record(self, topic: Topic, received: Received) -> None:
         envelope = received.envelope
         publish_ns = envelope.publish_ns if envelope else received.arrival_ns
         sequence = envelope.sequence if envelope else 0
         if self._recovery.has(self._key(topic), publish_ns, sequence):
             return
-        message = subscription.decode(received)
-        if message is None:
-            return
-        payload = received.payload
+        message, payload = received.message, received.payload
         if isinstance(message, Frame):
-            logged = compress_frame(message, self._log.settings.color)
+            try:
+                logged = compress_frame(message, self._log.settings.color)
+                is_drawable = logged.color_encoding == "jpeg"
+                message = logged if is_drawable else compress_frame(message)
+            except UserError:  # no image: the tracker tells it
+                self._unusable += 1
+                return
             payload = encode(FRAME, logged)
-            is_drawable = logged.color_encoding == "jpeg"
-            message = logged if is_drawable else compress_frame(message)
         if self._log.space_is_short and topic in (FRAME, MESH):
             self._skip(topic, f"{self._run_dir}: disk nearly full: frames are no longer logged")
         else:

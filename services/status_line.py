@@ -39,7 +39,8 @@ class StatusLine:
     def say(self, text: str, level: str = "info") -> None:
         """Print one line that stays."""
         style = {"warning": "yellow", "error": "red"}.get(level, "")
-        line = Text(text, style=style)
+        printable = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+        line = Text(printable, style=style)  # anybody can publish an event: no escape sequences
         if self._console.is_terminal:
             self._console.print(line)
         else:

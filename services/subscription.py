@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections import Counter, deque
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -16,14 +16,17 @@ from hsslam_node.proto.topics import Topic
 
 M = TypeVar("M", bound=Message)
 _KEPT_REJECTIONS = 16
+_LARGE_BYTES = 2**23
+_RING, _LARGE_RING = 1024, 64  # messages between two turns of the reader; of topics of large ones
+_PUBLISHERS = 64  # whose sequences are followed
 
 
 @dataclass(frozen=True)
-class Received:
-    """A payload as it came, not yet decoded; `envelope` is None for publishers without one."""
+class Received(Generic[M]):
+    """A message and its payload as it came; `envelope` is None for publishers without one."""
 
+    message: M
     payload: bytes
-    encoding: str
     envelope: Envelope | None
     arrival_ns: int
 
@@ -31,8 +34,9 @@ class Received:
 class Subscription(Generic[M]):
     """Messages of one topic, oldest kept first; `Bus.subscribe` makes it.
 
-    At most `depth` messages wait; one more pushes the oldest out. Counters: `received`, `dropped`
-    (pushed out, or missing in a publisher's sequence) and `rejected` (could not be read).
+    At most `depth` messages wait; one more pushes the oldest out. What cannot be read never waits,
+    and so pushes nothing out. Counters: `received`, `dropped` (pushed out, or missing in a publisher's
+    sequence) and `rejected` (could not be read).
     """
 
     def __init__(
@@ -49,11 +53,12 @@ class Subscription(Generic[M]):
         self.dropped = 0
         self.rejected = 0
         self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
-        self._next_sequence: Counter[int] = Counter()
+        self._next_sequence: OrderedDict[int, int] = OrderedDict()
         self._arrivals = arrivals
-        self._waiting: deque[Received] = deque()
+        self._waiting: deque[Received[M]] = deque()
         self._depth = depth
-        self._subscriber = _declare(session, key, zenoh.handlers.RingChannel(depth), history)
+        ring = max(depth, _RING if topic.size_limit_bytes < _LARGE_BYTES else _LARGE_RING)
+        self._subscriber = _declare(session, key, zenoh.handlers.RingChannel(ring), history)
         # recv() on the subscriber itself would make undeclare() fail while the thread waits in it
         self._thread = threading.Thread(
             target=self._read, args=(self._subscriber.handler,), name=topic.name, daemon=True
@@ -61,26 +66,29 @@ class Subscription(Generic[M]):
         self._thread.start()
 
     def poll(self) -> M | None:
-        """The oldest waiting message, or None at once; what cannot be decoded is counted."""
-        while (received := self.poll_raw()) is not None:
-            message = self.decode(received)
-            if message is not None:
-                return message
-        return None
+        """The oldest waiting message, or None at once."""
+        received = self.poll_received()
+        return None if received is None else received.message
+
+    def poll_received(self) -> Received[M] | None:
+        """As `poll`, with how and when the message came."""
+        try:
+            return self._waiting.popleft()
+        except IndexError:
+            return None
 
     def wait(self, timeout_s: float) -> M | None:
         """The oldest waiting message; waits up to `timeout_s` for one."""
-        arrived = self.wait_received(timeout_s)
-        return None if arrived is None else arrived[0]
+        received = self.wait_received(timeout_s)
+        return None if received is None else received.message
 
-    def wait_received(self, timeout_s: float) -> tuple[M, Received] | None:
+    def wait_received(self, timeout_s: float) -> Received[M] | None:
         """As `wait`, with how and when the message came."""
         deadline = time.monotonic() + timeout_s
         while True:
-            while (received := self.poll_raw()) is not None:
-                message = self.decode(received)
-                if message is not None:
-                    return message, received
+            received = self.poll_received()
+            if received is not None:
+                return received
             with self._arrivals:
                 left_s = deadline - time.monotonic()
                 if left_s <= 0:
@@ -94,21 +102,6 @@ class Subscription(Generic[M]):
         while (message := self.poll()) is not None:
             messages.append(message)
         return messages
-
-    def poll_raw(self) -> Received | None:
-        """The oldest waiting payload, not decoded, or None at once."""
-        try:
-            return self._waiting.popleft()
-        except IndexError:
-            return None
-
-    def decode(self, received: Received) -> M | None:
-        """The message of a payload; None, counted, if it cannot be read."""
-        message = decode(self.topic, received.payload, received.encoding)
-        if isinstance(message, Rejected):
-            self._reject(message)
-            return None
-        return message
 
     def pending(self) -> int:
         """Messages that wait now."""
@@ -137,16 +130,13 @@ class Subscription(Generic[M]):
 
     def _take(self, sample: zenoh.Sample) -> None:
         self.received += 1
-        encoding = str(sample.encoding)
-        rejected = check(self.topic, len(sample.payload), encoding)
-        if rejected is not None:
-            self._reject(rejected)
+        received = self._readable(sample)
+        if isinstance(received, Rejected):
+            self.rejected += 1
+            self._rejections.append(received)
             return
-        attachment = sample.attachment
-        envelope = Envelope.unpack(None if attachment is None else attachment.to_bytes())
-        if envelope is not None:
-            self._count_gap(envelope)
-        received = Received(sample.payload.to_bytes(), encoding, envelope, time.time_ns())
+        if received.envelope is not None:
+            self._count_gap(received.envelope)
         with self._arrivals:
             if len(self._waiting) >= self._depth:
                 self._waiting.popleft()
@@ -154,15 +144,29 @@ class Subscription(Generic[M]):
             self._waiting.append(received)
             self._arrivals.notify_all()
 
+    def _readable(self, sample: zenoh.Sample) -> Received[M] | Rejected:
+        encoding = str(sample.encoding)
+        rejected = check(self.topic, len(sample.payload), encoding)  # before anything is copied
+        if rejected is not None:
+            return rejected
+        attachment = sample.attachment
+        try:
+            envelope = None if attachment is None else Envelope.unpack(attachment.to_bytes())
+        except ValueError as error:
+            return Rejected(self.topic.name, "attachment", f"{self.topic.name}: {error}")
+        payload = sample.payload.to_bytes()
+        message = decode(self.topic, payload, encoding)
+        if isinstance(message, Rejected):
+            return message
+        return Received(message, payload, envelope, time.time_ns())
+
     def _count_gap(self, envelope: Envelope) -> None:
-        expected = self._next_sequence.get(envelope.publisher)
+        expected = self._next_sequence.pop(envelope.publisher, None)
         if expected is not None and envelope.sequence > expected:
             self.dropped += envelope.sequence - expected
         self._next_sequence[envelope.publisher] = max(expected or 0, envelope.sequence + 1)
-
-    def _reject(self, rejected: Rejected) -> None:
-        self.rejected += 1
-        self._rejections.append(rejected)
+        if len(self._next_sequence) > _PUBLISHERS:
+            self._next_sequence.popitem(last=False)
 
 
 def _declare(

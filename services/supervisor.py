@@ -193,7 +193,8 @@ class _Run:
         if self._info.options.evaluate:
             self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
-        update_summary(self._info.path, section | self._memory.section() | self._gateway.section())
+        section |= self._memory.section() | self._gateway.section(self._children)
+        update_summary(self._info.path, section)
 
     def _stop_stage(self, stage: int) -> None:
         of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]

@@ -38,10 +38,9 @@ def _run(worker: Worker) -> None:
     rehearse(worker.options.slam)
     worker.ready()
     while not worker.should_stop():
-        arrived = frames.wait_received(_POLL_S)
-        if arrived is not None:
-            message, received = arrived
-            loop.take(message, received.arrival_ns)
+        received = frames.wait_received(_POLL_S)
+        if received is not None:
+            loop.take(received.message, received.arrival_ns)
 
 
 class _TrackerLoop:

@@ -21,6 +21,7 @@ from hsslam_node.services.bus import Bus
 from hsslam_node.services.memory_use import OwnMemory
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.subscription import Subscription
 
 if TYPE_CHECKING:
     from hsslam_node.services.arena import Arena
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _HEARTBEAT_S = 0.5
 _PR_SET_PDEATHSIG = 1
 _EMA = 0.1  # weight of a new stage time
+_TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
 
 
 class Worker:
@@ -49,6 +51,7 @@ class Worker:
         self._stop = threading.Event()
         self._ended = threading.Event()
         self._turned_s = time.monotonic()
+        self._tell_rejected: dict[str, int] = {}  # of each topic, when so many were
         self._memory = OwnMemory()
         self._events = self.bus.publisher(topics.EVENT)
         self._health = self.bus.publisher(topics.HEALTH)
@@ -123,8 +126,7 @@ class Worker:
             topic = subscription.topic.name
             counters[f"dropped {topic}"] = subscription.dropped
             counters[f"rejected {topic}"] = subscription.rejected
-            for rejected in subscription.take_rejections()[-1:]:
-                self.event("warning", f"dropped: {rejected.text}")
+            self._tell_of(subscription)
         counters["pss_mb"] = self._memory.pss_mb()
         counters["idle_ms"] = int(1e3 * (time.monotonic() - self._turned_s))
         self._health.put(
@@ -137,6 +139,15 @@ class Worker:
                 stage_ms=dict(self.stage_ms),
             )
         )
+
+    def _tell_of(self, subscription: Subscription) -> None:
+        """Messages that could not be read: the first, and ever more of them."""
+        count, topic = subscription.rejected, subscription.topic.name
+        rejections = subscription.take_rejections()
+        if rejections and count >= self._tell_rejected.get(topic, 1):
+            self._tell_rejected[topic] = _TOLD_AGAIN * count
+            so_far = f" ({count} so far)" if count > 1 else ""
+            self.event("warning", f"dropped: {rejections[0].text}{so_far}")
 
 
 def run_worker(name: str, loop: Callable[[Worker], None]) -> None:

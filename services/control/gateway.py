@@ -14,6 +14,7 @@ from hsslam_node.services.control.map_saving import MapSaving
 from hsslam_node.services.control.newest_mesh import NewestMesh
 from hsslam_node.services.control.run_status import run_status
 from hsslam_node.services.control.trajectory_rows import rows_of, trajectory_so_far
+from hsslam_node.services.rejections import rejected_messages
 from hsslam_node.services.request_queue import Asked
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.run_state import RunState
@@ -33,6 +34,7 @@ class Gateway:
         self.wants_stop = False
         self.is_stopping = False
         self._run = run
+        self._bus = bus
         self._requests = bus.requests()
         self._holds = bus.publisher(topics.HOLD)
         self._is_paused = False
@@ -52,18 +54,22 @@ class Gateway:
                 break
             if asked.request is rpc.STATUS:
                 phase = "stopping" if self.is_stopping else self._pace
+                rejected = sum(self._rejected(children).values())
                 asked.answer(
-                    run_status(self._run, state, children, self._requests, phase, memory_mb)
+                    run_status(
+                        self._run, state, children, self._requests, phase, memory_mb, rejected
+                    )
                 )
             else:
                 self._answer(asked)
         self._mesh.tick()
         self._saving.tick()
 
-    def section(self) -> dict[str, Any]:
-        """For the summary: how many requests came, how many were refused."""
+    def section(self, children: Mapping[str, Child]) -> dict[str, Any]:
+        """For the summary: requests that came and were refused, messages that could not be read."""
         return {
-            "requests": {"received": self._requests.received, "refused": self._requests.refused}
+            "requests": {"received": self._requests.received, "refused": self._requests.refused},
+            "rejected": self._rejected(children),
         }
 
     def close(self) -> None:
@@ -73,6 +79,9 @@ class Gateway:
     @property
     def _pace(self) -> Any:
         return "paused" if self._is_paused else "running"
+
+    def _rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
+        return rejected_messages(self._bus.subscriptions, children)
 
     def _answer(self, asked: Asked) -> None:
         match asked.request:

@@ -3,7 +3,6 @@
 import time
 
 from hsslam_node.proto import topics
-from hsslam_node.proto.codec import encoding_of
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.request_queue import Asked
 from hsslam_node.services.subscription import Received, Subscription
@@ -30,9 +29,8 @@ class NewestMesh:
         """Take in what has come, and answer; never blocks."""
         if self._meshes is None:
             return
-        while (received := self._meshes.poll_raw()) is not None:
-            if received.encoding == encoding_of(topics.MESH):
-                self._newest = received
+        while (received := self._meshes.poll_received()) is not None:
+            self._newest = received
         still: list[tuple[Asked, float]] = []
         for asked, until_s in self._waiting:
             if self._newest is not None:

@@ -18,6 +18,7 @@ def run_status(
     requests: RequestQueue,
     phase: Literal["running", "paused", "stopping"],
     memory_mb: int,
+    rejected: int = 0,
 ) -> Status:
     """The run in numbers; `phase` is refined to starting before the first pose."""
     pose = state.pose
@@ -43,6 +44,7 @@ def run_status(
         memory_mb=memory_mb,
         requests=requests.received,
         requests_refused=requests.refused,
+        messages_rejected=rejected,
         processes={name: child.state for name, child in children.items()},
         restarts={name: child.restarts for name, child in children.items() if child.restarts},
     )

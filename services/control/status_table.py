@@ -37,6 +37,7 @@ def _rows(status: Status) -> list[tuple[str, str]]:
         ),
         ("memory", f"{status.memory_mb} MB"),
         ("requests", f"{status.requests}, {status.requests_refused} refused"),
+        ("messages", f"{status.messages_rejected} could not be read"),
         ("processes", processes),
         ("restarts", restarts or "none"),
     ]

@@ -11,7 +11,7 @@ from hsslam_node.proto.mesh_codec import mesh_arrays, mesh_message
 def test_meshes_come_back_equal_and_aligned(vertex_count, face_count, map_version):
     rng = np.random.default_rng(vertex_count * 21 + face_count)
     vertices = rng.normal(size=(vertex_count, 3)).astype(np.float32)
-    faces = rng.integers(0, max(vertex_count, 1), (face_count, 3))
+    faces = rng.integers(0, max(vertex_count, 1), (face_count if vertex_count else 0, 3))
     colors = rng.integers(0, 256, (vertex_count, 3), dtype=np.uint8)
     message = mesh_message(vertices, faces, colors, map_version)
     back = decode(topics.MESH, encode(topics.MESH, message), encoding_of(topics.MESH))

@@ -9,7 +9,9 @@ from mcap.reader import make_reader
 
 from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.services.bench.fuzz.sender import FuzzSender
 from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.zenoh_session import open_client
 from tests.services.serve_process import SMALL_ROOM
 
 pytestmark = pytest.mark.e2e
@@ -95,11 +97,19 @@ def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
 def test_lockstep_is_reproducible_bit_for_bit(serve):
     options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "20", "--noise", "kinect")
     runs = [serve(*options, "--seed", "3") for _ in range(2)]
+    runs[1].wait_for_poses(1)
+    with open_client(runs[1].endpoint) as outside:  # what nobody can read changes nothing
+        sent = FuzzSender(outside, "robot", seed=0, rate_hz=200).send(100)
     for run in runs:
         assert run.finish(timeout_s=150) == 0, run.stderr
         assert run.summary()["frames"] == {**run.summary()["frames"], "in": 20, "dropped": 0}
     for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
         assert (runs[0].out / name).read_bytes() == (runs[1].out / name).read_bytes()
+    summary = runs[1].summary()
+    assert summary["rejected"] == dict(sent.messages)
+    assert summary["requests"]["refused"] == sent.requests.total() == sent.refused
+    assert all(process["restarts"] == 0 for process in summary["processes"].values())
+    assert runs[0].summary()["rejected"] == {}
 
 
 def _messages_per_topic(path) -> dict[str, int]:

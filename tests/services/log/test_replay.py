@@ -31,7 +31,7 @@ def test_a_log_is_published_again_byte_for_byte_at_twice_the_rate(tmp_path):
         replay.join()
         got = {name: [] for name in heard}
         for name, subscription in heard.items():
-            while (received := subscription.poll_raw()) is not None:
+            while (received := subscription.poll_received()) is not None:
                 got[name].append(received.payload)
     assert ended == [0]
     assert time.monotonic() - start_s > 1.5 + 1.9 / 2

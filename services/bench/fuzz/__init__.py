@@ -1,0 +1,1 @@
+"""Messages and requests that nobody can read, sent to a run."""
