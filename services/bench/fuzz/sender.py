@@ -101,9 +101,8 @@ class FuzzSender:
 
     def _account(self, waiting: "list[zenoh.Handler[zenoh.Reply]]") -> None:
         for replies in waiting:
-            errors = [reply.err for reply in replies]
-            refused = len(errors) == 1 and errors[0] is not None
-            refused = refused and str(errors[0].encoding) == encoding_of(REFUSAL)
+            answers = [reply.err and str(reply.err.encoding) for reply in replies]
+            refused = answers == [encoding_of(REFUSAL)]
             self.sent.refused += refused
             self.sent.not_refused += not refused
 

@@ -5,16 +5,14 @@ import time
 from hsslam_node.proto.requests import REQUESTS
 from hsslam_node.proto.topics import POSE, TOPICS
 from hsslam_node.services.bench.fuzz.sender import FuzzSender
-from hsslam_node.services.bus import Bus, free_endpoint, open_router
+from hsslam_node.services.bus import Bus
 from hsslam_node.services.zenoh_session import open_client
 from tests.services.wire_samples import pose
 
 COUNT = 150
 
 
-def test_every_message_and_every_request_is_counted():
-    endpoint = free_endpoint()
-    router = open_router(endpoint)
+def test_every_message_and_every_request_is_counted(endpoint):
     with Bus(endpoint, "r", "run") as bus, open_client(endpoint) as outside:
         queue = bus.requests()
         listening = {topic.name: bus.subscribe(topic, 1) for topic in TOPICS}
@@ -29,7 +27,6 @@ def test_every_message_and_every_request_is_counted():
         # a room for one message still holds the good one
         assert {n: s.pending() for n, s in listening.items() if s.pending()} == {"out/pose": 1}
         assert listening["out/pose"].poll() is not None and queue.poll() is None
-    router.close()
 
 
 def _until(condition) -> None:
