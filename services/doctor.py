@@ -20,6 +20,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
+from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.record_options import RecordOptions
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 
 _PROG = "hsslam-doctor"
@@ -43,7 +45,7 @@ class DoctorOptions:
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")] = ""
-    """What to look at, as in hsslam-serve --source: tum:FOLDER, replica:FOLDER, synth:room."""
+    """What to look at, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, synth:room."""
     sample_frames: int = 60
     """So many frames are looked at, at most."""
     json: Path | None = None
@@ -51,6 +53,8 @@ class DoctorOptions:
     noise: Literal["none", "kinect"] = "none"
     """Depth noise added to an exact source."""
     synth: SynthOptions = field(default_factory=SynthOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    record: RecordOptions = field(default_factory=RecordOptions)
 
     def __post_init__(self) -> None:
         if not 6 <= self.sample_frames <= 3000:
@@ -72,9 +76,11 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 
 def _look(options: DoctorOptions) -> int:
     """The number of faults."""
-    wanted = SourceOptions(noise=options.noise, synth=options.synth)
+    wanted = SourceOptions(
+        noise=options.noise, synth=options.synth, camera=options.camera, record=options.record
+    )
+    stamps = recorded_stamps(options.source)  # may have to be fetched, which shows a bar of its own
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
-        stamps = recorded_stamps(options.source)
         sample = take_sample(options.source, wanted, options.sample_frames)
         findings = list(examine(sample, stamps))
     if options.json is not None:

@@ -9,6 +9,8 @@ from typing import Literal
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
+from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.record_options import RecordOptions
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 
 ZENOH_SOURCE = "zenoh:"
@@ -19,9 +21,10 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
 
-    Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk | tum:FOLDER |
-    replica:FOLDER | scannet:FOLDER or FILE.sens | mcap:FILE (the frames of a log; FILE may be a run folder) |
-    zenoh: (frames that somebody else publishes).
+    Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
+    not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
+    in color/ and depth/) | mcap:FILE (the frames of a log; FILE may be a run folder) | zenoh: (frames that
+    somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -61,6 +64,8 @@ class ServeOptions:
     downscale: int = 1
     """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    record: RecordOptions = field(default_factory=RecordOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log: jpeg (quality 90), or png (lossless, 7 times as large: replays give the same
     poses)."""
@@ -111,6 +116,8 @@ class ServeOptions:
             frames=self.frames,
             downscale=self.downscale,
             synth=self.synth,
+            camera=self.camera,
+            record=self.record,
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Reads `camera.json` (TUM layout) and `cam_params.json` (Replica layout)."""
+"""Reads `camera.json` (TUM layout, plain folders) and `cam_params.json` (Replica layout)."""
 
 import difflib
 import json
@@ -21,27 +21,37 @@ def read_tum_camera(path: Path) -> tuple[Camera, float]:
     Raises:
         UserError: the file cannot be read, or a field is missing, unknown or not a finite number.
     """
-    fields = _read_object(path)
-    for key in fields:
-        if key not in _TUM_KEYS:
-            near = difflib.get_close_matches(key, _TUM_KEYS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UserError(f"{path}: unknown field {key!r}: expected {', '.join(_TUM_KEYS)}{hint}")
-    distortion = fields.get("distortion", [])
-    if not isinstance(distortion, list) or len(distortion) not in (0, 4, 5):
-        raise UserError(f"{path}: distortion = {distortion}: expected [] or [k1, k2, p1, p2, k3]")
-    for value in distortion:
-        _finite(path, "distortion", value)
-    camera = Camera(
-        width_px=_positive_int(path, fields, "width"),
-        height_px=_positive_int(path, fields, "height"),
-        fx=_positive(path, fields, "fx"),
-        fy=_positive(path, fields, "fy"),
-        cx=_number(path, fields, "cx"),
-        cy=_number(path, fields, "cy"),
-        distortion=tuple(float(v) for v in distortion) if any(distortion) else (),
-    )
-    scale = _positive(path, fields, "depth_scale") if "depth_scale" in fields else 5000.0
+    return _tum_camera(path, {"depth_scale": 5000.0} | _read_object(path))
+
+
+def read_record_camera(
+    path: Path, given: dict[str, object], size: tuple[int, int]
+) -> tuple[Camera, float]:
+    """The same for a plain folder of images (width, height in pixels), whose `camera.json` may be missing.
+
+    `given` goes before the file. Without fy it is fx, without cx, cy they are the middle of the image.
+
+    Raises:
+        UserError: as `read_tum_camera`; names all that is missing; the file is for another size.
+    """
+    fields = (_read_object(path) if path.exists() else {}) | given
+    missing = [key for key in ("fx", "depth_scale") if key not in fields]
+    if missing:
+        verb = "are" if len(missing) > 1 else "is"
+        options = ", ".join(f"--camera.{key.replace('_', '-')}" for key in missing)
+        raise UserError(
+            f"{path.parent}: {' and '.join(missing)} {verb} missing: expected in {path.name} (with fy, cx, "
+            f"cy) or as {options}"
+        )
+    width, height = size
+    middle = {"cx": (width - 1) / 2, "cy": (height - 1) / 2}
+    sized = {"width": width, "height": height, "fy": fields["fx"]} | middle | fields
+    camera, scale = _tum_camera(path, sized)
+    if (camera.width_px, camera.height_px) != size:
+        raise UserError(
+            f"{path}: {camera.width_px}x{camera.height_px} pixels, images have {width}x{height}: "
+            "expected the camera of these images"
+        )
     return camera, scale
 
 
@@ -64,6 +74,29 @@ def read_replica_camera(path: Path) -> tuple[Camera, float]:
         cy=_number(path, fields, "cy"),
     )
     return camera, _positive(path, fields, "scale")
+
+
+def _tum_camera(path: Path, fields: dict[str, Any]) -> tuple[Camera, float]:
+    for key in fields:
+        if key not in _TUM_KEYS:
+            near = difflib.get_close_matches(key, _TUM_KEYS, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise UserError(f"{path}: unknown field {key!r}: expected {', '.join(_TUM_KEYS)}{hint}")
+    distortion = fields.get("distortion", [])
+    if not isinstance(distortion, list) or len(distortion) not in (0, 4, 5):
+        raise UserError(f"{path}: distortion = {distortion}: expected [] or [k1, k2, p1, p2, k3]")
+    for value in distortion:
+        _finite(path, "distortion", value)
+    camera = Camera(
+        width_px=_positive_int(path, fields, "width"),
+        height_px=_positive_int(path, fields, "height"),
+        fx=_positive(path, fields, "fx"),
+        fy=_positive(path, fields, "fy"),
+        cx=_number(path, fields, "cx"),
+        cy=_number(path, fields, "cy"),
+        distortion=tuple(float(v) for v in distortion) if any(distortion) else (),
+    )
+    return camera, _positive(path, fields, "depth_scale")
 
 
 def _read_object(path: Path) -> dict[str, Any]:

@@ -43,13 +43,19 @@ def read_depth(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, not 16 bit, or of another size than the camera.
     """
+    image = read_any_depth(path)
+    _expect_size(path, image, camera)
+    return image
+
+
+def read_any_depth(path: Path) -> np.ndarray:
+    """Depth image [H, W] uint16, whatever its size; raises as `read_depth`."""
     image = _decode(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise BadImageError(
             f"{path}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
         )
-    _expect_size(path, image, camera)
     return image
 
 

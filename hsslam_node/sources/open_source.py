@@ -16,14 +16,15 @@ _EXAMPLES = (
     "tum:<folder>",
     "replica:<folder>",
     "scannet:<folder or .sens>",
+    "record:<folder>",
     "mcap:<log>",
     "zenoh:",
 )
 
 
 def open_source(spec: str, options: SourceOptions | None = None) -> Source:
-    """The source that `spec` names: `synth:<scene>`, `tum:<name or folder>`, `replica:<folder>` or
-    `scannet:<folder or .sens>`.
+    """The source that `spec` names: `synth:<scene>`, `tum:<name or folder>`, `replica:<folder>`,
+    `scannet:<folder or .sens>` or `record:<folder>`.
 
     Raises:
         UserError: no such source, its files are not there, or its camera makes no sense.
@@ -68,6 +69,10 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
         from hsslam_node.sources.scannet import ScanNetSource
 
         return ScanNetSource(rest, options)
+    if kind == "record" and rest:
+        from hsslam_node.sources.record import RecordSource
+
+        return RecordSource(rest, options)
     if kind == "mcap" and rest:
         raise UserError(
             f"source {spec}: a log has no ground truth and is opened by the service only"

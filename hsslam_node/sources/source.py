@@ -9,6 +9,8 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.record_options import RecordOptions
 
 
 class Source(Protocol):
@@ -85,6 +87,8 @@ class SourceOptions:
     downscale: int = 1
     """Make images so many times smaller along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    record: RecordOptions = field(default_factory=RecordOptions)
 
     def __post_init__(self) -> None:
         if self.noise not in ("none", "kinect"):

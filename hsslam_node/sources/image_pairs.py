@@ -1,0 +1,60 @@
+"""Pairs of image files as a source: what TUM folders and plain folders have in common."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.undistortion import Undistortion
+
+ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
+
+
+class ImagePairSource:
+    """Files of colour and of the depth registered to it, both undistorted.
+
+    `camera` is that of the files, with its distortion; `pairs` come in order of their stamps.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        pairs: Sequence[ImagePair],
+        camera: Camera,
+        depth_units_per_m: float,
+        options: SourceOptions,
+    ) -> None:
+        self._pairs = [pairs[i] for i in options.selected(len(pairs))]
+        self._undistortion = Undistortion(camera)
+        self.name = name
+        self.camera = camera.undistorted()
+        self.depth_units_per_m = depth_units_per_m
+        self.frame_count: int | None = len(self._pairs)
+        self.rate_hz = _rate_hz([stamp for stamp, _, _ in self._pairs])
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Every pair of images; one that cannot be read comes as a `BadFrame`."""
+        for index, (stamp_ns, color_file, depth_file) in enumerate(self._pairs):
+            try:
+                color = read_color(color_file, self.camera)
+                depth = read_depth(depth_file, self.camera)
+            except BadImageError as error:
+                yield BadFrame(index, stamp_ns, str(error))
+                continue
+            yield Frame(
+                index=index,
+                stamp_ns=stamp_ns,
+                camera=self.camera,
+                color=self._undistortion.color(color),
+                depth_raw=self._undistortion.depth(depth),
+                depth_units_per_m=self.depth_units_per_m,
+            )
+
+
+def _rate_hz(stamps_ns: list[int]) -> float:
+    period_ns = float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 0.0
+    return 1e9 / period_ns if period_ns > 0 else 30.0

@@ -1,0 +1,33 @@
+"""What the name of an image tells: a stamp, or a number."""
+
+import re
+
+from hsslam_node.geometry.trajectory import parse_stamp_ns
+
+_NS_BY_DIGITS = {13: 1_000_000, 16: 1000, 19: 1}  # since 1970: ms, us, ns
+
+
+def name_stamp_ns(stem: str) -> int | None:
+    """Time in a file name, ns; None if there is none.
+
+    `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns), or whole numbers of 13, 16 or 19
+    digits, which do not begin with 0: ms, us or ns since 1970.
+    """
+    if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9})(?!\d)", stem):
+        return int(both[1]) * 1_000_000_000 + int(both[2])
+    numbers = re.findall(r"\d+\.\d+|\d+", stem)
+    if not numbers:
+        return None
+    return parse_stamp_ns(numbers[-1]) if "." in numbers[-1] else whole_stamp_ns(numbers[-1])
+
+
+def whole_stamp_ns(digits: str) -> int | None:
+    """A whole number as a time since 1970, its unit told by its digits; None of other lengths."""
+    unit_ns = None if digits[0] == "0" else _NS_BY_DIGITS.get(len(digits))
+    return None if unit_ns is None else int(digits) * unit_ns
+
+
+def name_number(stem: str) -> int | None:
+    """The last whole number in a file name."""
+    numbers = re.findall(r"\d+", stem)
+    return int(numbers[-1]) if numbers else None
