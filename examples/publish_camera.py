@@ -1,6 +1,7 @@
 """An outside camera for `hsslam-serve --source zenoh:`, in another process or on another machine.
 
     python examples/publish_camera.py synth:room [tcp/127.0.0.1:7447 [robot]]
+    python examples/publish_camera.py synth:room tls/10.0.0.7:7447 robot certs/camera
 
 Replace `open_source` by your own driver: undistorted colour and the depth registered to it.
 """
@@ -17,10 +18,12 @@ from hsslam_node.services.bus import Bus
 from hsslam_node.sources.open_source import open_source
 
 
-def main(spec: str, endpoint: str = "tcp/127.0.0.1:7447", robot: str = "robot") -> None:
+def main(
+    spec: str, endpoint: str = "tcp/127.0.0.1:7447", robot: str = "robot", security: str = ""
+) -> None:
     """Publish the frames of a source at its rate, then the end."""
     source = open_source(spec)
-    with Bus(endpoint, robot, "outside-camera") as bus:
+    with Bus(endpoint, robot, "outside-camera", security) as bus:
         frames, end = bus.publisher(topics.FRAME), bus.publisher(topics.SOURCE_END)
         while not any(peer.process == "tracker" for peer in bus.live_processes()):
             time.sleep(0.2)
@@ -37,7 +40,7 @@ def main(spec: str, endpoint: str = "tcp/127.0.0.1:7447", robot: str = "robot") 
 
 
 if __name__ == "__main__":
-    if not 2 <= len(sys.argv) <= 4:
+    if not 2 <= len(sys.argv) <= 5:
         sys.exit(__doc__)
     try:
         main(*sys.argv[1:])

@@ -13,6 +13,7 @@ from hsslam_node.proto.messages import Message
 from hsslam_node.proto.topics import Topic
 from hsslam_node.services.publisher import Publisher
 from hsslam_node.services.request_queue import RequestQueue
+from hsslam_node.services.security.credentials import client_settings
 from hsslam_node.services.subscription import Subscription
 from hsslam_node.services.zenoh_session import free_endpoint, open_client, open_router
 
@@ -32,13 +33,15 @@ class LiveProcess(NamedTuple):
 class Bus:
     """A client session at the router of a run; holds the liveliness token of this process.
 
+    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
+
     Never fork while one is open: the child would hang. Use it as a context manager or call `close`.
 
     Raises:
         UserError: no router at `endpoint`, or a name that cannot be part of a key.
     """
 
-    def __init__(self, endpoint: str, robot: str, process: str) -> None:
+    def __init__(self, endpoint: str, robot: str, process: str, security: str = "") -> None:
         for field, name in (("robot", robot), ("process", process)):
             if not _NAME.fullmatch(name):
                 raise UserError(f"{field} {name!r}: expected letters, digits, _ and - only")
@@ -49,7 +52,7 @@ class Bus:
         self._subscriptions: list[Subscription] = []
         self._queues: list[RequestQueue] = []
         self._closed = False
-        self._session = open_client(endpoint)
+        self._session = open_client(endpoint, settings=client_settings(endpoint, security))
         atexit.register(self.close)  # an open session can keep the interpreter from ending
         token_key = f"{self._live_prefix}/{process}/{os.getpid()}"
         self._token = self._session.liveliness().declare_token(token_key)

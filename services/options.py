@@ -79,6 +79,9 @@ class ServeOptions:
     """TCP port that the zenoh router listens on."""
     bind: str = "127.0.0.1"
     """Address that the zenoh router listens on; other than loopback lets other machines in."""
+    security: str = ""
+    """Folder of the router's certificate, from hsslam-certs: the port then takes TLS with a certificate
+    of the same CA only, and each may do what its role may (empty: the port is open)."""
     slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
-import zenoh
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.arena_folder import ArenaFolder, remove_dead_arenas
-from hsslam_node.services.bus import open_router
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.security.router import RunRouter, open_run_router
 
 _OLD_RESULTS = (
     "run*.mcap*",
@@ -36,11 +35,11 @@ class Prepared:
     """The open resources of a run; `close` frees them."""
 
     info: RunInfo
-    router: zenoh.Session
+    router: RunRouter
     arena: ArenaFolder
 
     def close(self) -> None:
-        self.router.close()
+        self.router.session.close()
         self.arena.remove()
 
 
@@ -54,17 +53,16 @@ def prepare(options: ServeOptions) -> Prepared:
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:
         undo.callback(_remove_if_empty, run_dir)
-        router = open_router(f"tcp/{options.bind}:{options.zenoh_port}")
-        undo.callback(router.close)
         remove_dead_arenas()
         arena = ArenaFolder(run_id, run_dir)
         undo.callback(arena.remove)
-        local = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
+        router = open_run_router(options, arena.path)
+        undo.callback(router.session.close)
         info = RunInfo(
             run_id=run_id,
             run_dir=str(run_dir),
             arena_dir=str(arena.path),
-            endpoint=f"tcp/{local}:{options.zenoh_port}",
+            endpoint=router.endpoint,
             robot=options.robot,
             supervisor_pid=os.getpid(),
             started_ns=int(1e9 * psutil.Process().create_time()),

@@ -92,6 +92,7 @@ class _Run:
     ) -> None:
         self._supervisor = supervisor
         self._info = prepared.info
+        self._notices = prepared.router.notices
         self._bus = bus
         self._nursery = nursery
         self._events = bus.publisher(topics.EVENT)
@@ -108,6 +109,8 @@ class _Run:
     def to_the_end(self) -> int:
         """Run, stop in order, save; returns the exit code."""
         with self._status:
+            for text, level in self._notices:
+                self._status.say(text, level)
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S, patience=0)

@@ -4,13 +4,17 @@ import json
 import socket
 import time
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import zenoh
 
 from hsslam_node.errors import UserError
 
+Settings = Mapping[str, object]
+
 _CONNECT_TIMEOUT_S = 10.0
-_COMMON: Mapping[str, object] = {
+_NONE: Settings = MappingProxyType({})
+_COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,  # nobody is scouted, so open at once
@@ -26,34 +30,38 @@ _COMMON: Mapping[str, object] = {
 }
 
 
-def open_router(endpoint: str) -> zenoh.Session:
-    """The router of a run, listening on `endpoint` only (such as `tcp/127.0.0.1:7447`).
+def open_router(*endpoints: str, settings: Settings = _NONE) -> zenoh.Session:
+    """The router of a run, listening on `endpoints` only (such as `tcp/127.0.0.1:7447`).
+
+    `settings`: of zenoh, beside those of this system.
 
     Raises:
         UserError: the port is taken, or it is no zenoh endpoint.
     """
-    settings = {
+    own = {
         "mode": "router",
-        "listen/endpoints": [endpoint],
+        "listen/endpoints": endpoints,
         "listen/exit_on_failure": True,
         "listen/timeout_ms": 0,
     }
     try:
-        return zenoh.open(_config(settings))
+        return zenoh.open(_config({**own, **settings}))
     except zenoh.ZError as error:
         raise UserError(
-            f"zenoh endpoint {endpoint}: cannot listen there: expected a free port "
+            f"zenoh endpoint {endpoints[0]}: cannot listen there: expected a free port "
             f"({_first_line(error)})"
         ) from None
 
 
-def open_client(endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.Session:
+def open_client(
+    endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S, settings: Settings = _NONE
+) -> zenoh.Session:
     """A client session that is connected to the router at `endpoint`.
 
     Raises:
-        UserError: no router answers there within `timeout_s`.
+        UserError: no router answers there within `timeout_s`, or it does not take this client.
     """
-    settings = {
+    own = {
         "mode": "client",
         "connect/endpoints": [endpoint],
         "connect/timeout_ms": int(timeout_s * 1000),
@@ -61,10 +69,13 @@ def open_client(endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S) -> zenoh.S
     }
     deadline = time.monotonic() + timeout_s
     try:
-        session = zenoh.open(_config(settings))
+        session = zenoh.open(_config({**own, **settings}))
     except zenoh.ZError as error:
+        expected = "a router"
+        if endpoint.startswith("tls/"):
+            expected = "a router that takes this certificate, and with one of the same CA"
         raise UserError(
-            f"zenoh endpoint {endpoint}: expected a router ({_first_line(error)})"
+            f"zenoh endpoint {endpoint}: expected {expected} ({_first_line(error)})"
         ) from None
     while not session.info.routers_zid():
         if time.monotonic() > deadline:
@@ -81,7 +92,7 @@ def free_endpoint() -> str:
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
-def _config(settings: Mapping[str, object]) -> zenoh.Config:
+def _config(settings: Settings) -> zenoh.Config:
     config = zenoh.Config()
     for key, value in {**_COMMON, **settings}.items():
         config.insert_json5(key, json.dumps(value))

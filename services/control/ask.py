@@ -8,6 +8,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.proto.codec import Rejected, decode, encode, encoding_of
 from hsslam_node.proto.messages import Message
 from hsslam_node.proto.requests import REFUSAL, Request
+from hsslam_node.services.security.credentials import client_settings
 from hsslam_node.services.zenoh_session import open_client
 
 Q = TypeVar("Q", bound=Message)
@@ -38,15 +39,20 @@ def ask(
     message: Q,
     timeout_s: float | None = None,
     connect_s: float = _CONNECT_S,
+    security: str = "",
 ) -> A:
     """The answer of the service behind the router at `endpoint`; waits `request.takes_s` by default.
 
+    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
+
     Raises:
         NobodyThereError, RefusedError, NoAnswerError: one line each.
+        UserError: the certificate cannot be used.
     """
     wait_s = request.takes_s if timeout_s is None else timeout_s
+    settings = client_settings(endpoint, security)
     try:
-        session = open_client(endpoint, connect_s)
+        session = open_client(endpoint, connect_s, settings)
     except UserError as error:
         raise NobodyThereError(f"nobody there: {error}") from None
     with session:
@@ -61,7 +67,8 @@ def ask(
                 return _answer(request, reply.ok.payload.to_bytes(), str(reply.ok.encoding))
             assert reply.err is not None
             _raise_refusal(request, reply.err, wait_s)
-    raise NobodyThereError(f"nobody there: no service of robot {robot!r} at {endpoint}")
+    refused = f", or this certificate may not ask for {request.name}" if security else ""
+    raise NobodyThereError(f"nobody there: no service of robot {robot!r} at {endpoint}{refused}")
 
 
 def _answer(request: Request[Q, A], payload: bytes, encoding: str) -> A:

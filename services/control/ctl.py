@@ -53,7 +53,8 @@ def _ask(options: CtlOptions) -> None:
     message: Message = Ask()
     if request is rpc.SAVE:
         message = SaveMap(name=options.name, replace=options.replace)
-    _show(ask(endpoint, robot, request, message, options.timeout_s), options)
+    answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
+    _show(answer, options)
 
 
 def _whom(options: CtlOptions) -> tuple[str, str]:

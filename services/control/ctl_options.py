@@ -24,6 +24,7 @@ class CtlOptions:
     hsslam-ctl mesh --out room.ply
     hsslam-ctl save kitchen
     hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
+    hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
 
     status: frames, rate, latency, tracking, processes. mesh: the newest, as a PLY file (m, world).
     trajectory: poses as refined, in TUM format (s, m, unit quaternion; camera to world). save: keeps the
@@ -41,6 +42,8 @@ class CtlOptions:
     """Of the map, for save: letters, digits, _ and -."""
     connect: str = ""
     """Where the service listens, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
+    security: str = ""
+    """Folder of your certificate (hsslam-certs), for --connect tls/HOST:PORT."""
     run: Path | None = None
     """Folder of the run that is meant, where several go on here."""
     robot: str = ""
@@ -63,9 +66,10 @@ class CtlOptions:
             math.isfinite(self.timeout_s) and self.timeout_s > 0
         ):
             raise UserError(f"--timeout-s {self.timeout_s}: expected seconds above 0")
-
         if self.connect and self.run:
             raise UserError(f"--run {self.run}: expected without --connect")
+        if self.security and not self.connect:
+            raise UserError(f"--security {self.security}: expected with --connect tls/HOST:PORT")
 
     def expect_request(self) -> None:
         """UserError where the request is none, or has not what it needs."""

@@ -51,7 +51,7 @@ def _replay(args: Sequence[str]) -> None:
             endpoint = f"tcp/{options.bind}:{options.zenoh_port}"
             stack.callback(open_router(endpoint).close)
             _say(f"router at {endpoint}, keys hsslam/{robot}/...")
-        bus = stack.enter_context(Bus(endpoint, robot, "replay"))
+        bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
         if options.step:
             sent = StepByStep(bus, _say).replay(bus_messages(files, names))
         else:

@@ -35,6 +35,8 @@ class ReplayOptions:
     with --step: in/**)."""
     connect: str = ""
     """Router to connect to, as tcp/HOST:PORT (empty: be the router)."""
+    security: str = ""
+    """Folder of your certificate (hsslam-certs), for --connect tls/HOST:PORT."""
     zenoh_port: int = 7447
     """TCP port to listen on as the router."""
     bind: str = "127.0.0.1"
@@ -49,6 +51,8 @@ class ReplayOptions:
             raise UserError(f"--delay {self.delay:g}: expected seconds, 0 or more")
         if not 1 <= self.zenoh_port <= 65535:
             raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
+        if self.security and not self.connect:
+            raise UserError(f"--security {self.security}: expected with --connect tls/HOST:PORT")
         if self.step and not self.connect:
             raise UserError("--step: waits for a service: expected --connect tcp/HOST:PORT")
         if self.step and self.rate != 1.0:

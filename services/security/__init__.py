@@ -1,0 +1,1 @@
+"""Who may connect to the router of a run, and what each may do there."""

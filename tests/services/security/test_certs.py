@@ -1,0 +1,58 @@
+"""`hsslam-certs`: what it makes, and what it refuses."""
+
+import pytest
+from cryptography import x509
+
+from hsslam_node.services.security.certs import main
+
+_FOLDERS = ("ca", "camera", "operator", "router", "viewer")
+
+
+def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(tmp_path, capsys):
+    folder = tmp_path / "certs"
+    main([str(folder), "--host", "10.0.0.7", "robot.local", "--days", "3"])
+    assert "10.0.0.7" in capsys.readouterr().out
+    assert tuple(sorted(path.name for path in folder.iterdir())) == _FOLDERS
+    ca = x509.load_pem_x509_certificate((folder / "ca" / "ca.pem").read_bytes())
+    keys = set()
+    for name in _FOLDERS:
+        assert (folder / name).stat().st_mode & 0o777 == 0o700
+        key = folder / name / "key.pem"
+        assert key.stat().st_mode & 0o777 == 0o600
+        keys.add(key.read_bytes())
+        if name != "ca":
+            certificate = x509.load_pem_x509_certificate((folder / name / "cert.pem").read_bytes())
+            certificate.verify_directly_issued_by(ca)
+            names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+            is_router = name == "router"
+            assert ("robot.local" in names.value.get_values_for_type(x509.DNSName)) == is_router
+            assert bool(names.value.get_values_for_type(x509.IPAddress)) == is_router
+            assert (certificate.not_valid_after_utc - ca.not_valid_after_utc).total_seconds() < 60
+    assert len(keys) == len(_FOLDERS)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("", "no folder: expected hsslam-certs DIR"),
+        ("x --days 0", "--days 0: expected 1 to 3650"),
+        ("x --host a_b", "--host a_b: expected names or addresses"),
+        ("x --hots a", "--hots: unknown option; did you mean --host?"),
+    ],
+)
+def test_a_mistake_is_one_line(line, expected, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    assert ended.value.code == 2
+    assert expected in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten(tmp_path, capsys):
+    main([str(tmp_path / "certs")])
+    before = (tmp_path / "certs" / "ca" / "key.pem").read_bytes()
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "certs")])
+    assert "holds something already" in capsys.readouterr().err
+    assert (tmp_path / "certs" / "ca" / "key.pem").read_bytes() == before

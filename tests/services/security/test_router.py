@@ -1,0 +1,156 @@
+"""Who is let in, and who may do what, with real sessions at a real router."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+import zenoh
+
+from hsslam_node.errors import UserError
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.request_messages import Ask
+from hsslam_node.proto.requests import PAUSE, REQUESTS
+from hsslam_node.services.bus import Bus
+from hsslam_node.services.control.ask import NobodyThereError, ask
+from hsslam_node.services.security.access import ROLES
+from hsslam_node.services.security.credentials import client_settings
+from hsslam_node.services.security.router import exposure
+from hsslam_node.services.zenoh_session import open_client
+from tests.services.wire_samples import frame, keyframe, pose
+
+_REFUSED = "expected a router that takes this certificate"
+
+
+@pytest.mark.parametrize("role", [role.name for role in ROLES])
+def test_a_certificate_of_our_ca_is_let_in(secure_router, role):
+    with Bus(secure_router.outside, "r", "outside", str(secure_router.certs / role)) as bus:
+        assert bus.is_connected()
+
+
+def test_strangers_are_not_let_in(secure_router, other_certs, tmp_path):
+    outside, ours = secure_router.outside, secure_router.certs / "operator"
+    mixed = tmp_path / "mixed"  # trusts our router, and shows the certificate of another CA
+    shutil.copytree(other_certs / "operator", mixed)
+    shutil.copy(ours / "ca.pem", mixed / "ca.pem")
+    theirs = client_settings(outside, str(other_certs / "operator"))
+    anonymous = {"transport/link/tls/root_ca_certificate": str(ours / "ca.pem")}
+    for settings in (client_settings(outside, str(mixed)), theirs, anonymous):
+        with pytest.raises(UserError, match=_REFUSED):
+            open_client(outside, 0.5, settings)
+    with pytest.raises(UserError, match="expected a router"):
+        open_client(outside.replace("tls/", "tcp/"), 0.5)
+    with pytest.raises(UserError, match="expected --security DIR"):
+        Bus(outside, "r", "outside")
+
+
+def test_a_camera_publishes_frames_and_nothing_else(secure_router):
+    outside, security = secure_router.outside, str(secure_router.certs / "camera")
+    with Bus(secure_router.inside, "r", "tracker") as service:
+        frames, poses = service.subscribe(topics.FRAME, 8), service.subscribe(topics.POSE, 8)
+        ends, stops = service.subscribe(topics.SOURCE_END), service.subscribe(topics.STOP)
+        plain = open_client(outside, 3.0, client_settings(outside, security))
+        with Bus(outside, "r", "outside-camera", security) as camera, plain:
+            sent = camera.publisher(topics.FRAME)
+            _until(lambda: (sent.put(frame(0)), frames.wait(0.1))[1])
+            camera.publisher(topics.POSE).put(pose(0))
+            camera.publisher(topics.STOP).put(messages.Stop(reason="faked"))
+            for key in ("hsslam/r/**", "hsslam/r/*/*", "hsslam/r/out/pose", "hsslam/r/sys/stop"):
+                plain.put(key, b"by any means")
+            camera.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=1, reason="end"))
+            assert ends.wait(3.0) is not None
+            assert "tracker" in {live.process for live in camera.live_processes()}
+            assert {live.process for live in service.live_processes()} == {"tracker"}
+        with open_client(secure_router.inside) as worker:  # the same is taken from within
+            worker.put("hsslam/r/out/pose", b"by any means")
+            _until(lambda: poses.received == 1)
+        assert (poses.received, stops.received, frames.rejected) == (1, 0, 0)
+
+
+def test_a_camera_hears_steps_and_poses_but_no_images(secure_router):
+    security = str(secure_router.certs / "camera")
+    with (
+        Bus(secure_router.inside, "r", "mapper") as service,
+        Bus(secure_router.outside, "r", "outside-camera", security) as camera,
+    ):
+        steps, meshes = camera.subscribe(topics.STEP, 8), camera.subscribe(topics.FRAME, 8)
+        _until(lambda: _told(service, topics.STEP, messages.Step(stage="done", index=1), steps))
+        service.publisher(topics.FRAME).put(frame(0))
+        assert meshes.wait(0.3) is None
+
+
+@pytest.mark.parametrize("role", ["viewer", "operator"])
+def test_who_looks_on_hears_all_and_what_was_before(secure_router, role):
+    security = str(secure_router.certs / role)
+    with Bus(secure_router.inside, "r", "tracker") as service:
+        kept = service.publisher(topics.KEYFRAME)
+        for index in range(3):
+            kept.put(keyframe(index))
+        with Bus(secure_router.outside, "r", "dashboard", security) as looker:
+            keyframes = looker.subscribe(topics.KEYFRAME, 16)
+            _until(lambda: keyframes.pending() == 3)
+            frames = looker.subscribe(topics.FRAME, 8)
+            _until(lambda: _told(service, topics.FRAME, frame(0), frames))
+            images = service.subscribe(topics.FRAME, 8)
+            looker.publisher(topics.FRAME).put(frame(1))
+            assert images.wait(0.3) is None
+
+
+def test_requests_by_role(secure_router):
+    answered = {role.name: set() for role in ROLES}
+    with _answering(secure_router.inside):
+        for role in ROLES:
+            security = str(secure_router.certs / role.name)
+            settings = client_settings(secure_router.outside, security)
+            with open_client(secure_router.outside, 3.0, settings) as client:
+                for request in REQUESTS:
+                    replies = client.get(request.key("r"), timeout=1.0)
+                    if any(reply.ok for reply in replies):
+                        answered[role.name].add(request.name)
+                assert not any(reply.ok for reply in client.get("hsslam/r/rpc/**", timeout=0.3))
+    assert answered["camera"] == set()
+    assert answered["viewer"] == {"status", "mesh", "trajectory"}
+    assert answered["operator"] == {request.name for request in REQUESTS}
+
+
+def test_a_request_that_is_not_allowed_says_so(secure_router):
+    with _answering(secure_router.inside), pytest.raises(NobodyThereError, match="certificate"):
+        ask(secure_router.outside, "r", PAUSE, Ask(), security=str(secure_router.certs / "viewer"))
+
+
+@pytest.mark.parametrize("bind", ["0.0.0.0", "10.0.0.7", "::", "robot.local"])
+def test_an_open_port_is_warned_of(bind):
+    assert f"--bind {bind} without --security" in exposure(bind)
+
+
+@pytest.mark.parametrize("bind", ["127.0.0.1", "::1", "localhost", "127.0.0.2"])
+def test_loopback_is_nobody_s_business(bind):
+    assert exposure(bind) == ""
+
+
+def _told(service: Bus, topic: topics.Topic, message: messages.Message, heard) -> bool:
+    publisher = service.publisher(topic)
+    publisher.put(message)
+    return heard.wait(0.1) is not None
+
+
+def _until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@contextmanager
+def _answering(endpoint: str) -> Iterator[None]:
+    """A service that says "done" to all requests."""
+    with open_client(endpoint) as service:
+
+        def answer(query: zenoh.Query) -> None:
+            query.reply(query.key_expr, b"done")
+
+        queryable = service.declare_queryable("hsslam/r/rpc/**", answer)
+        time.sleep(0.2)
+        yield
+        queryable.undeclare()
