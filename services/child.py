@@ -12,6 +12,8 @@ from hsslam_node.services.spawn import Process, Spawn, how_it_ended, last_error,
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
+_OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
+_PATIENCE_S = 10.0  # after it, for all to come round
 
 
 class Child:
@@ -38,6 +40,8 @@ class Child:
         self._started_s = 0.0
         self._beat_s = 0.0
         self._stop_sent_s = 0.0
+        self._ticked_s = time.monotonic()
+        self._patient_until_s = 0.0
 
     @property
     def is_alive(self) -> bool:
@@ -68,6 +72,7 @@ class Child:
     def tick(self) -> None:
         """Bring the process to what is wanted; never blocks."""
         now = time.monotonic()
+        self._forgive_own_pause(now)
         if self._process is not None and (code := self._process.poll()) is not None:
             self._exited(code, now)
         if self.wanted and self._process is None and self.state == "waiting":
@@ -109,7 +114,18 @@ class Child:
         self.state, self._start_at_s = "waiting", now + delay_s
         self.news.append(f"{self.spec.name} {how}: restart in {delay_s:g} s")
 
+    def _forgive_own_pause(self, now: float) -> None:
+        """Who was frozen together with its supervisor has missed nothing."""
+        pause_s, self._ticked_s = now - self._ticked_s, now
+        if pause_s > _OWN_PAUSE_S:
+            self._patient_until_s = now + _PATIENCE_S
+            self._started_s += pause_s
+            if self._stop_sent_s:
+                self._stop_sent_s += pause_s
+
     def _kill_if_hung(self, now: float) -> None:
+        if now < self._patient_until_s:
+            return
         assert self._process is not None
         spec = self.spec
         since_start_s, since_beat_s = now - self._started_s, now - self._beat_s

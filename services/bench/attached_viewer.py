@@ -40,6 +40,10 @@ class AttachedViewer:
                 stderr=subprocess.DEVNULL,
             )
 
+    def found(self) -> dict[str, int]:
+        """Bytes that it took."""
+        return {"viewer_bytes": self.received_bytes}
+
     def close(self) -> None:
         """End it if the end of the run has not."""
         if self._process is not None:

@@ -4,7 +4,8 @@ from typing import Any
 
 from hsslam_node.services.bench.accuracy import Accuracy
 from hsslam_node.services.bench.check import Check, Measured
-from hsslam_node.services.bench.serve_run import ServeRun, finished
+from hsslam_node.services.bench.same_files import TRAJECTORIES, different_files
+from hsslam_node.services.bench.serve_run import finished
 from hsslam_node.services.bench.session import Session
 
 _ATE_BOUNDS_M = {
@@ -15,7 +16,6 @@ _ATE_BOUNDS_M = {
     "room-kinect": 0.008,
 }
 _REPEATED = ("livingroom", "room-kinect")
-_SAME_FILES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
 _ACCURACY_M, _COMPLETION = 0.006, 0.98
 
 
@@ -61,17 +61,12 @@ def _ate_check(sequence: str, bound_m: float) -> Check:
 def _repeat_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         runs = [finished(session.lockstep(sequence, take=take)) for take in (1, 2)]
-        different = [name for name in _SAME_FILES if not _are_same(runs, name)]
+        different = different_files(runs)
         text = f"different: {', '.join(different)}" if different else "identical"
         return Measured(text, not different, {"different": different})
 
-    what = f"{sequence}, lockstep, twice with one seed: {', '.join(_SAME_FILES)}"
+    what = f"{sequence}, lockstep, twice with one seed: {', '.join(TRAJECTORIES)}"
     return Check(f"repeat:{sequence}", what, "identical", measure)
-
-
-def _are_same(runs: list[ServeRun], name: str) -> bool:
-    paths = [run.folder / name for run in runs]
-    return all(p.exists() for p in paths) and len({p.read_bytes() for p in paths}) == 1
 
 
 def _mesh_accuracy(session: Session) -> Measured:

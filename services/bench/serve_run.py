@@ -4,14 +4,13 @@ import dataclasses
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 import psutil
 
-from hsslam_node.services.bench.attached_viewer import AttachedViewer
 from hsslam_node.services.bench.run_log import LogContent, read_log
 from hsslam_node.services.bench.usage import Sample, Usage, core_ms_per_frame
 from hsslam_node.services.bus import free_endpoint
@@ -27,6 +26,14 @@ class Watcher(Protocol):
     """Something that looks at a run while it goes on."""
 
     def poll(self) -> None: ...
+
+
+class Outsider(Watcher, Protocol):
+    """Somebody who deals with a run from outside: a viewer, a client."""
+
+    def close(self) -> None: ...
+
+    def found(self) -> Mapping[str, Any]: ...
 
 
 class RunFailedError(Exception):
@@ -49,8 +56,13 @@ class ServeRun:
     view_error: str  # of run.rrd; "" if it can be opened
     usage: Sequence[Sample] = ()
     disk_bytes: Mapping[str, int] = field(default_factory=dict)  # by file of the run folder
-    viewer_bytes: int | None = None  # that the attached viewer took; None: none was attached
+    outside: Mapping[str, Any] = field(default_factory=dict)  # what the outsider has found
     left_behind: Sequence[str] = field(default_factory=tuple)  # processes, port, shared memory
+
+    @property
+    def viewer_bytes(self) -> int | None:
+        """That the attached viewer took; None: none was attached."""
+        return self.outside.get("viewer_bytes")
 
     @property
     def core_ms(self) -> dict[str, float]:
@@ -82,15 +94,15 @@ def serve(
     options: Sequence[str],
     environment: Mapping[str, str] | None = None,
     *,
-    with_viewer: bool = False,
+    viewer: str = "none",
+    outsider: Callable[[Path], Outsider] | None = None,
 ) -> ServeRun:
     """Run the service to its end in `folder`; bulky results are not kept.
 
-    `with_viewer`: it serves the web viewer, and one is attached to it.
+    `outsider` makes somebody who deals with it meanwhile, from its folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     port = int(free_endpoint().rpartition(":")[2])
-    viewer = "web" if with_viewer else "none"
     places = ("--viewer", viewer, "--out", str(folder), "--zenoh-port", str(port))
     command = [sys.executable, "-m", "hsslam_node.services.serve", *places, *options]
     messages = folder.parent / f"{name}.stderr"
@@ -100,12 +112,12 @@ def serve(
             command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
         )
         usage = Usage(psutil.Process(process.pid), folder.absolute())
-        attached = AttachedViewer(folder) if with_viewer else None
+        somebody = outsider(folder) if outsider else None
         try:
-            _wait(process, [usage, attached] if attached else [usage])
+            _wait(process, [usage, somebody] if somebody else [usage])
         finally:
-            if attached:
-                attached.close()
+            if somebody:
+                somebody.close()
         ended_ns = time.time_ns()
     run = ServeRun(
         name=name,
@@ -120,7 +132,7 @@ def serve(
         view_error=_verify_view(folder / "run.rrd"),
         usage=usage.samples,
         disk_bytes=_sizes(folder),
-        viewer_bytes=attached.received_bytes if attached else None,
+        outside=somebody.found() if somebody else {},
         left_behind=_left_behind(folder, port),
     )
     for pattern in _BULKY:

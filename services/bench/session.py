@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
-from hsslam_node.services.bench.serve_run import RunFailedError, ServeRun, serve
+from hsslam_node.services.bench.attached_viewer import AttachedViewer
+from hsslam_node.services.bench.serve_run import Outsider, RunFailedError, ServeRun, serve
 from hsslam_node.services.process_table import WARM_UP, environment_of_threads
 
 QUICK_FRAMES = 40
@@ -92,12 +93,25 @@ class Session:
     def viewer(self, sequence: str) -> ServeRun:
         """The same with a web viewer that somebody looks at."""
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
-        return self._run(f"viewer-{sequence}", options, with_viewer=True)
+        return self._run(f"viewer-{sequence}", options, outsider=AttachedViewer, viewer="web")
 
     def sixty(self, sequence: str) -> ServeRun:
         """The same at 60 Hz and half the size, 320x240."""
         options = (*self._source(sequence, half=True), "--pace", "realtime", "--rate-hz", "60")
-        return self._run(f"sixty-{sequence}", (*options, "--seed", "0"), with_viewer=True)
+        options = (*options, "--seed", "0")
+        return self._run(f"sixty-{sequence}", options, outsider=AttachedViewer, viewer="web")
+
+    def outside(
+        self,
+        name: str,
+        sequence: str,
+        outsider: Callable[[Path], Outsider] | None,
+        *options: str,
+        viewer: str = "none",
+    ) -> ServeRun:
+        """A run that somebody (None: nobody) deals with meanwhile; `sequence` as in the others."""
+        options = (*self._source(sequence), "--seed", "0", *options)
+        return self._run(name, options, outsider=outsider, viewer=viewer)
 
     def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
         """So many frames of the built-in room in real time; `room_m`: length of its sides."""
@@ -150,7 +164,8 @@ class Session:
         options: Sequence[str],
         environment: dict[str, str] | None = None,
         *,
-        with_viewer: bool = False,
+        outsider: Callable[[Path], Outsider] | None = None,
+        viewer: str = "none",
     ) -> ServeRun:
         if name not in self.runs:
             if environment is None:
@@ -158,7 +173,9 @@ class Session:
             self.say(name)
             arguments = (*options, *self.extra)
             folder = self.folder / name
-            self.runs[name] = serve(name, folder, arguments, environment, with_viewer=with_viewer)
+            self.runs[name] = serve(
+                name, folder, arguments, environment, viewer=viewer, outsider=outsider
+            )
         return self.runs[name]
 
     def _source(self, sequence: str, *, half: bool = False) -> tuple[str, ...]:

@@ -63,6 +63,20 @@ def test_runs_restarts_after_a_kill_and_ends_in_order(watch, run_info: RunInfo):
     assert (run_info.path / "ended").read_text() == "in order"
 
 
+def test_one_that_was_frozen_together_with_its_supervisor_is_not_killed(watch):
+    start, until = watch
+    child = start("obedient", health_timeout_s=1.0)
+    until(lambda: child.state == "running")
+    pid = child.pid
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(2.5)
+    child.tick()
+    os.kill(pid, signal.SIGCONT)
+    begin_s = time.monotonic()
+    until(lambda: time.monotonic() > begin_s + 0.7)
+    assert (child.pid, child.restarts, child.news) == (pid, 0, [])
+
+
 def test_crash_loop_is_given_up(watch):
     start, until = watch
     child = start("crash", longest_delay_s=0.1)
