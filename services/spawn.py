@@ -11,6 +11,14 @@ from typing import IO, Protocol
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_node.services.process_table import environment_of_threads
 
+# glibc gives memory of this size back to the system when it is freed, and the system clears it again
+# for the next image: half the time of preparing a reference keyframe. Keep it; other C libraries do
+# not read these.
+_KEPT_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the largest that glibc takes
+    "MALLOC_TRIM_THRESHOLD_": str(128 << 20),
+}
+
 
 class Process(Protocol):
     """What supervision asks of a process; `subprocess.Popen` is one."""
@@ -41,9 +49,10 @@ def spawn(module: str, run_dir: Path) -> subprocess.Popen:
 
 
 def child_environment() -> Mapping[str, str]:
-    """Variables of every process of a run: one numeric thread, the cache of the kernels."""
+    """Variables of every process of a run: one numeric thread, the cache of the kernels, the allocator."""
     return {
         "NUMBA_CACHE_DIR": str(kernel_cache_folder()),
+        **_KEPT_MEMORY,
         **os.environ,
         **environment_of_threads(1),
         "PYTHONUNBUFFERED": "1",

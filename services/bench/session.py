@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_node.services.bench.attached_viewer import AttachedViewer
 from hsslam_node.services.bench.serve_run import Outsider, RunFailedError, ServeRun, serve
-from hsslam_node.services.process_table import WARM_UP, environment_of_threads
+from hsslam_node.services.process_table import WARM_UP
+from hsslam_node.services.spawn import child_environment
 
 QUICK_FRAMES = 40
 _COLD_FRAMES = 60
@@ -196,10 +197,9 @@ class Session:
 
 def _python(module: str, *arguments: str) -> str:
     """Output of a module, run with one numeric thread and the cache of kernels."""
-    cache = {"NUMBA_CACHE_DIR": str(kernel_cache_folder())}
     result = subprocess.run(
         [sys.executable, "-m", module, *arguments],
-        env={**cache, **os.environ, **environment_of_threads(1)},
+        env=child_environment(),
         capture_output=True,
         text=True,
     )

@@ -1,6 +1,5 @@
 """A job in a process of its own, so that whatever happens to it costs this one run."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -12,10 +11,9 @@ from typing import Any
 import msgspec
 
 from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_node.services.bench.serve_run import RunFailedError
 from hsslam_node.services.bench.tables.job import Job, RunResult
-from hsslam_node.services.process_table import environment_of_threads
+from hsslam_node.services.spawn import child_environment
 
 _MODULE = f"{__package__}.table_run"
 _JOB, _SCORE_JOB, _RESULT, _ERRORS = "job.json", "score.json", "result.json", "stderr.txt"
@@ -72,11 +70,10 @@ def _run(
 ) -> tuple[dict[str, Any], str]:
     """What the process found, or its last words if it failed. The job is written to `path`."""
     path.write_bytes(msgspec.json.encode(job))
-    cache = {"NUMBA_CACHE_DIR": str(kernel_cache_folder())}
     with (path.parent / _ERRORS).open("wb") as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", _MODULE, str(path), *options],
-            env={**cache, **os.environ, **environment_of_threads(1)},
+            env=child_environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=errors,
