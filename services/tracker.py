@@ -104,6 +104,9 @@ class _TrackerLoop:
         if result.is_keyframe:
             self._announce_keyframe(result, message)
         self._account(result)
+        if self._tracker is not None:
+            with self._worker.timed("settle"):
+                self._tracker.settle()
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

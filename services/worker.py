@@ -179,8 +179,10 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
 
 def _give_way(nice: int) -> None:
     """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
-    its own, only that of the session counts between them."""
+    its own, only that of the session counts between them. Somebody else's session is left alone."""
     os.nice(nice)
+    if os.getsid(0) != os.getpid():
+        return
     with contextlib.suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(nice), encoding="utf-8")
 

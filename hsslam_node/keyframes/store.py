@@ -7,7 +7,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.keyframes.allocator import ArrayAllocator
 
-SLAB_KEYFRAMES = 64
+SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
 _COUNT, _POSE_VERSION = 0, 1  # fields of the header
 _FRAME_INDEX, _STAMP_NS = 0, 1  # columns of the meta rows
 

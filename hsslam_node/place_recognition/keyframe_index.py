@@ -61,16 +61,35 @@ class KeyframeIndex:
 
     def update(self, most: int | None = None, *, newest_first: bool = False) -> int:
         """Take in keyframes that came since, at most `most` (15 ms each); returns how many were."""
+        taken = 0
+        while most is None or taken < most:
+            k = self.next_new(newest_first=newest_first)
+            if k is None:
+                break
+            self.take(k, image_features(self._store.frame(k)))
+            taken += 1
+        return taken
+
+    def next_new(self, *, newest_first: bool = False) -> int | None:
+        """The next keyframe that shows something new, by the poses as they are now; for `take`."""
         count = self._store.count
         self._pending.extend(range(self._seen, count))
         self._seen = count
-        taken = 0
-        while self._pending and (most is None or taken < most):
+        while self._pending:
             k = self._pending.pop() if newest_first else self._pending.popleft()
             if len(self) < self._most and self._is_new(k):
-                self._take(k, image_features(self._store.frame(k)))
-                taken += 1
-        return taken
+                return k
+        return None
+
+    def take(self, k: int, features: ImageFeatures) -> None:
+        """Take in keyframe k with its features, whatever it shows."""
+        row = len(self._features)
+        if row == len(self._codes):
+            self._codes = np.concatenate([self._codes, np.full_like(self._codes, _NOTHING)])
+        codes = _codes(features)
+        self._codes[row, : len(codes)] = codes
+        self._keyframes_with[np.unique(codes)] += 1
+        self._features[k] = features
 
     def features(self, k: int) -> ImageFeatures:
         """Features of keyframe k, computed now where it was not taken in."""
@@ -109,15 +128,6 @@ class KeyframeIndex:
             if np.linalg.norm(so3_log(T[:3, :3])) < near_rad:
                 return False
         return True
-
-    def _take(self, k: int, features: ImageFeatures) -> None:
-        row = len(self._features)
-        if row == len(self._codes):
-            self._codes = np.concatenate([self._codes, np.full_like(self._codes, _NOTHING)])
-        codes = _codes(features)
-        self._codes[row, : len(codes)] = codes
-        self._keyframes_with[np.unique(codes)] += 1
-        self._features[k] = features
 
 
 def _codes(features: ImageFeatures) -> np.ndarray:

@@ -22,6 +22,10 @@ class FrameTracker(Protocol):
         """Pose of the frame; a keyframe is appended to the store where one is due."""
         ...
 
+    def settle(self) -> None:
+        """What can be done before the next frame comes; `track` does it where nobody calls this."""
+        ...
+
 
 def open_tracker(config: SlamConfig, store: KeyframeStore, seed: int) -> FrameTracker:
     """A tracker by `config.tracker.method`."""

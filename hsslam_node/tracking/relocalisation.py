@@ -1,6 +1,9 @@
 """Where a lost camera may be: places seen before that look the same, a few a frame."""
 
+import os
+import sys
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +13,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.place_recognition.find_loop import LoopLimits, LoopMatch, find_loop
+from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.tracking.reference_keyframe import (
     ReferenceKeyframe,
@@ -19,6 +23,7 @@ from hsslam_node.tracking.reference_keyframe import (
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
+_OBSERVED_EVERY = 8  # frames; what was begun has long been done by then
 _LIMITS = LoopLimits(overlap=0.25)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
 _CLEARLY = 2.0  # times the inliers of another place
@@ -36,9 +41,9 @@ class Place:
 class Relocalisation:
     """The index of a store's keyframes, and what it says of a lost frame.
 
-    While the camera is tracked, a keyframe that shows something new is taken in with one frame (15
-    ms, for about one frame in thirty); when lost, no more than a few are, so that the camera does not
-    fall behind its sensor.
+    While the camera is tracked, keyframes that show something new are taken in beside, in a thread (15
+    ms each, for about one frame in thirty); when lost, no more than a few are, so that the camera does
+    not fall behind its sensor.
     """
 
     def __init__(self, config: TrackerConfig, store: KeyframeStore, seed: int) -> None:
@@ -46,10 +51,19 @@ class Relocalisation:
         self._store = store
         self._seed = seed
         self._index = KeyframeIndex(store)
+        self._frames = 0
+        self._beside = ThreadPoolExecutor(1, "features", _give_way)
+        self._pending: tuple[int, Future[ImageFeatures]] | None = None
 
     def observe(self) -> None:
-        """A frame was tracked: take in what is new."""
-        self._index.update(1)
+        """A frame was tracked: now and then, begin to take in a keyframe that shows something new."""
+        self._frames += 1
+        if self._frames % _OBSERVED_EVERY:
+            return
+        self._join()
+        k = self._index.next_new()
+        if k is not None:
+            self._pending = k, self._beside.submit(image_features, self._store.frame(k))
 
     def places(self, frame: Frame) -> Iterator[Place]:
         """Where a lost frame may have been taken; at most one place, none where it is not clear.
@@ -57,6 +71,7 @@ class Relocalisation:
         Whole images agree on it (`find_loop`), by a keyframe's pose as it is now; a keyframe of
         another place that agrees as well makes it unclear.
         """
+        self._join()
         # after a restart none is there yet: the camera was last seen near the newest
         self._index.update(_INDEXED_WHEN_LOST, newest_first=True)
         matches = find_loop(
@@ -71,6 +86,13 @@ class Relocalisation:
         levels = grey_pyramid(keyframe)
         pixels = self._config.photometric_pixels
         yield Place(T_world_cam[0], reference_keyframe(k, keyframe, levels, pixels))
+
+    def _join(self) -> None:
+        """Take in what was begun: at the same frame in every run, however long it took."""
+        if self._pending is not None:
+            k, features = self._pending
+            self._pending = None
+            self._index.take(k, features.result())
 
     def _nearest(self, T_world_cam: np.ndarray) -> int:
         """The keyframe that stands most like the camera, the oldest of equals."""
@@ -91,3 +113,8 @@ def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
         if apart and matches[0].inliers < _CLEARLY * match.inliers:
             return False
     return True
+
+
+def _give_way() -> None:
+    if sys.platform == "linux":  # elsewhere a nice value is that of the process
+        os.nice(10)

@@ -65,6 +65,9 @@ class RenderingTracker:
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
 
+    def settle(self) -> None:
+        """Nothing is left to do."""
+
     def _open_objective(self, view: MapView) -> PoseObjective:
         """The losses where the map is: on a GPU, or here."""
         if view.on_device is not None:

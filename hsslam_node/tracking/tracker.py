@@ -1,7 +1,8 @@
 """The tracker: one frame in, one pose with its quality out."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -57,6 +58,7 @@ class Tracker:
         self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
         self._since_keyframe = 0
         self._lost_frames = 0
+        self._next_reference: Callable[[], ReferenceKeyframe] | None = None
 
     def resume(self) -> None:
         """After a restart: go on from the newest keyframe of the store, as a lost camera."""
@@ -70,6 +72,7 @@ class Tracker:
 
     def track(self, frame: Frame, view: MapView | None) -> TrackResult:
         """Pose of the frame; a keyframe is appended to the store where one is due."""
+        self.settle()
         levels = grey_pyramid(frame)
         points = frame_points(frame, self._config, self._seed)
         if self._last is None:
@@ -92,6 +95,12 @@ class Tracker:
             return self._accept(frame, levels, best, view)
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
+
+    def settle(self) -> None:
+        """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
+        if self._next_reference is not None:
+            self._reference = self._next_reference()
+            self._next_reference = None
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
         nan = float("nan")
@@ -173,8 +182,10 @@ class Tracker:
         self._exposure = alignment.exposure
         if is_keyframe and self._is_outworn(alignment, T, frame):
             self._exposure, self._coverage = Exposure(), 0.0
-            levels = levels if still is frame else grey_pyramid(still)
-            self._reference = reference_keyframe(k, still, levels, self._config.photometric_pixels)
+            of_still = levels if still is frame else grey_pyramid(still)
+            self._next_reference = partial(
+                reference_keyframe, k, still, of_still, self._config.photometric_pixels
+            )
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         self._lost_frames = 0

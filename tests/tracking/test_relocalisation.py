@@ -40,10 +40,16 @@ def _filled(poses: np.ndarray) -> Relocalisation:
     return Relocalisation(SMALL.tracker, store, 0)
 
 
+def _observe(places: Relocalisation) -> None:
+    """As many tracked frames as one keyframe takes."""
+    for _ in range(8):
+        places.observe()
+
+
 def test_a_view_between_keyframes_is_placed_beside_the_nearest():
     places = _filled(room_poses())
     for _ in range(3):
-        places.observe()
+        _observe(places)
     for k in (2, 17, 33):
         (place,) = places.places(room_frames()[k])
         distance_m, angle_deg = pose_error(place.T_world_cam, room_poses()[k])
@@ -62,7 +68,7 @@ def test_what_was_not_taken_in_while_tracking_is_taken_in_when_lost():
 def test_nothing_is_said_of_a_place_never_seen():
     places = _filled(room_poses())
     for _ in range(8):
-        places.observe()
+        _observe(places)
     for frame in (*_elsewhere(), with_black(room_frames()[0])):
         assert list(places.places(frame)) == []
 
@@ -76,7 +82,7 @@ def test_two_places_that_look_the_same_are_not_told_apart():
             store.append(room_frames()[k], T @ room_poses()[k])
     places = Relocalisation(SMALL.tracker, store, 0)
     for _ in range(4):
-        places.observe()
+        _observe(places)
     assert list(places.places(room_frames()[2])) == []
 
 

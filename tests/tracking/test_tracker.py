@@ -206,3 +206,13 @@ def _all_free(frame: Frame) -> MapView:
     W1[-SMALL.field.oneblob_width :, 0] = 10
     layout.blocks["geometry_decoder.W2"].view(params)[0, 0] = 10
     return MapView(1, kernel_layout(layout), params, SMALL.field.truncation_m)
+
+
+def test_what_is_settled_early_changes_no_pose():
+    """The service settles after it has published a pose, the library with the next frame."""
+    frames = room_frames()[:30]
+    eager, lazy = (Tracker(SMALL, _store(), 0) for _ in range(2))
+    for frame in frames:
+        first = eager.track(frame, None)
+        eager.settle()
+        np.testing.assert_array_equal(first.T_world_cam, lazy.track(frame, None).T_world_cam)
