@@ -25,8 +25,8 @@ class AttachedViewer:
         self.received_bytes = 0
 
     def poll(self) -> None:
-        """Attach as soon as there is a page; read how much has come."""
-        if self._process is not None:
+        """Attach as soon as there is a page, again if it was too early; read how much has come."""
+        if self._process is not None and self._process.poll() is None:
             self.received_bytes = max(self.received_bytes, _written_bytes(self._process.pid))
             return
         url = _served_url(self._run_folder)
