@@ -8,7 +8,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -91,11 +91,15 @@ def _bench(arguments: argparse.Namespace, extra: list[str]) -> int:
     rows: list[Row] = []
     console = Console(emoji=False, highlight=False, markup=False)
     interrupted = False
+
+    def keep(row: Row) -> None:
+        rows.append(row)
+        write_report(arguments.out, report(session, on, rows))
+
     try:
-        _measure(checks, session, rows, console)
+        _measure(checks, session, keep, console)
     except KeyboardInterrupt:
         interrupted = True
-    write_report(arguments.out, report(session, on, rows))
     console.print(_table(rows))
     for row in rows:
         if row.verdict == "skipped":
@@ -104,8 +108,10 @@ def _bench(arguments: argparse.Namespace, extra: list[str]) -> int:
     return int(interrupted or any(row.verdict == "NOT MET" for row in rows))
 
 
-def _measure(checks: list[Check], session: Session, rows: list[Row], console: Console) -> None:
-    """Fill `rows`, showing how far it is; off a terminal one line a row."""
+def _measure(
+    checks: list[Check], session: Session, keep: Callable[[Row], None], console: Console
+) -> None:
+    """Measure and keep one row after the other, showing how far it is; off a terminal one line a row."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
         task = progress.add_task("", total=len(checks))
@@ -115,7 +121,7 @@ def _measure(checks: list[Check], session: Session, rows: list[Row], console: Co
             )
             session.say("")
             row = perform(check, session)
-            rows.append(row)
+            keep(row)
             progress.advance(task)
             if not console.is_terminal:
                 console.print(f"{row.name}: {row.verdict}: {row.measured}", soft_wrap=True)
