@@ -1,18 +1,24 @@
 """The camera process: publishes a source's frames, on the sensor's clock or in lockstep."""
 
+import contextlib
 import itertools
 import time
+from collections.abc import Generator, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import SourceEnd
 from hsslam_node.services.camera_hold import CameraHold
 from hsslam_node.services.camera_progress import CameraProgress
+from hsslam_node.services.live_source import is_live
 from hsslam_node.services.open_any_source import open_any_source
-from hsslam_node.services.pacing import Lockstep, Pace, Realtime
+from hsslam_node.services.pacing import Live, Lockstep, Pace, Realtime
 from hsslam_node.services.prefetch import Prefetch
 from hsslam_node.services.worker import Worker, run_worker
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, Source
 
 _AHEAD = 30  # frames decoded in advance: rides out a second of other load
 _FLUSH_S = 0.3  # for the last message to leave
@@ -24,22 +30,28 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     options = worker.options
-    source = open_any_source(options.source, options.source_options)
+    try:
+        source = open_any_source(options.source, options.source_options, worker.should_stop)
+    except UserError:
+        if worker.should_stop():  # while it waited for a live camera
+            return
+        raise
     progress = CameraProgress.read(Path(worker.run.arena_dir))
     frames_topic = worker.bus.publisher(topics.FRAME)
     pace: Pace
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic)
+    elif is_live(options.source):
+        pace = Live(worker, frames_topic)
     else:
         pace = Realtime(
             worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
         )
     hold = CameraHold(worker)
-    ahead = Prefetch(itertools.islice(source.frames(), progress.next_index, None), _AHEAD)
-    try:
+    with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
         pace.wait_for_peers()
         worker.ready()
-        for item in ahead:
+        for item in items:
             pace.held(hold.wait())
             if worker.should_stop():
                 break
@@ -52,13 +64,27 @@ def _run(worker: Worker) -> None:
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad)
-    finally:
-        ahead.close()
     reason = "stopped" if worker.should_stop() else "end of source"
     worker.bus.publisher(topics.SOURCE_END).put(
         SourceEnd(frame_count=progress.sent, bad_frame_count=progress.bad, reason=reason)
     )
     time.sleep(_FLUSH_S)
+
+
+def _items(
+    source: Source, spec: str, first: int
+) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
+    """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
+    if is_live(spec):
+        return _renumbered(source.frames(), first)
+    return Prefetch(itertools.islice(source.frames(), first, None), _AHEAD)
+
+
+def _renumbered(
+    items: Iterator[Frame | BadFrame], first: int
+) -> Generator[Frame | BadFrame, None, None]:
+    for item in items:
+        yield replace(item, index=first + item.index)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

@@ -18,10 +18,12 @@ from hsslam_node.doctor.recorded_stamps import recorded_stamps
 from hsslam_node.doctor.sample import Sample, take_sample
 from hsslam_node.errors import UserError
 from hsslam_node.services.exit_code import exit_code
+from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.sources.camera_options import CameraOptions
 from hsslam_node.sources.record_options import RecordOptions
+from hsslam_node.sources.ros2_options import Ros2Options
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 
 _PROG = "hsslam-doctor"
@@ -55,6 +57,7 @@ class DoctorOptions:
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
+    ros2: Ros2Options = field(default_factory=Ros2Options)
 
     def __post_init__(self) -> None:
         if not 6 <= self.sample_frames <= 3000:
@@ -77,11 +80,15 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 def _look(options: DoctorOptions) -> int:
     """The number of faults."""
     wanted = SourceOptions(
-        noise=options.noise, synth=options.synth, camera=options.camera, record=options.record
+        noise=options.noise,
+        synth=options.synth,
+        camera=options.camera,
+        record=options.record,
+        ros2=options.ros2,
     )
     stamps = recorded_stamps(options.source)  # may have to be fetched, which shows a bar of its own
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
-        sample = take_sample(options.source, wanted, options.sample_frames)
+        sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
         findings = list(examine(sample, stamps))
     if options.json is not None:
         _write_json(options.json, sample, findings)

@@ -11,6 +11,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.sources.camera_options import CameraOptions
 from hsslam_node.sources.record_options import RecordOptions
+from hsslam_node.sources.ros2_options import Ros2Options
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 
 ZENOH_SOURCE = "zenoh:"
@@ -23,8 +24,8 @@ class ServeOptions:
 
     Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
     not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
-    in color/ and depth/) | mcap:FILE (the frames of a log; FILE may be a run folder) | zenoh: (frames that
-    somebody else publishes).
+    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | mcap:FILE (the frames of a log;
+    FILE may be a run folder) | zenoh: (frames that somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -66,6 +67,7 @@ class ServeOptions:
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
+    ros2: Ros2Options = field(default_factory=Ros2Options)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log: jpeg (quality 90), or png (lossless, 7 times as large: replays give the same
     poses)."""
@@ -121,6 +123,7 @@ class ServeOptions:
             synth=self.synth,
             camera=self.camera,
             record=self.record,
+            ros2=self.ros2,
         )
 
     @property

@@ -128,3 +128,23 @@ class Realtime:
         wait_s = (wall_ns - time.time_ns()) / 1e9
         if wait_s > 0:
             self._worker.stop_event().wait(wait_s)
+
+
+class Live:
+    """Sends the frames of a live camera at once, with the time at which they came."""
+
+    def __init__(self, worker: Worker, frames: Publisher) -> None:
+        self._worker = worker
+        self._frames = frames
+        self._peers = Peers(worker.bus)
+
+    def wait_for_peers(self) -> None:
+        """Wait until tracker, mapper and recorder take work."""
+        self._peers.wait(_NEEDED, _OTHERS, self._worker)
+
+    def held(self, seconds: float) -> None:
+        """Nothing to do: what came meanwhile is gone."""
+
+    def send(self, frame: Frame) -> None:
+        """Publish; the tracker takes the newest."""
+        self._frames.put(frame_message(frame, stamp_ns=time.time_ns()))

@@ -1,7 +1,7 @@
 """A few frames of a source: short runs of consecutive ones, spread over the sequence."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -52,20 +52,25 @@ class Sample:
         return np.array(found, np.int64)
 
 
-def take_sample(spec: str, options: SourceOptions, frames: int) -> Sample:
-    """At most `frames` frames of the source that `spec` names.
+def take_sample(
+    spec: str,
+    options: SourceOptions,
+    frames: int,
+    open_it: Callable[[str, SourceOptions], Source] = open_source,
+) -> Sample:
+    """At most `frames` frames of the source that `open_it` makes of `spec`.
 
     A source that does not know its length, a live one, gives its first frames.
 
     Raises:
         UserError: as `open_source`.
     """
-    source = open_source(spec, options)
+    source = open_it(spec, options)
     count = source.frame_count
     rows = tuple(range(frames if count is None else min(count, frames)))
     if count is not None and count > frames:
         spread = _spread_rows(count, frames)
-        picked = open_source(spec, _PickedRows(**vars(options), rows=spread))
+        picked = open_it(spec, _PickedRows(**vars(options), rows=spread))
         if picked.frame_count == len(spread):  # it picks; otherwise its first frames have to do
             source, rows = picked, spread
     return _read(source, count, rows)

@@ -50,13 +50,12 @@ def read_depth(path: Path, camera: Camera) -> np.ndarray:
 
 def read_any_depth(path: Path) -> np.ndarray:
     """Depth image [H, W] uint16, whatever its size; raises as `read_depth`."""
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype != np.uint16 or image.ndim != 2:
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        raise BadImageError(
-            f"{path}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
-        )
-    return image
+    return _as_depth(_decode(path, cv2.IMREAD_UNCHANGED), str(path))
+
+
+def decode_depth(data: bytes, name: str) -> np.ndarray:
+    """The same from memory; `name` is what messages call it."""
+    return _as_depth(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_UNCHANGED), name)
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:
@@ -82,6 +81,15 @@ def _decoded(data: np.ndarray, name: str, flags: int) -> np.ndarray:
         image = None
     if image is None:
         raise BadImageError(f"{name}: not an image that can be decoded")
+    return image
+
+
+def _as_depth(image: np.ndarray, name: str) -> np.ndarray:
+    if image.dtype != np.uint16 or image.ndim != 2:
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise BadImageError(
+            f"{name}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
+        )
     return image
 
 

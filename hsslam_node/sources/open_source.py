@@ -18,6 +18,7 @@ _EXAMPLES = (
     "scannet:<folder or .sens>",
     "record:<folder>",
     "mcap:<log>",
+    "ros2:/camera",
     "zenoh:",
 )
 
@@ -77,6 +78,8 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
         raise UserError(
             f"source {spec}: a log has no ground truth and is opened by the service only"
         )
+    if kind == "ros2" and rest:
+        raise UserError(f"source {spec}: a live camera is opened by the service only")
     if kind == "zenoh" and colon and not rest:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")
     raise unknown_source(spec)

@@ -1,0 +1,20 @@
+"""Which frames of a live camera are used."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, SourceOptions
+
+
+def selected_live(
+    items: Iterable[Frame | BadFrame], options: SourceOptions
+) -> Iterator[Frame | BadFrame]:
+    """Every `stride`-th after the first `start`, at most `frames` of them, numbered from 0."""
+    used = 0
+    for number, item in enumerate(items):
+        if options.frames is not None and used >= options.frames:
+            return
+        if number >= options.start and (number - options.start) % options.stride == 0:
+            yield replace(item, index=used)
+            used += 1

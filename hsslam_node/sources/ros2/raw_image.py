@@ -1,0 +1,98 @@
+"""An image as ROS sends it, raw or compressed, into colour or depth."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.sources.image_files import BadImageError, decode_color, decode_depth
+
+FLOAT_UNITS_PER_M = 5000.0  # of depth that comes as metres in floats: up to 13.1 m
+MILLIMETRES_PER_M = 1000.0  # of depth in whole numbers, REP 118
+
+_TO_RGB = {
+    "rgb8": None,
+    "bgr8": cv2.COLOR_BGR2RGB,
+    "8UC3": cv2.COLOR_BGR2RGB,
+    "rgba8": cv2.COLOR_RGBA2RGB,
+    "bgra8": cv2.COLOR_BGRA2RGB,
+    "8UC4": cv2.COLOR_BGRA2RGB,
+    "mono8": cv2.COLOR_GRAY2RGB,
+    "8UC1": cv2.COLOR_GRAY2RGB,
+}
+_CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
+_PNG_START = b"\x89PNG"
+
+
+@dataclass(frozen=True)
+class RawImage:
+    """A `sensor_msgs/Image`, or with `is_compressed` the file in a `sensor_msgs/CompressedImage`."""
+
+    stamp_ns: int
+    encoding: str  # of compressed ones the format, such as "jpeg" or "16UC1; compressedDepth png"
+    data: np.ndarray  # [N] uint8
+    width_px: int = 0
+    height_px: int = 0
+    step_bytes: int = 0
+    is_big_endian: bool = False
+    is_compressed: bool = False
+
+    def color(self) -> np.ndarray:
+        """Colour [H, W, 3] uint8 RGB; grey values thrice.
+
+        Raises:
+            BadImageError: another encoding, or the data do not fit.
+        """
+        if self.is_compressed:
+            return decode_color(self.data.tobytes(), f"image in format {self.encoding!r}")
+        if self.encoding == "mono16":
+            grey = (self._pixels(np.dtype(np.uint16), 1) >> 8).astype(np.uint8)
+            return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), np.uint8)
+        if self.encoding not in _TO_RGB:
+            expected = ", ".join((*_TO_RGB, "mono16"))
+            raise BadImageError(f"colour in encoding {self.encoding!r}: expected {expected}")
+        image = self._pixels(np.dtype(np.uint8), _CHANNELS.get(self.encoding, 1))
+        code = _TO_RGB[self.encoding]
+        if code is None:
+            return np.ascontiguousarray(image)
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), code), np.uint8)
+
+    def depth(self) -> tuple[np.ndarray, float]:
+        """Depth [H, W] uint16 (0 = no measurement), and its units per metre.
+
+        Raises:
+            BadImageError: another encoding, or the data do not fit.
+        """
+        if self.is_compressed:
+            return self._compressed_depth(), MILLIMETRES_PER_M
+        if self.encoding in ("16UC1", "mono16"):
+            return self._pixels(np.dtype(np.uint16), 1), MILLIMETRES_PER_M
+        if self.encoding == "32FC1":
+            scaled = self._pixels(np.dtype(np.float32), 1) * np.float32(FLOAT_UNITS_PER_M)
+            is_there = (scaled > 0) & (scaled < 65535.5)  # not so for NaN and infinity
+            return np.where(is_there, scaled + 0.5, 0).astype(np.uint16), FLOAT_UNITS_PER_M
+        raise BadImageError(
+            f"depth in encoding {self.encoding!r}: expected 16UC1 (mm) or 32FC1 (m)"
+        )
+
+    def _compressed_depth(self) -> np.ndarray:
+        """A PNG of 16 bit, behind the 12 bytes that image_transport's compressedDepth puts before it."""
+        data = self.data.tobytes()
+        if not self.encoding.startswith(("16UC1", "png")):
+            raise BadImageError(f"depth in format {self.encoding!r}: expected a PNG of 16UC1")
+        start = 12 if data[12:16] == _PNG_START else 0
+        return decode_depth(data[start:], f"depth in format {self.encoding!r}")
+
+    def _pixels(self, dtype: np.dtype, channels: int) -> np.ndarray:
+        """Pixels [H, W] or [H, W, channels], without what pads the rows."""
+        row = self.width_px * channels * dtype.itemsize
+        size = self.height_px * self.step_bytes
+        if row == 0 or self.step_bytes < row or size == 0 or self.data.size < size:
+            raise BadImageError(
+                f"{self.encoding} of {self.width_px}x{self.height_px} pixels in {self.data.size} bytes, "
+                f"{self.step_bytes} a row: expected at least {row} a row"
+            )
+        rows = self.data[:size].reshape(self.height_px, self.step_bytes)[:, :row]
+        order = ">" if self.is_big_endian else "<"
+        pixels = np.ascontiguousarray(rows).view(dtype.newbyteorder(order)).astype(dtype)
+        return pixels if channels == 1 else pixels.reshape(self.height_px, self.width_px, channels)

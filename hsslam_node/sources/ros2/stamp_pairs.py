@@ -1,0 +1,48 @@
+"""Colour and depth that come one by one, put together by their stamps."""
+
+from collections import deque
+
+from hsslam_node.sources.ros2.raw_image import RawImage
+
+_KEPT = 16
+
+
+class StampPairs:
+    """Gives a pair as soon as an image has a counterpart within `max_dt_ns`: the nearest of those that
+    are there. What is older than a pair that was given is forgotten, so pairs come in order.
+    """
+
+    def __init__(self, max_dt_ns: int) -> None:
+        self._max_dt_ns = max_dt_ns
+        self._color: deque[RawImage] = deque(maxlen=_KEPT)
+        self._depth: deque[RawImage] = deque(maxlen=_KEPT)
+        self.nearest_ns: int | None = None  # of two that were too far apart, for the operator
+
+    def add_color(self, image: RawImage) -> tuple[RawImage, RawImage] | None:
+        """(this colour image, its depth image), if that is there."""
+        depth = self._counterpart(image, self._color, self._depth)
+        return None if depth is None else (image, depth)
+
+    def add_depth(self, image: RawImage) -> tuple[RawImage, RawImage] | None:
+        """(its colour image, this depth image), if that is there."""
+        color = self._counterpart(image, self._depth, self._color)
+        return None if color is None else (color, image)
+
+    def _counterpart(
+        self, image: RawImage, same: deque[RawImage], others: deque[RawImage]
+    ) -> RawImage | None:
+        found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
+        if found is None or abs(found.stamp_ns - image.stamp_ns) > self._max_dt_ns:
+            if found is not None:
+                self.nearest_ns = abs(found.stamp_ns - image.stamp_ns)
+            same.append(image)
+            return None
+        _forget_until(others, found.stamp_ns)
+        _forget_until(same, image.stamp_ns)
+        return found
+
+
+def _forget_until(images: deque[RawImage], stamp_ns: int) -> None:
+    kept = [image for image in images if image.stamp_ns > stamp_ns]
+    images.clear()
+    images.extend(kept)

@@ -1,0 +1,151 @@
+"""A camera as rmw_zenoh publishes it, its messages encoded by pycdr2, which we do not use."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import zenoh
+from pycdr2 import IdlStruct
+from pycdr2.types import array, float64, int32, sequence, uint8, uint32
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+
+FIRST_NS = 1_700_000_000_000_000_000
+_HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
+
+
+@dataclass
+class Time(IdlStruct):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Image(IdlStruct):
+    header: Header
+    height: uint32
+    width: uint32
+    encoding: str
+    is_bigendian: uint8
+    step: uint32
+    data: sequence[uint8]
+
+
+@dataclass
+class CompressedImage(IdlStruct):
+    header: Header
+    format: str
+    data: sequence[uint8]
+
+
+@dataclass
+class RegionOfInterest(IdlStruct):
+    x_offset: uint32
+    y_offset: uint32
+    height: uint32
+    width: uint32
+    do_rectify: bool
+
+
+@dataclass
+class CameraInfo(IdlStruct):
+    header: Header
+    height: uint32
+    width: uint32
+    distortion_model: str
+    d: sequence[float64]
+    k: array[float64, 9]
+    r: array[float64, 9]
+    p: array[float64, 12]
+    binning_x: uint32
+    binning_y: uint32
+    roi: RegionOfInterest
+
+
+def header(stamp_ns: int) -> Header:
+    return Header(Time(stamp_ns // 10**9, stamp_ns % 10**9), "camera_color_optical_frame")
+
+
+def image(stamp_ns: int, pixels: np.ndarray, encoding: str) -> Image:
+    height, width = pixels.shape[:2]
+    step = pixels.nbytes // height
+    return Image(header(stamp_ns), height, width, encoding, 0, step, pixels.tobytes())
+
+
+def camera_info(stamp_ns: int, camera: Camera, model: str = "plumb_bob") -> CameraInfo:
+    k = [float(v) for v in camera.K.ravel()]
+    p = [2 * camera.fx, 0.0, camera.cx, 0.0, 0.0, 2 * camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    lens = list(camera.distortion or 5 * (0.0,))
+    roi = RegionOfInterest(0, 0, 0, 0, False)
+    eye = [float(v) for v in np.eye(3).ravel()]
+    size = (camera.height_px, camera.width_px)
+    return CameraInfo(header(stamp_ns), *size, model, lens, k, eye, p, 0, 0, roi)
+
+
+class RosCamera:
+    """Publishes in a peer session, such as ROS nodes have."""
+
+    def __init__(self, endpoint: str, topics: tuple[str, str, str] | None = None) -> None:
+        config = zenoh.Config()
+        config.insert_json5("mode", '"peer"')
+        config.insert_json5("connect/endpoints", f'["{endpoint}"]')
+        config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        self._session = zenoh.open(config)
+        self.topics = topics or (
+            "/camera/color/image_raw",
+            "/camera/aligned_depth_to_color/image_raw",
+            "/camera/color/camera_info",
+        )
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def put(self, topic: str, message: IdlStruct | bytes, type_name: str = "Image") -> None:
+        """One message on a topic of domain 0."""
+        payload = message if isinstance(message, bytes) else message.serialize()
+        key = f"0{topic}/sensor_msgs::msg::dds_::{type_name}_/{_HASH}"
+        self._session.put(key, payload)
+
+    def start(
+        self,
+        frames: Sequence[Frame],
+        rate_hz: float = 30.0,
+        depth_lag_ns: int = 0,
+        camera: Camera | None = None,
+    ) -> None:
+        """Publish all frames from a thread, to and fro, with stamps that run on."""
+        there_and_back = [*frames, *frames[-2:0:-1]]
+        packed = [(f.color, (f.depth_m() * 1000).astype(np.uint16)) for f in there_and_back]
+        info = frames[0].camera if camera is None else camera
+        color_topic, depth_topic, info_topic = self.topics
+
+        def run() -> None:
+            k = 0
+            while not self._ended.wait(1 / rate_hz):
+                stamp_ns = FIRST_NS + round(k * 1e9 / rate_hz)
+                color, depth = packed[k % len(packed)]
+                self.put(info_topic, camera_info(stamp_ns, info), "CameraInfo")
+                self.put(color_topic, image(stamp_ns, color, "rgb8"))
+                self.put(depth_topic, image(stamp_ns + depth_lag_ns, depth, "16UC1"))
+                k += 1
+
+        self._thread = threading.Thread(target=run, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Publish nothing more."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def close(self) -> None:
+        self.stop()
+        self._session.close()

@@ -1,0 +1,82 @@
+"""Images of ROS in all the encodings that are taken, and in some that are not."""
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.ros2.raw_image import RawImage
+
+RGB = np.random.default_rng(0).integers(0, 256, (6, 5, 3)).astype(np.uint8)
+DEPTH = np.random.default_rng(1).integers(0, 9000, (6, 5)).astype(np.uint16)
+
+
+def raw(pixels: np.ndarray, encoding: str, pad_bytes: int = 0, **fields) -> RawImage:
+    rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+    rows = np.pad(rows, ((0, 0), (0, pad_bytes)), constant_values=7)
+    height, width = pixels.shape[:2]
+    return RawImage(0, encoding, rows.ravel(), width, height, rows.shape[1], **fields)
+
+
+@pytest.mark.parametrize("pad", [0, 3])
+@pytest.mark.parametrize(
+    ("encoding", "channels"),
+    [
+        ("rgb8", [0, 1, 2]),
+        ("bgr8", [2, 1, 0]),
+        ("8UC3", [2, 1, 0]),
+        ("rgba8", [0, 1, 2, 0]),
+        ("bgra8", [2, 1, 0, 0]),
+    ],
+)
+def test_colour(encoding, channels, pad):
+    np.testing.assert_array_equal(raw(RGB[..., channels], encoding, pad).color(), RGB)
+
+
+def test_grey_is_the_same_in_all_three():
+    grey = RGB[..., 1]
+    for image in (raw(grey, "mono8", 1), raw(grey.astype(np.uint16) << 8, "mono16", 2)):
+        np.testing.assert_array_equal(image.color(), np.stack(3 * [grey], axis=-1))
+
+
+@pytest.mark.parametrize("pad", [0, 4])
+def test_depth_in_millimetres(pad):
+    depth, units = raw(DEPTH, "16UC1", pad).depth()
+    np.testing.assert_array_equal(depth, DEPTH)
+    assert (units, depth.dtype) == (1000, np.uint16)
+    swapped = raw(DEPTH.byteswap(), "16UC1", pad, is_big_endian=True).depth()[0]
+    np.testing.assert_array_equal(swapped, DEPTH)
+
+
+def test_depth_in_floats():
+    metres = (DEPTH / 1000).astype(np.float32)
+    metres[0] = [np.nan, np.inf, -1.0, 0.0, 40.0]
+    depth, units = raw(metres, "32FC1", 4).depth()
+    assert (depth[0] == 0).all()
+    np.testing.assert_allclose(depth[1:] / units, metres[1:], atol=0.5001 / units)
+
+
+def test_compressed():
+    png = cv2.imencode(".png", RGB[..., ::-1])[1].ravel()
+    color = RawImage(0, "rgb8; png compressed bgr8", png, is_compressed=True).color()
+    np.testing.assert_array_equal(color, RGB)
+    packed = np.concatenate([np.zeros(12, np.uint8), cv2.imencode(".png", DEPTH)[1].ravel()])
+    image = RawImage(0, "16UC1; compressedDepth png", packed, is_compressed=True)
+    np.testing.assert_array_equal(image.depth()[0], DEPTH)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: raw(RGB, "bayer_rggb8").color(), "'bayer_rggb8': expected rgb8"),
+        (lambda: raw(RGB, "rgb8").depth(), "'rgb8': expected 16UC1"),
+        (lambda: RawImage(0, "rgb8", RGB.ravel()[:50], 5, 6, 15).color(), "5x6 pixels in 50 bytes"),
+        (lambda: RawImage(0, "rgb8", RGB.ravel(), 5, 6, 14).color(), "at least 15 a row"),
+        (lambda: RawImage(0, "rgb8", RGB.ravel(), 0, 0, 0).color(), "0x0 pixels"),
+        (lambda: RawImage(0, "jpeg", RGB.ravel(), is_compressed=True).color(), "decoded"),
+        (lambda: RawImage(0, "32FC1; x", RGB.ravel(), is_compressed=True).depth(), "a PNG of"),
+    ],
+)
+def test_what_does_not_fit_is_told(make, words):
+    with pytest.raises(BadImageError, match=words):
+        make()

@@ -1,0 +1,23 @@
+"""Which frames of a live camera are used."""
+
+from hsslam_node.sources.live_selection import selected_live
+from hsslam_node.sources.source import BadFrame, SourceOptions
+
+
+def test_start_stride_and_limit():
+    taken = []
+
+    def live():
+        for k in range(100):
+            taken.append(k)
+            yield BadFrame(0, k, "")
+
+    options = SourceOptions(start=3, stride=4, frames=3)
+    assert [(i.index, i.stamp_ns) for i in selected_live(live(), options)] == [
+        (0, 3),
+        (1, 7),
+        (2, 11),
+    ]
+    assert len(taken) <= 13  # does not wait for what it does not need
+    everything = selected_live(live(), SourceOptions())
+    assert [item.index for item in everything] == list(range(100))
