@@ -84,6 +84,8 @@ class ServeOptions:
     security: str = ""
     """Folder of the router's certificate, from hsslam-certs: the port then takes TLS with a certificate
     of the same CA only, and each may do what its role may (empty: the port is open)."""
+    metrics_port: int | None = None
+    """TCP port on loopback for /metrics (Prometheus) and /healthz (none: off)."""
     slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:
@@ -94,6 +96,8 @@ class ServeOptions:
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
         if not 1 <= self.zenoh_port <= 65535:
             raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
+        if self.metrics_port is not None and not 1 <= self.metrics_port <= 65535:
+            raise UserError(f"--metrics-port {self.metrics_port}: expected 1 to 65535")
         if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
         if self.seed < 0:

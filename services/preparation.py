@@ -12,6 +12,7 @@ import psutil
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_node.services.metrics.server import MetricsServer
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.security.router import RunRouter, open_run_router
@@ -37,8 +38,10 @@ class Prepared:
     info: RunInfo
     router: RunRouter
     arena: ArenaFolder
+    metrics: MetricsServer
 
     def close(self) -> None:
+        self.metrics.close()
         self.router.session.close()
         self.arena.remove()
 
@@ -58,6 +61,8 @@ def prepare(options: ServeOptions) -> Prepared:
         undo.callback(arena.remove)
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
+        metrics = MetricsServer(options.metrics_port)
+        undo.callback(metrics.close)
         info = RunInfo(
             run_id=run_id,
             run_dir=str(run_dir),
@@ -74,7 +79,7 @@ def prepare(options: ServeOptions) -> Prepared:
         except OSError as error:
             raise _no_folder(run_dir, error) from None
         undo.pop_all()
-    return Prepared(info, router, arena)
+    return Prepared(info, router, arena, metrics)
 
 
 def _run_folder(options: ServeOptions) -> Path:

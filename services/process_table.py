@@ -27,6 +27,10 @@ class ProcessSpec:
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
+    def is_needed(self, pace: str) -> bool:
+        """Whether the run cannot go on without it; in lockstep each step also waits for the BA."""
+        return self.ends_run or (pace == "lockstep" and self.name == "global_ba")
+
 
 CAMERA_STAGE, TRACKER_STAGE, MAP_STAGE, RECORDER_STAGE = 1, 2, 3, 4  # order of the stop
 

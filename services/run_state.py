@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Health, MapVersion, Pose, SourceEnd
 from hsslam_node.services.bus import Bus
+from hsslam_node.services.metrics.latency_bins import LatencyBins
 
 _RECENT = 64  # poses for rate and latency
 
@@ -26,6 +27,7 @@ class RunState:
     last_pose_s: float = field(default_factory=time.monotonic)
     pose_times_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    latency_bins: LatencyBins = field(default_factory=LatencyBins)
 
     @property
     def fps(self) -> float:
@@ -44,7 +46,9 @@ class RunState:
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
         self.pose_times_s.append(pose.publish_ns / 1e9)
-        self.latencies_ms.append((pose.publish_ns - pose.stamp_ns) / 1e6)
+        latency_ms = (pose.publish_ns - pose.stamp_ns) / 1e6
+        self.latencies_ms.append(latency_ms)
+        self.latency_bins.add(latency_ms)
 
 
 class Listener:

@@ -13,6 +13,7 @@ from hsslam_node.services.child import Child
 from hsslam_node.services.control.gateway import Gateway
 from hsslam_node.services.expect_source import expect_source
 from hsslam_node.services.memory_use import MemoryOfAll
+from hsslam_node.services.metrics.snapshot import take_snapshot
 from hsslam_node.services.nursery_link import NurseryLink
 from hsslam_node.services.one_shot import expect_end, run_one_shot, start_watchdog
 from hsslam_node.services.options import ServeOptions
@@ -100,6 +101,7 @@ class _Run:
         self._gateway = Gateway(bus, prepared.info, nursery.spawn)
         self._status = StatusLine()
         self._memory = MemoryOfAll()
+        self._metrics = prepared.metrics
         self._children = {
             spec.name: Child(spec, self._info.path, nursery.spawn)
             for spec in PROCESSES
@@ -171,8 +173,10 @@ class _Run:
                 self._status.say(f"{event.process}: {event.text}", event.level)
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
         self._memory.look(heard_mb, self._nursery.pid)
-        self._gateway.tick(self._listener.state, self._children, self._memory.total_mb)
-        self._status.show(self._listener.state, self._children, self._memory.total_mb)
+        state, memory_mb = self._listener.state, self._memory.total_mb
+        self._gateway.tick(state, self._children, memory_mb)
+        self._status.show(state, self._children, memory_mb)
+        self._metrics.tick(lambda: take_snapshot(self._gateway, state, self._children, memory_mb))
         is_starting = any(child.state == "starting" for child in self._children.values())
         time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 
@@ -246,6 +250,4 @@ class _Run:
         return 1 if failed else 0
 
     def _needs(self, child: Child) -> bool:
-        """Whether the run cannot go on without it; in lockstep each step also waits for the BA."""
-        is_lockstep = self._info.options.pace == "lockstep"
-        return child.spec.ends_run or (is_lockstep and child.spec.name == "global_ba")
+        return child.spec.is_needed(self._info.options.pace)

@@ -7,7 +7,7 @@ from typing import Any
 from hsslam_node.proto import requests as rpc
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Hold
-from hsslam_node.proto.request_messages import Done
+from hsslam_node.proto.request_messages import Done, Status
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.control.map_saving import MapSaving
@@ -53,23 +53,27 @@ class Gateway:
             if asked is None:
                 break
             if asked.request is rpc.STATUS:
-                phase = "stopping" if self.is_stopping else self._pace
-                rejected = sum(self._rejected(children).values())
-                asked.answer(
-                    run_status(
-                        self._run, state, children, self._requests, phase, memory_mb, rejected
-                    )
-                )
+                asked.answer(self.status(state, children, memory_mb))
             else:
                 self._answer(asked)
         self._mesh.tick()
         self._saving.tick()
 
+    def status(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> Status:
+        """How the run goes."""
+        phase = "stopping" if self.is_stopping else self._pace
+        rejected = sum(self.rejected(children).values())
+        return run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
+
+    def rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
+        """Messages that could not be read, by topic."""
+        return rejected_messages(self._bus.subscriptions, children)
+
     def section(self, children: Mapping[str, Child]) -> dict[str, Any]:
         """For the summary: requests that came and were refused, messages that could not be read."""
         return {
             "requests": {"received": self._requests.received, "refused": self._requests.refused},
-            "rejected": self._rejected(children),
+            "rejected": self.rejected(children),
         }
 
     def close(self) -> None:
@@ -79,9 +83,6 @@ class Gateway:
     @property
     def _pace(self) -> Any:
         return "paused" if self._is_paused else "running"
-
-    def _rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
-        return rejected_messages(self._bus.subscriptions, children)
 
     def _answer(self, asked: Asked) -> None:
         match asked.request:
