@@ -1,0 +1,83 @@
+"""What can be known of images and compose file without Docker."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hsslam_node.services.command_line import parse_command_line
+
+ROOT = Path(__file__).parents[2]
+_DOCKER = ROOT / "docker"
+_FILES = ("Dockerfile", "Dockerfile.cuda")
+
+
+def _instructions(file: str) -> list[tuple[str, str]]:
+    text = (_DOCKER / file).read_text().replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return [(line.split()[0], line.partition(" ")[2]) for line in lines]
+
+
+def _compose() -> dict:
+    return yaml.safe_load((_DOCKER / "compose.yaml").read_text())
+
+
+@pytest.mark.parametrize("file", _FILES)
+def test_an_image_compiles_kernels_and_runs_as_a_user(file):
+    instructions = _instructions(file)
+    values = dict(instructions)
+    assert values["USER"] == "hsslam"  # the last one counts
+    assert ("RUN", "hsslam-serve warm-up") in instructions
+    assert json.loads(values["ENTRYPOINT"]) == ["hsslam-serve"]
+    assert parse_command_line(json.loads(values["CMD"])).source == "synth:room"
+    names = [name for name, _ in instructions]
+    assert names.index("USER") < names.index("COPY")  # what is copied belongs to the user
+    for name, value in instructions:
+        if name == "COPY":
+            *sources, _ = [word for word in value.split() if not word.startswith("--")]
+            assert all((ROOT / source).exists() for source in sources)
+        for used in re.findall(r"source/([\w.]+)", value):
+            assert (ROOT / used).is_file()
+
+
+@pytest.mark.parametrize("file", _FILES)
+def test_the_example_in_an_image_s_head_is_a_command_line_of_ours(file):
+    text = (_DOCKER / file).read_text()
+    (line,) = re.findall(r"^#\s+(docker run .*)$", text, re.MULTILINE)
+    words = shlex.split(line)
+    image = {"Dockerfile": "hsslam", "Dockerfile.cuda": "hsslam-cuda"}[file]
+    assert parse_command_line(words[words.index(image) + 1 :]).source == "synth:room"
+
+
+@pytest.mark.parametrize("name", ["hsslam", "hsslam-cuda", "robot"])
+def test_a_service_has_what_it_needs(name):
+    compose = _compose()
+    service = compose["services"][name]
+    options = parse_command_line(service["command"])
+    assert (_DOCKER / service["build"]["context"]).resolve() == ROOT
+    assert (ROOT / service["build"]["dockerfile"]).is_file()
+    assert service["shm_size"] == "2gb"
+    test = service["healthcheck"]["test"]
+    assert f"127.0.0.1:{options.metrics_port}/healthz" in test[-1]
+    compile(test[-1], "healthcheck", "exec")
+    mounted = {volume.split(":")[1]: volume.split(":")[0] for volume in service["volumes"]}
+    assert set(mounted.values()) == set(compose["volumes"])
+    made = next(v for i, v in _instructions("Dockerfile") if i == "RUN" and v.startswith("mkdir"))
+    assert set(mounted) == {f"/home/hsslam/{folder}" for folder in made.split()[1:]}
+
+
+def test_only_what_is_behind_certificates_has_a_port():
+    for name, service in _compose()["services"].items():
+        options = parse_command_line(service["command"])
+        is_open = options.bind != "127.0.0.1"
+        assert is_open == bool(options.security) == ("ports" in service), name
+        if is_open:
+            assert service["ports"] == [f"{options.zenoh_port}:{options.zenoh_port}"]
+
+
+def test_secrets_and_results_stay_out_of_the_image():
+    ignored = (ROOT / ".dockerignore").read_text().split()
+    assert {".git", ".venv", "certs", "runs", "maps", "data"} <= set(ignored)
