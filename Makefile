@@ -2,6 +2,7 @@
 # make test  install what the tests need, run them
 # make lint  formatter, linter, type checker, generated docs
 # make bench measure the table of the README and store it as JSON
+# make package  build wheel and sdist, install each into a fresh environment, run it there
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -11,7 +12,7 @@ TYPES := build/types
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
-.PHONY: run test lint bench clean
+.PHONY: run test lint bench package clean
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
@@ -33,6 +34,9 @@ lint: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m hsslam_node.services.bench
+
+package:
+	.ci/package $(PYTHON)
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

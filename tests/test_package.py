@@ -1,0 +1,45 @@
+"""What is installed is what lies here: `make package` builds and installs it, this is told at once."""
+
+import importlib
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from hsslam_node import __version__
+
+ROOT = Path(__file__).parents[1]
+_PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def test_every_folder_with_modules_is_a_package_of_the_wheel():
+    folders = {"hsslam_node": "hsslam_node"}
+    folders |= {name: f"hsslam_node.{name}" for name in ("services", "proto")}
+    found = {
+        ".".join((installed, *path.parent.relative_to(ROOT / folder).parts))
+        for folder, installed in folders.items()
+        for path in (ROOT / folder).rglob("*.py")
+    }
+    assert set(_PROJECT["tool"]["setuptools"]["packages"]) == found
+    assert all((ROOT / folder / "__init__.py").exists() for folder in folders)
+
+
+@pytest.mark.parametrize(("command", "target"), _PROJECT["project"]["scripts"].items())
+def test_a_command_has_something_to_call(command, target):
+    module, _, function = target.partition(":")
+    assert callable(getattr(importlib.import_module(module), function))
+    assert command.startswith("hsslam-")
+
+
+def test_the_version_is_one():
+    assert _PROJECT["project"]["version"] == __version__
+
+
+def test_dependencies_are_pinned_for_ci():
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in lines if "==" in line}
+    names = [
+        wanted.split(">")[0].split("=")[0].split("<")[0].strip().lower()
+        for wanted in _PROJECT["project"]["dependencies"]
+    ]
+    assert set(names) <= pinned
