@@ -22,6 +22,7 @@ from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.realsense_options import RealsenseOptions
 from hsslam_node.sources.record_options import RecordOptions
 from hsslam_node.sources.ros2_options import Ros2Options
 from hsslam_node.sources.source import SourceOptions, SynthOptions
@@ -58,6 +59,7 @@ class DoctorOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
 
     def __post_init__(self) -> None:
         if not 6 <= self.sample_frames <= 3000:
@@ -85,6 +87,7 @@ def _look(options: DoctorOptions) -> int:
         camera=options.camera,
         record=options.record,
         ros2=options.ros2,
+        realsense=options.realsense,
     )
     stamps = recorded_stamps(options.source)  # may have to be fetched, which shows a bar of its own
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):

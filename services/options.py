@@ -10,6 +10,7 @@ from typing import Literal
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.realsense_options import RealsenseOptions
 from hsslam_node.sources.record_options import RecordOptions
 from hsslam_node.sources.ros2_options import Ros2Options
 from hsslam_node.sources.source import SourceOptions, SynthOptions
@@ -24,8 +25,8 @@ class ServeOptions:
 
     Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
     not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
-    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | mcap:FILE (the frames of a log;
-    FILE may be a run folder) | zenoh: (frames that somebody else publishes).
+    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on USB) | mcap:FILE
+    (the frames of a log; FILE may be a run folder) | zenoh: (frames that somebody else publishes).
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -68,6 +69,7 @@ class ServeOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log: jpeg (quality 90), or png (lossless, 7 times as large: replays give the same
     poses)."""
@@ -128,6 +130,7 @@ class ServeOptions:
             camera=self.camera,
             record=self.record,
             ros2=self.ros2,
+            realsense=self.realsense,
         )
 
     @property

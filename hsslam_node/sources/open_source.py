@@ -19,6 +19,7 @@ _EXAMPLES = (
     "record:<folder>",
     "mcap:<log>",
     "ros2:/camera",
+    "realsense",
     "zenoh:",
 )
 
@@ -78,7 +79,7 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
         raise UserError(
             f"source {spec}: a log has no ground truth and is opened by the service only"
         )
-    if kind == "ros2" and rest:
+    if (kind == "ros2" and rest) or spec == "realsense":
         raise UserError(f"source {spec}: a live camera is opened by the service only")
     if kind == "zenoh" and colon and not rest:
         raise UserError("source zenoh: its frames come over the bus, there is nothing to open")

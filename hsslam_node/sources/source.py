@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.realsense_options import RealsenseOptions
 from hsslam_node.sources.record_options import RecordOptions
 from hsslam_node.sources.ros2_options import Ros2Options
 
@@ -91,6 +92,7 @@ class SourceOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
 
     def __post_init__(self) -> None:
         if self.noise not in ("none", "kinect"):

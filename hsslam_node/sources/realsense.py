@@ -1,0 +1,132 @@
+"""Intel RealSense cameras: `--source realsense`."""
+
+import importlib
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.live_selection import selected_live
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.undistortion import Undistortion
+
+_WAIT_MS = 200
+_SILENCE_S = 5.0
+
+
+class RealsenseSource:
+    """Colour, and depth aligned to it by the camera's own software, as they come.
+
+    Stamps are the camera's. `should_stop` ends the frames.
+
+    Raises:
+        UserError: the package or the camera is missing, or it has no such images.
+    """
+
+    def __init__(
+        self, options: SourceOptions, should_stop: Callable[[], bool] = lambda: False
+    ) -> None:
+        rs = expect_realsense(options.realsense.serial)
+        wanted = options.realsense
+        self._options = options
+        self._should_stop = should_stop
+        config = rs.config()
+        if wanted.serial:
+            config.enable_device(wanted.serial)
+        size = (wanted.width_px, wanted.height_px)
+        config.enable_stream(rs.stream.color, *size, rs.format.rgb8, wanted.rate_hz)
+        config.enable_stream(rs.stream.depth, *size, rs.format.z16, wanted.rate_hz)
+        self._pipeline = rs.pipeline()
+        try:
+            profile = self._pipeline.start(config)
+        except RuntimeError as error:
+            raise UserError(
+                f"source realsense: {size[0]}x{size[1]} at {wanted.rate_hz} Hz: {error} (expected USB 3, and "
+                "--realsense.width-px, --realsense.height-px, --realsense.rate-hz that the camera has)"
+            ) from None
+        self._align = rs.align(rs.stream.color)
+        scale_m = profile.get_device().first_depth_sensor().get_depth_scale()
+        stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
+        camera = realsense_camera(stream.get_intrinsics())
+        self._undistortion = Undistortion(camera)
+        self.name = "realsense"
+        self.camera = camera.undistorted()
+        self.rate_hz = float(wanted.rate_hz)
+        self.frame_count: int | None = options.frames
+        self.depth_units_per_m = 1.0 / float(scale_m)
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        try:
+            yield from selected_live(self._live(), self._options)
+        finally:
+            self._pipeline.stop()
+
+    def _live(self) -> Iterator[Frame | BadFrame]:
+        heard_s = time.monotonic()
+        while not self._should_stop():
+            is_there, images = self._pipeline.try_wait_for_frames(_WAIT_MS)
+            if is_there:
+                heard_s = time.monotonic()
+                yield self._frame(self._align.process(images))
+            elif time.monotonic() - heard_s > _SILENCE_S:
+                heard_s = time.monotonic()
+                yield BadFrame(
+                    0, time.time_ns(), f"nothing for {_SILENCE_S:g} s: see the USB cable"
+                )
+
+    def _frame(self, images: Any) -> Frame | BadFrame:
+        color, depth = images.get_color_frame(), images.get_depth_frame()
+        stamp_ns = round(1e6 * images.get_timestamp())
+        if not color or not depth:
+            return BadFrame(0, stamp_ns, "colour or depth is missing")
+        try:
+            return Frame(
+                index=0,
+                stamp_ns=stamp_ns,
+                camera=self.camera,
+                color=self._undistortion.color(np.array(color.get_data())),
+                depth_raw=self._undistortion.depth(np.array(depth.get_data())),
+                depth_units_per_m=self.depth_units_per_m,
+            )
+        except UserError as error:
+            return BadFrame(0, stamp_ns, str(error))
+
+
+def expect_realsense(serial: str) -> Any:
+    """The module pyrealsense2, if it and a camera (of this serial number) are there.
+
+    Raises:
+        UserError: which of them is missing.
+    """
+    try:
+        rs = importlib.import_module("pyrealsense2")
+    except ImportError:
+        raise UserError(
+            "source realsense: package pyrealsense2 is not there: pip install 'hsslam-node[realsense]'"
+        ) from None
+    devices = rs.context().query_devices()
+    found = [device.get_info(rs.camera_info.serial_number) for device in devices]
+    if not found:
+        raise UserError("source realsense: no camera: expected one on USB 3, and rights to use it")
+    if serial and serial not in found:
+        raise UserError(f"--realsense.serial {serial}: expected one of {', '.join(found)}")
+    return rs
+
+
+def realsense_camera(intrinsics: Any) -> Camera:
+    """Camera of `rs.intrinsics`; like ROS, takes its five coefficients for those of OpenCV."""
+    lens = tuple(float(value) for value in intrinsics.coeffs)
+    return Camera(
+        width_px=int(intrinsics.width),
+        height_px=int(intrinsics.height),
+        fx=float(intrinsics.fx),
+        fy=float(intrinsics.fy),
+        cx=float(intrinsics.ppx),
+        cy=float(intrinsics.ppy),
+        distortion=lens if any(lens) else (),
+    )
