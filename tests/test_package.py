@@ -1,6 +1,7 @@
 """What is installed is what lies here: `make package` builds and installs it, this is told at once."""
 
 import importlib
+import sys
 import tomllib
 from pathlib import Path
 
@@ -25,10 +26,13 @@ def test_every_folder_with_modules_is_a_package_of_the_wheel():
 
 
 @pytest.mark.parametrize(("command", "target"), _PROJECT["project"]["scripts"].items())
-def test_a_command_has_something_to_call(command, target):
+def test_every_command_tells_its_version(command, target, monkeypatch, capsys):
     module, _, function = target.partition(":")
-    assert callable(getattr(importlib.import_module(module), function))
-    assert command.startswith("hsslam-")
+    monkeypatch.setattr(sys, "argv", [command, "--version"])
+    with pytest.raises(SystemExit) as ended:
+        sys.exit(getattr(importlib.import_module(module), function)())
+    assert not ended.value.code
+    assert capsys.readouterr().out == f"{command} {__version__}\n"
 
 
 def test_the_version_is_one():

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from hsslam_node import __version__
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.catalogue import catalogue
 from hsslam_node.services.bench.check import Check, Row, perform, select
@@ -64,6 +65,8 @@ def _arguments(args: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     )
     data = os.environ.get("HSSLAM_TEST_DATA", "../shared/data")
     out = Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"
+    version = f"%(prog)s {__version__}"
+    parser.add_argument("--version", action="version", version=version)
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="rows or groups")
     parser.add_argument("--quick", action="store_true", help="one seed, few frames: a try-out")
     parser.add_argument("--list", action="store_true", help="print the names of the rows and end")
