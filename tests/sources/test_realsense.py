@@ -25,6 +25,11 @@ def test_without_package_or_camera_it_is_one_line():
             look()
 
 
+def test_a_wrong_name_suggests_the_right_one():
+    with pytest.raises(UserError, match="did you mean realsense"):
+        expect_source(ServeOptions("realsense:1"))
+
+
 def test_its_intrinsics():
     given = SimpleNamespace(
         width=640, height=480, fx=610.5, fy=611.0, ppx=321.0, ppy=242.5, coeffs=[0.0] * 5
