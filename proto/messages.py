@@ -118,7 +118,10 @@ class MapVersion(Message, frozen=True, kw_only=True):
 
 
 class Correction(Message, frozen=True, kw_only=True):
-    """New poses of keyframes from global BA, valid on top of `base_version` of the poses."""
+    """New poses of keyframes from global BA, valid on top of `base_version` of the poses.
+
+    `loops`: pairs of keyframes, the older one first, that were newly seen to show the same place.
+    """
 
     pose_version: Index
     base_version: Index
@@ -127,6 +130,7 @@ class Correction(Message, frozen=True, kw_only=True):
     q: list[Quaternion]
     loss_before: Real
     loss_after: Real
+    loops: list[tuple[Index, Index]] = []
 
     def __post_init__(self) -> None:
         if not len(self.keyframes) == len(self.t) == len(self.q):

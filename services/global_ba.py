@@ -45,6 +45,7 @@ class _BaLoop:
         self._link = MapLink(worker.arena, worker.options.slam)
         self._corrections = worker.bus.publisher(topics.CORRECTION)
         self._ba: BundleAdjustment | None = None
+        self._loops: list[tuple[int, int]] = []  # closed since the last correction
 
     def work_if_due(self) -> None:
         """One round, if enough keyframes have come since the last."""
@@ -62,15 +63,19 @@ class _BaLoop:
             report = self._ba.round(store, partial(self._worker.arena.lease, PARAMETERS_LEASE))
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
-        self._worker.count("loops", report.loops)
+        self._worker.count("loops", len(report.loops))
+        self._loops += report.loops
         if report.moved:
             base = store.pose_version
             version = store.correct_poses(report.keyframes, report.T_world_cam)
             self._worker.count("corrections")
-            self._corrections.put(_correction(report, base, version))
+            self._corrections.put(_correction(report, base, version, self._loops))
+            self._loops = []
 
 
-def _correction(report: BaReport, base: int, version: int) -> Correction:
+def _correction(
+    report: BaReport, base: int, version: int, loops: list[tuple[int, int]]
+) -> Correction:
     poses = [wire_pose(T) for T in report.T_world_cam]
     return Correction(
         pose_version=version,
@@ -80,6 +85,7 @@ def _correction(report: BaReport, base: int, version: int) -> Correction:
         q=[q for _, q in poses],
         loss_before=report.loss_before,
         loss_after=report.loss_after,
+        loops=[(min(pair), max(pair)) for pair in loops],
     )
 
 

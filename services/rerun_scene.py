@@ -10,13 +10,13 @@ from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.proto import messages
 from hsslam_node.proto.mesh_codec import mesh_arrays
 from hsslam_node.services.frame_compression import jpeg
+from hsslam_node.services.rerun_path import RerunPath
 
-_SEGMENT_POSES = 64  # of the trajectory per entity; a pose re-logs its segment only
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
-_FRUSTUM_DEPTH_M = 0.08
+_FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
 _FPS_WEIGHT = 0.1  # of the newest interval in the running mean
-_TRAJECTORY, _LOST, _KEYFRAMES = (80, 200, 255), (255, 60, 60), (255, 180, 40)
+_KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
@@ -24,13 +24,13 @@ class RerunScene:
     """Draws messages into one recording stream.
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
-    world/keyframes/<block>, world/mesh, plots/*, events. Lost poses are drawn as such.
+    world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, plots/*, events.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._stream = stream
-        self._segment: list[messages.Vector] = []
-        self._segment_index = 0
+        self._path = RerunPath(stream)
+        self._loops: set[tuple[int, int]] = set()
         self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
         self._frustum: np.ndarray | None = None
         self._tracked_ns = 0
@@ -56,6 +56,8 @@ class RerunScene:
                 moved = zip(message.keyframes, message.t, message.q, strict=True)
                 self._keyframes.update((k, (t, q)) for k, t, q in moved)
                 self._draw_keyframes(message.keyframes)
+                self._loops.update(message.loops)
+                self._draw_loops()
             case messages.MapVersion():
                 self._plot("loss", message.loss)
             case messages.Mesh():
@@ -91,25 +93,13 @@ class RerunScene:
     def _draw_pose(self, pose: messages.Pose) -> None:
         self._plot("quality", pose.quality)
         self._plot("latency_ms", (pose.publish_ns - pose.stamp_ns) / 1e6)
-        if pose.status == "lost":
+        self._path.draw(pose)
+        if pose.status != "lost":
+            self._plot_fps(pose)
             self._stream.log(
-                "world/lost", rr.Points3D([pose.t], colors=[_LOST], radii=rr.Radius.ui_points(6))
+                "world/camera",
+                rr.Transform3D(translation=pose.t, quaternion=rr.Quaternion(xyzw=pose.q)),
             )
-            return
-        self._stream.log("world/lost", rr.Clear(recursive=False))
-        self._plot_fps(pose)
-        self._stream.log(
-            "world/camera",
-            rr.Transform3D(translation=pose.t, quaternion=rr.Quaternion(xyzw=pose.q)),
-        )
-        self._segment.append(pose.t)
-        self._stream.log(
-            f"world/trajectory/{self._segment_index}",
-            rr.LineStrips3D([self._segment], colors=[_TRAJECTORY], radii=rr.Radius.ui_points(1.5)),
-        )
-        if len(self._segment) == _SEGMENT_POSES:
-            self._segment = self._segment[-1:]
-            self._segment_index += 1
 
     def _draw_keyframes(self, changed: Sequence[int]) -> None:
         if self._frustum is None:
@@ -123,7 +113,18 @@ class RerunScene:
             ]
             self._stream.log(
                 f"world/keyframes/{block}",
-                rr.LineStrips3D(strips, colors=[_KEYFRAMES], radii=rr.Radius.ui_points(0.7)),
+                rr.LineStrips3D(strips, colors=[_KEYFRAMES], radii=rr.Radius.ui_points(0.5)),
+            )
+
+    def _draw_loops(self) -> None:
+        """A line between the keyframes that each loop has brought together."""
+        places = {k: t for k, (t, _) in self._keyframes.items()}
+        lines = [[places[a], places[b]] for a, b in self._loops if a in places and b in places]
+        if lines:
+            self._restore_time()
+            self._stream.log(
+                "world/loops",
+                rr.LineStrips3D(lines, colors=[_LOOPS], radii=rr.Radius.ui_points(1.2)),
             )
 
     def _draw_mesh(self, mesh: messages.Mesh) -> None:
@@ -174,15 +175,16 @@ def blueprint() -> rrb.Blueprint:
         rrb.TimeSeriesView(origin="/plots", contents=[f"/plots/{name}"], name=title)
         for name, title in (
             ("latency_ms", "Latency, ms"),
-            ("fps", "Tracked frames per second"),
-            ("quality", "Tracking quality"),
-            ("loss", "Mapping loss"),
+            ("fps", "Frames per second"),
+            ("quality", "Quality"),
+            ("loss", "Loss"),
         )
     ]
     side = rrb.Vertical(
         rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
-        rrb.Tabs(*plots, rrb.TextLogView(origin="/events", name="Events"), active_tab=0),
-        row_shares=[1, 1],
+        rrb.Tabs(*plots, active_tab=0),
+        rrb.TextLogView(origin="/events", name="Events"),
+        row_shares=[3, 2, 1.3],
     )
     return rrb.Blueprint(
         rrb.Horizontal(world, side, column_shares=[2, 1]),

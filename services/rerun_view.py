@@ -21,6 +21,7 @@ _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
 _CHECK_S = 2.0
 _FIRST_CHECK_S = 20.0  # a viewer may take its time to start
+_STUCK_S = 3.0  # in the drawing of one message
 _CLOSE_S = 10.0
 _IMAGE_S, _MESH_S = 0.1, 3.0  # least time between images and between meshes in the file
 
@@ -80,7 +81,10 @@ class RerunView:
 
 
 class _Watch:
-    """Notices a live viewer that is gone."""
+    """Notices a live viewer that is gone, and tells of one that takes no data, as when it is frozen.
+
+    While it takes none, the queue loses what is old, and what is new is drawn when it comes round.
+    """
 
     def __init__(self, viewer: str, tell: Tell, process: ViewerProcess | None) -> None:
         self._viewer = viewer
@@ -88,6 +92,7 @@ class _Watch:
         self._process = process
         self._next_s = time.monotonic() + _CHECK_S
         self._patience_s = _FIRST_CHECK_S
+        self._was_told = False
 
     def is_gone(self, stream: rr.RecordingStream) -> bool:
         """Checked now and then; tells it once."""
@@ -97,13 +102,22 @@ class _Watch:
         if not ended:
             try:
                 stream.flush(timeout_sec=self._patience_s)
-            except RuntimeError:
-                ended = True
+                self._was_told = False
+            except RuntimeError as error:
+                ended = "timed out" not in str(error)
+                if not ended:
+                    self.takes_nothing()
         self._patience_s = _CHECK_S
         self._next_s = time.monotonic() + _CHECK_S
         if ended:
             self._tell("warning", f"viewer {self._viewer} is closed; the run goes on without it")
         return ended
+
+    def takes_nothing(self) -> None:
+        """Tell it, once until it takes data again."""
+        if not self._was_told:
+            self._was_told = True
+            self._tell("warning", f"viewer {self._viewer} takes no data; the run goes on")
 
 
 class _Drawing(threading.Thread):
@@ -124,6 +138,7 @@ class _Drawing(threading.Thread):
         self._arrival = threading.Condition()
         self._stopped = False
         self._gone = False
+        self._drawn_s = time.monotonic()
         self._watch = watch
         self._image_interval_ns = int(image_interval_s * 1e9)
         self._mesh_interval_s = mesh_interval_s
@@ -147,6 +162,8 @@ class _Drawing(threading.Thread):
                 overflow = len(self._others) > _OTHERS_WAITING and self._others.popleft()
             self.dropped += bool(overflow)
             self._arrival.notify()
+        if overflow and self._watch is not None and time.monotonic() - self._drawn_s > _STUCK_S:
+            self._watch.takes_nothing()  # the SDK waits for it
 
     def stop(self) -> None:
         with self._arrival:
@@ -156,6 +173,7 @@ class _Drawing(threading.Thread):
     def run(self) -> None:
         while (message := self._next()) is not None:
             self._scene.draw(message)
+            self._drawn_s = time.monotonic()
             if self._watch is not None and self._watch.is_gone(self._stream):
                 self._gone = True
                 break

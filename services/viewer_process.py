@@ -56,6 +56,11 @@ class ViewerProcess:
         except OSError as error:
             raise UserError(f"--viewer {kind}: cannot start {command[0]}: {error}") from None
 
+    @property
+    def pid(self) -> int:
+        """Process id of the viewer, or of the web server."""
+        return self._process.pid
+
     def has_ended(self) -> bool:
         """Whether the viewer was closed."""
         return self._process.poll() is not None

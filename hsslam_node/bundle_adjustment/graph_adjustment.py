@@ -68,8 +68,8 @@ class GraphBundleAdjustment:
             ids, corrected[ids], mapped.loss_before, mapped.loss_after, moved=True, loops=closed
         )
 
-    def _measure(self, store: KeyframeStore, poses: np.ndarray) -> int:
-        """Edges of the keyframes that are new; returns how many loops they close."""
+    def _measure(self, store: KeyframeStore, poses: np.ndarray) -> tuple[tuple[int, int], ...]:
+        """Edges of the keyframes that are new; returns the loops they close."""
         c = self._config
         if self._alignment is None or self._loops is None:
             tracker = self._slam.tracker
@@ -96,7 +96,7 @@ class GraphBundleAdjustment:
         self._seen = count
         self._edges += loops
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
-        return len(loops)
+        return tuple((edge.first, edge.second) for edge in loops)
 
     def _add_tracked(self, k: int, T: np.ndarray) -> None:
         """The tracked motion `T` since the keyframe before, and that since one some way back."""

@@ -21,7 +21,7 @@ class BaReport:
     loss_before: float
     loss_after: float
     moved: bool  # whether any pose changed
-    loops: int = 0  # that were closed
+    loops: tuple[tuple[int, int], ...] = ()  # that were closed: ids of keyframes, the older first
 
 
 class BundleAdjustment(Protocol):

@@ -1,9 +1,12 @@
+import os
+import signal
 import socket
 import subprocess
 import time
 import urllib.request
 from pathlib import Path
 
+import msgspec
 import pytest
 import rerun_cli
 from wire_samples import frame, keyframe, mesh, pose
@@ -37,7 +40,9 @@ def test_the_file_has_the_whole_scene(tmp_path):
         "/world/trajectory/0",
         "/world/trajectory/1",
         "/world/keyframes/0",
-        "/world/lost",
+        "/world/lost/here",
+        "/world/lost/0",
+        "/world/loops",
         "/world/mesh",
         "/plots/latency_ms",
         "/plots/fps",
@@ -83,6 +88,43 @@ def test_a_viewer_that_is_closed_is_one_event(tmp_path):
     assert [level for level, _ in events] == ["warning"]
     assert "is closed" in events[0][1]
     subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
+
+
+def test_a_frozen_viewer_holds_nobody_up_and_goes_on_when_it_thaws(tmp_path):
+    events = []
+    server = ViewerProcess("web")
+    view = RerunView(
+        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
+    )
+    _show_a_run(view)
+    time.sleep(2.1)
+    view.show(pose(200))  # the viewer is looked at for the first time, with patience
+    time.sleep(0.3)
+    os.kill(server.pid, signal.SIGSTOP)
+    large = memoryview(os.urandom(1_000_000))  # soon nothing on the way takes any more
+    picture = msgspec.structs.replace(frame(0, compressed=True), color=large)
+    longest_s, index, deadline = 0.0, 0, time.monotonic() + 20
+    while not (events and view.dropped) and time.monotonic() < deadline:
+        begin = time.monotonic()
+        view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
+        longest_s = max(longest_s, time.monotonic() - begin)
+        index += 1
+        time.sleep(0.005)
+    assert [level for level, _ in events] == ["warning"]
+    assert "takes no data" in events[0][1]
+    assert view.dropped and longest_s < 1.0
+    os.kill(server.pid, signal.SIGCONT)
+    dropped = -1
+    while dropped != view.dropped and time.monotonic() < deadline:  # it is drawn to again
+        dropped = view.dropped
+        for _ in range(20):
+            view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
+            index += 1
+            time.sleep(0.05)
+    assert dropped == view.dropped
+    assert len(events) == 1  # it was not taken for closed
+    server.close()
+    view.close()
 
 
 def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
@@ -136,6 +178,7 @@ def _show_a_run(view: RerunView) -> None:
             q=[(0.0, 0.0, 0.0, 1.0)],
             loss_before=1.0,
             loss_after=0.5,
+            loops=[(0, 40)],
         )
     )
     view.show(mesh(final=True))

@@ -1,0 +1,79 @@
+"""The camera's path in the viewer: coloured by tracking quality, lost stretches in red."""
+
+import rerun as rr
+
+from hsslam_node.proto.messages import Pose, Vector
+
+Color = tuple[int, int, int]
+
+_SEGMENT_POSES = 64  # per entity; a pose re-logs its segment only
+_LOST: Color = (255, 60, 60)
+_QUALITIES: tuple[tuple[float, Color], ...] = (  # colours between them are mixed
+    (0.3, (255, 110, 40)),
+    (0.6, (255, 220, 60)),
+    (0.9, (70, 200, 255)),
+)
+
+
+class RerunPath:
+    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>."""
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._points: list[Vector] = []
+        self._colors: list[Color] = []
+        self._segment = 0
+        self._stretches = 0
+        self._is_lost = False
+
+    def draw(self, pose: Pose) -> None:
+        """Add a pose; one that is lost has a position that nobody vouches for: it is not drawn."""
+        if pose.status == "lost":
+            if not self._is_lost and self._points:
+                self._stream.log(
+                    "world/lost/here",
+                    rr.Points3D(self._points[-1:], colors=[_LOST], radii=rr.Radius.ui_points(7)),
+                )
+            self._is_lost = True
+            return
+        if self._is_lost:
+            self._end_stretch(pose.t)
+        self._points.append(pose.t)
+        self._colors.append(quality_color(pose.quality))
+        if len(self._points) > 1:
+            self._stream.log(
+                f"world/trajectory/{self._segment}",
+                rr.LineStrips3D(
+                    [[a, b] for a, b in zip(self._points, self._points[1:], strict=False)],
+                    colors=self._colors[1:],
+                    radii=rr.Radius.ui_points(1.8),
+                ),
+            )
+        if len(self._points) > _SEGMENT_POSES:
+            self._begin_segment(self._points[-1])
+
+    def _end_stretch(self, t: Vector) -> None:
+        self._stream.log("world/lost/here", rr.Clear(recursive=False))
+        if self._points:
+            line = rr.LineStrips3D(
+                [[self._points[-1], t]], colors=[_LOST], radii=rr.Radius.ui_points(2.5)
+            )
+            self._stream.log(f"world/lost/{self._stretches}", line)
+            self._stretches += 1
+        self._is_lost = False
+        self._begin_segment()
+
+    def _begin_segment(self, *first: Vector) -> None:
+        self._points = list(first)
+        self._colors = self._colors[-1:] if first else []
+        self._segment += 1
+
+
+def quality_color(quality: float) -> Color:
+    """From orange (few points agree with the map) over yellow to blue (nearly all do)."""
+    for (low, below), (high, above) in zip(_QUALITIES, _QUALITIES[1:], strict=False):
+        if quality < high:
+            share = max(quality - low, 0.0) / (high - low)
+            r, g, b = (round(x + share * (y - x)) for x, y in zip(below, above, strict=True))
+            return r, g, b
+    return _QUALITIES[-1][1]
