@@ -163,6 +163,21 @@ class Mesh(Message, frozen=True, kw_only=True):
             raise ValueError("vertices: expected finite numbers")
 
 
+class View(Message, frozen=True, kw_only=True):
+    """The map as seen from the pose of frame `index`: [H, W, 3] uint8 RGB, black where it has nothing."""
+
+    index: Index
+    stamp_ns: StampNs
+    width_px: SizePx
+    height_px: SizePx
+    color: memoryview
+
+    def __post_init__(self) -> None:
+        size, expected = memoryview(self.color).nbytes, 3 * self.width_px * self.height_px
+        if size != expected:
+            raise ValueError(f"color has {size} bytes: expected {expected}")
+
+
 class Step(Message, frozen=True, kw_only=True):
     """Lockstep: frame `index` has been mapped, or all work on it is done."""
 

@@ -12,6 +12,7 @@ from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.proto import topics
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.model_view import ModelView
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
 
@@ -28,6 +29,7 @@ def _run(worker: Worker) -> None:
     loop = _MesherLoop(worker)
     worker.ready()
     while not worker.should_stop():
+        loop.show_if_due()
         if every_s > 0 and loop.has_news():
             loop.work()
             worker.stop_event().wait(every_s)
@@ -43,6 +45,7 @@ class _MesherLoop:
         self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._meshes = worker.bus.publisher(topics.MESH)
+        self._view = ModelView(worker.bus)
         self._mesher: BlockMesher | None = None
         self._params = np.zeros(0, np.float32)
         self._observed = 0
@@ -52,6 +55,18 @@ class _MesherLoop:
         """Whether keyframes have come since the last mesh."""
         store, parameters = self._link.store(), self._link.parameters()
         return bool(store and parameters and parameters.version and store.count > self._observed)
+
+    def show_if_due(self) -> None:
+        """The map from where the camera is, for whoever looks on."""
+        store, parameters = self._link.store(), self._link.parameters()
+        if store is None or parameters is None or not parameters.version:
+            return
+        pose = self._view.newest_pose()
+        if pose is not None:
+            with self._worker.timed("view"):
+                self._copy_map(parameters)
+                queries = open_map_queries(parameters.layout, self._params, self._device)
+                self._view.show(pose, store.camera, parameters.layout, queries)
 
     def work(self) -> None:
         """Observe new keyframes, mesh what changed, publish."""

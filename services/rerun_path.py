@@ -1,5 +1,7 @@
 """The camera's path in the viewer: coloured by tracking quality, lost stretches in red."""
 
+from itertools import pairwise
+
 import rerun as rr
 
 from hsslam_node.proto.messages import Pose, Vector
@@ -44,7 +46,7 @@ class RerunPath:
             self._stream.log(
                 f"world/trajectory/{self._segment}",
                 rr.LineStrips3D(
-                    [[a, b] for a, b in zip(self._points, self._points[1:], strict=False)],
+                    [[a, b] for a, b in pairwise(self._points)],
                     colors=self._colors[1:],
                     radii=rr.Radius.ui_points(1.8),
                 ),
@@ -71,7 +73,7 @@ class RerunPath:
 
 def quality_color(quality: float) -> Color:
     """From orange (few points agree with the map) over yellow to blue (nearly all do)."""
-    for (low, below), (high, above) in zip(_QUALITIES, _QUALITIES[1:], strict=False):
+    for (low, below), (high, above) in pairwise(_QUALITIES):
         if quality < high:
             share = max(quality - low, 0.0) / (high - low)
             r, g, b = (round(x + share * (y - x)) for x, y in zip(below, above, strict=True))

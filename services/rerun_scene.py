@@ -24,7 +24,7 @@ class RerunScene:
     """Draws messages into one recording stream.
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
-    world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, plots/*, events.
+    world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, model, plots/*, events.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -62,6 +62,8 @@ class RerunScene:
                 self._plot("loss", message.loss)
             case messages.Mesh():
                 self._draw_mesh(message)
+            case messages.View():
+                self._draw_view(message)
             case messages.Health():
                 self._plot(f"memory_mb/{message.process}", message.rss_bytes / 1e6)
             case messages.Event():
@@ -142,6 +144,11 @@ class RerunScene:
             ),
         )
 
+    def _draw_view(self, view: messages.View) -> None:
+        self._restore_time()
+        shape = (view.height_px, view.width_px, 3)
+        self._stream.log("model", rr.Image(np.frombuffer(view.color, np.uint8).reshape(shape)))
+
     def _plot_fps(self, pose: messages.Pose) -> None:
         if self._tracked_ns:
             interval_s = (pose.publish_ns - self._tracked_ns) / 1e9
@@ -181,13 +188,16 @@ def blueprint() -> rrb.Blueprint:
         )
     ]
     side = rrb.Vertical(
-        rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
+        rrb.Horizontal(
+            rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
+            rrb.Spatial2DView(origin="/model", name="Map as seen from there"),
+        ),
         rrb.Tabs(*plots, active_tab=0),
         rrb.TextLogView(origin="/events", name="Events"),
-        row_shares=[3, 2, 1.3],
+        row_shares=[3, 2.5, 1.5],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(world, side, column_shares=[2, 1]),
+        rrb.Horizontal(world, side, column_shares=[5, 4]),
         rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

@@ -44,6 +44,7 @@ def test_the_file_has_the_whole_scene(tmp_path):
         "/world/lost/0",
         "/world/loops",
         "/world/mesh",
+        "/model",
         "/plots/latency_ms",
         "/plots/fps",
         "/plots/quality",
@@ -182,6 +183,8 @@ def _show_a_run(view: RerunView) -> None:
         )
     )
     view.show(mesh(final=True))
+    color = memoryview(bytes(36))
+    view.show(messages.View(index=1, stamp_ns=1, width_px=4, height_px=3, color=color))
     view.show(messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
     view.show(messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
     time.sleep(0.3)

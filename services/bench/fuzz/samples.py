@@ -62,6 +62,13 @@ _ALL: tuple[m.Message, ...] = (
         faces=memoryview(bytes([0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0])),
         colors=_zeros(9),
     ),
+    m.View(
+        index=7,
+        stamp_ns=_STAMP,
+        width_px=_WIDTH,
+        height_px=_HEIGHT,
+        color=_zeros(3 * _WIDTH * _HEIGHT),
+    ),
     m.Step(stage="done", index=7),
     m.Health(
         process="tracker",
