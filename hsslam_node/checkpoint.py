@@ -3,6 +3,8 @@
 import dataclasses
 import difflib
 import json
+import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -16,12 +18,15 @@ from hsslam_node.errors import UserError
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.keyframes.keyframe_images import KeyframeImages
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 FORMAT = "hsslam-map"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 P = TypeVar("P")
-_READABLE = ("1", "2")  # 1: before bounds could grow
+_READABLE = ("1", "2", "3")  # 1: before bounds could grow; 2: before keyframe images were kept
+_CHECKSUM = "crc32"  # of all tensors and the other metadata
+_IMAGES = ("color", "color_end", "depth", "depth_end")  # arrays of KeyframeImages
 
 
 @dataclass(frozen=True)
@@ -34,19 +39,27 @@ class MapCheckpoint:
     T_world_keyframe: np.ndarray  # [n, 4, 4] float64
     camera: Camera | None = None  # of the keyframes; None in maps of before it was kept
     sampling: SamplingPattern | None = None  # that the map was trained with; None likewise
+    images: KeyframeImages | None = None  # of the keyframes, to go on in the map; None likewise
+    second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
+    step: int = 0  # Adam steps that the map has seen
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
         _expect("params", self.params, (self.layout.parameter_count,), np.float32)
         _expect("keyframe_stamps_ns", self.keyframe_stamps_ns, (n,), np.int64)
         _expect("T_world_keyframe", self.T_world_keyframe, (n, 4, 4), np.float64)
+        if self.images is not None and len(self.images) != n:
+            raise ValueError(f"images of {len(self.images)} keyframes, not {n}")
+        if self.second_moment is not None:
+            _expect("second_moment", self.second_moment, self.params.shape, np.float32)
 
 
 def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     """Write the map; the file appears whole or not at all.
 
-    One tensor per block of the field (`field/<block>`), the keyframes, and in the metadata format,
-    version, field configuration, bound, camera and sampling pattern.
+    One tensor per block of the field (`field/<block>`), the keyframes with their images, the second
+    moments of Adam, and in the metadata format, version, field configuration, bound, camera, sampling
+    pattern and a checksum.
 
     Raises:
         UserError: the file cannot be written.
@@ -65,6 +78,13 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     }
     for name, part in (("camera", checkpoint.camera), ("sampling", checkpoint.sampling)):
         metadata[name] = json.dumps(dataclasses.asdict(part)) if part else "null"
+    metadata["step"] = str(checkpoint.step)
+    if checkpoint.second_moment is not None:
+        tensors["adam/second_moment"] = _to_bfloat16(checkpoint.second_moment)
+    if (images := checkpoint.images) is not None:
+        tensors |= {f"keyframes/{name}": getattr(images, name) for name in _IMAGES}
+        metadata["depth_units_per_m"] = json.dumps(images.depth_units_per_m)
+    metadata[_CHECKSUM] = _checksum(tensors, metadata)
     partial = path.with_name(f"{path.name}.partial")
     try:
         save_file(tensors, partial, metadata)
@@ -87,11 +107,17 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             metadata = file.metadata() or {}
             _check_format(path, metadata)
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if metadata["version"] not in ("1", "2"):
+            _expect_checksum(tensors, metadata)
         layout = _layout(path, metadata)
+        moment = tensors.get("adam/second_moment")
         return dataclasses.replace(
             _checkpoint(layout, tensors),
             camera=_part(metadata, "camera", Camera),
             sampling=_part(metadata, "sampling", SamplingPattern),
+            images=_images(tensors, metadata),
+            second_moment=None if moment is None else _from_bfloat16(moment),
+            step=int(metadata.get("step", "0")),
         )
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         text = " ".join(str(error).split())
@@ -103,7 +129,8 @@ def _check_format(path: Path, metadata: dict[str, str]) -> None:
         raise UserError(f"{path}: format {metadata.get('format')!r}: expected a {FORMAT} file")
     if metadata.get("version") not in _READABLE:
         raise UserError(
-            f"{path}: map version {metadata.get('version')}: expected {' or '.join(_READABLE)}; "
+            f"{path}: map version {metadata.get('version')}: expected {_READABLE[0]} to "
+            f"{_READABLE[-1]}; "
             "load it with the release that saved it"
         )
 
@@ -145,6 +172,39 @@ def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
         return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
     except (UserError, AttributeError) as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def _images(
+    tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]
+) -> KeyframeImages | None:
+    if "keyframes/color" not in tensors:
+        return None
+    arrays = {name: tensors[f"keyframes/{name}"] for name in _IMAGES}
+    return KeyframeImages(
+        **arrays, depth_units_per_m=float(json.loads(metadata["depth_units_per_m"]))
+    )
+
+
+def _checksum(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
+    told = {key: value for key, value in metadata.items() if key != _CHECKSUM}
+    crc = zlib.crc32(json.dumps(told, sort_keys=True).encode())
+    for name in sorted(tensors):
+        crc = zlib.crc32(np.ascontiguousarray(tensors[name]).data, crc)
+    return f"{crc:08x}"
+
+
+def _expect_checksum(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
+    if _checksum(tensors, metadata) != metadata[_CHECKSUM]:
+        raise ValueError("its checksum is wrong")
+
+
+def _to_bfloat16(values: np.ndarray) -> np.ndarray:
+    """The upper halves of float32, as uint16."""
+    return (np.ascontiguousarray(values).view(np.uint32) >> 16).astype(np.uint16)
+
+
+def _from_bfloat16(halves: np.ndarray) -> np.ndarray:
+    return (halves.astype(np.uint32) << 16).view(np.float32)
 
 
 def _expect(name: str, array: np.ndarray, shape: tuple[int, ...], dtype: type) -> None:

@@ -5,11 +5,13 @@ order, so the poses are the same.
 """
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
 from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
+from hsslam_node.errors import UserError
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
@@ -17,6 +19,7 @@ from hsslam_node.keyframes.allocator import ArrayAllocator, MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.restore_map import restore_map
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.map_views import MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
@@ -38,8 +41,17 @@ class Slam:
         seed: int = 0,
         arrays: ArrayAllocator | None = None,
         device: Device = CPU,
+        *,
+        saved_map: Path | None = None,
+        localise_only: bool = False,
     ) -> None:
+        """`saved_map`: go on in it, wherever the camera is; with `localise_only` it stays as it is.
+
+        Raises:
+            UserError: the map cannot be used (`restore_map`), or there is none to localise in.
+        """
         self.config = config
+        self.localise_only = localise_only
         self.seed = seed
         self._device = device
         self._arrays = arrays or MemoryAllocator()
@@ -49,6 +61,13 @@ class Slam:
         self._mapper: Mapper | None = None
         self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
+        if saved_map is not None:
+            self.store, self.parameters = restore_map(self._arrays, saved_map, config)
+            self._attach(self.parameters)
+            self._tracker = open_tracker(config, self.store, seed)
+            self._tracker.resume(anywhere=True)
+        elif localise_only:
+            raise UserError("localise_only: expected a saved map")
 
     def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
         """Process all frames, yielding the pose of each."""
@@ -57,7 +76,7 @@ class Slam:
 
     def finish(self) -> None:
         """The last iterations, when no more frames come."""
-        if self._mapper and self.store and self.parameters:
+        if self._mapper and self.store and self.parameters and not self.localise_only:
             for _ in range(self.config.mapper.last_iterations * self.store.count):
                 self._mapper.polish(self.store)
             self._mapper.publish()
@@ -67,7 +86,7 @@ class Slam:
         if self._tracker is None:
             self._tracker = self._open_tracker(frame)
         assert self.store
-        result = self._tracker.track(frame, self._view())
+        result = self._tracker.track(frame, self._view(), localise_only=self.localise_only)
         if result.status == "initial":
             self._open_map(frame)
         if self.parameters is None or self._mapper is None:
@@ -97,12 +116,14 @@ class Slam:
         c = self.config
         layout = FieldLayout.over(c.field, initial_bound(frame, c.bound, c.mapper.max_depth_m))
         self.parameters = FieldParameters.create(self._arrays, layout, self.seed)
-        self._mapper = Mapper(c, self.parameters, self.seed, self._device)
-        self._views = MapViews(
-            self.parameters, self._device, with_color=c.tracker.method == "rendering"
-        )
+        self._attach(self.parameters)
+
+    def _attach(self, parameters: FieldParameters) -> None:
+        c = self.config
+        self._mapper = Mapper(c, parameters, self.seed, self._device)
+        self._views = MapViews(parameters, self._device, with_color=c.tracker.method == "rendering")
         if c.ba.enabled:
-            self._ba = open_adjustment(c, self.parameters, self.seed, self._device)
+            self._ba = open_adjustment(c, parameters, self.seed, self._device)
 
     def _view(self) -> MapView | None:
         if self._views is None:

@@ -8,6 +8,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Correction, Step
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.mapper import PARAMETERS_LEASE
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
@@ -44,6 +45,7 @@ class _BaLoop:
         self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._corrections = worker.bus.publisher(topics.CORRECTION)
+        self._mode = RunMode(worker.run.arena_dir)
         self._ba: BundleAdjustment | None = None
         self._loops: list[tuple[int, int]] = []  # closed since the last correction
 
@@ -53,7 +55,7 @@ class _BaLoop:
         store, parameters = self._link.store(), self._link.parameters()
         if not options.slam.ba.enabled or store is None or parameters is None:
             return
-        if parameters.version == 0:
+        if parameters.version == 0 or self._mode.localise_only:
             return
         if self._ba is None:
             self._ba = open_adjustment(options.slam, parameters, options.seed, self._device)

@@ -12,6 +12,7 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import MapVersion, Step
 from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import tell_device, worker_device
 
@@ -61,6 +62,7 @@ class _MapperLoop:
         self._device = worker_device(worker, rehearsed=True)
         tell_device(worker, self._device)
         self._link = MapLink(worker.arena, worker.options.slam)
+        self._mode = RunMode(worker.run.arena_dir)
         self._maps = worker.bus.publisher(topics.MAP)
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None
@@ -72,7 +74,8 @@ class _MapperLoop:
         if store is not None and parameters is not None and parameters.version > 0:
             self._open(parameters)
             self._keyframes_seen = store.count - 1
-            worker.event("warning", f"mapper resumes at map version {parameters.version}")
+            if store.inherited < store.count:
+                worker.event("warning", f"mapper resumes at map version {parameters.version}")
 
     def has_work(self) -> bool:
         """Whether there are iterations to do for the keyframes there are now."""
@@ -81,6 +84,9 @@ class _MapperLoop:
             return False
         if self._parameters is None:
             return True
+        if self._mode.localise_only:
+            self._keyframes_seen, self._due = store.count, 0
+            return False
         per_keyframe = self._slam.mapper.iterations
         self._due += per_keyframe * (store.count - self._keyframes_seen)
         self._keyframes_seen = store.count
@@ -126,6 +132,8 @@ class _MapperLoop:
         """The last iterations, over all keyframes alike; then publish."""
         store = self._link.store()
         if store is None or self._mapper is None or self._parameters is None:
+            return
+        if self._mode.localise_only:
             return
         n = self._slam.mapper.last_iterations * store.count
         if n == 0:

@@ -1,4 +1,4 @@
-"""Processes of a run that are not kept running: saver and evaluator at the end, the watchdog."""
+"""Processes of a run that are not kept running: map loader, saver, evaluator, the watchdog."""
 
 import subprocess
 import sys
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from hsslam_node.services.process_table import WATCHDOG
+from hsslam_node.services.process_table import ONE_SHOT_TIMEOUT_S, WATCHDOG
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.spawn import Spawn, last_error, spawn
 
@@ -16,12 +16,14 @@ _WATCHDOG_TIMEOUT_S = 5.0
 def run_one_shot(
     module: str,
     run_dir: Path,
-    timeout_s: float,
     tick: Callable[[], None],
     is_cancelled: Callable[[], bool],
     spawn: Spawn = spawn,
 ) -> str:
     """Run a process to its end, calling `tick` meanwhile; returns "" or what went wrong."""
+    if is_cancelled():
+        return "cancelled"
+    timeout_s = ONE_SHOT_TIMEOUT_S[module]
     process = spawn(module, run_dir)
     deadline = time.monotonic() + timeout_s
     while (code := process.poll()) is None:

@@ -49,6 +49,11 @@ class ServeOptions:
     """Folder of the results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
     """Folder of saved maps, NAME.safetensors each."""
+    map: str = ""
+    """Saved map to go on in, wherever the camera is: its NAME in the maps folder, or a file (empty: a new
+    map)."""
+    localise_only: bool = False
+    """With --map: only tell where the camera is in it; the map stays as it is."""
     seed: int = 0
     """Seed of everything random."""
     noise: Literal["none", "kinect"] = "none"
@@ -102,6 +107,13 @@ class ServeOptions:
             raise UserError(f"--metrics-port {self.metrics_port}: expected 1 to 65535")
         if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
+        if self.localise_only and not self.map:
+            raise UserError("--localise-only: expected with --map NAME")
+        if self.map and self.slam.tracker.method != "alignment":
+            raise UserError(
+                f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot find its "
+                "place in a saved map: expected alignment, as in preset realtime"
+            )
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
         if self.start < 0:

@@ -103,12 +103,14 @@ class Realtime:
         message = frame_message(frame, stamp_ns)
         self._frames.put(message)
         while not self._worker.should_stop():
-            if self._maps.wait(_POLL_S) is not None:
+            has_map = self._maps.wait(_POLL_S) is not None
+            status = {p.status for p in self._poses.drain() if p.index == frame.index}
+            if has_map or "tracked" in status:  # in a saved map nobody need step it first
                 self._progress.pinned_source_ns = round(frame.stamp_ns * self._scale)
                 self._progress.pinned_wall_ns = time.time_ns()
                 return
-            if any(p.index == frame.index and p.status == "lost" for p in self._poses.drain()):
-                return  # nothing to start a map on: the next frame may do
+            if "lost" in status:
+                return  # nothing to start a map on, or another place: the next frame may do
             if self._peers.restarted():
                 self._worker.count("resent")
                 self._frames.put(message)

@@ -12,9 +12,11 @@ import psutil
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_node.services.control.maps_folder import find_map
 from hsslam_node.services.metrics.server import MetricsServer
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.security.router import RunRouter, open_run_router
 
 _OLD_RESULTS = (
@@ -52,6 +54,8 @@ def prepare(options: ServeOptions) -> Prepared:
     Raises:
         UserError: no permission for the folder, port taken, no shared memory.
     """
+    if options.map:
+        find_map(options.maps, options.map)
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     run_dir = _run_folder(options)
     with contextlib.ExitStack() as undo:
@@ -59,6 +63,7 @@ def prepare(options: ServeOptions) -> Prepared:
         remove_dead_arenas()
         arena = ArenaFolder(run_id, run_dir)
         undo.callback(arena.remove)
+        RunMode.create(arena.path, localise_only=options.localise_only)
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
         metrics = MetricsServer(options.metrics_port)

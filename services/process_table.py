@@ -42,7 +42,10 @@ def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
 
 
 WARM_UP = f"{_PACKAGE}.warm_up"
-SAVER, EVALUATOR, WATCHDOG = (f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog"))
+SAVER, EVALUATOR, WATCHDOG, MAP_LOADER = (
+    f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog", "map_loader")
+)
+ONE_SHOT_TIMEOUT_S = {WARM_UP: 600.0, MAP_LOADER: 300.0, SAVER: 300.0, EVALUATOR: 300.0}
 
 PROCESSES: tuple[ProcessSpec, ...] = (
     _row("tracker", "poses and keyframes", nice=0, stop_stage=TRACKER_STAGE, ends_run=True),

@@ -17,6 +17,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.arena import Arena
 from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.map_snapshot import map_checkpoint
 from hsslam_node.services.summary import pose_section, update_summary
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
@@ -42,15 +43,12 @@ def _run(worker: Worker) -> None:
             "map": {"adam_steps": parameters.step},
         },
     )
-    checkpoint = MapCheckpoint(
-        parameters.layout,
-        parameters.params.copy(),
-        store.stamps_ns(),
-        store.poses(),
-        store.camera,
-        worker.options.slam.sampling,
-    )
-    save_checkpoint(run_dir / "map.safetensors", checkpoint)
+    sampling = worker.options.slam.sampling
+    checkpoint = map_checkpoint(store, parameters, parameters.params.copy(), sampling)
+    if (
+        store.count > store.inherited or parameters.version > 1
+    ):  # else it is the map that was loaded
+        save_checkpoint(run_dir / "map.safetensors", checkpoint)
     voxel_m = worker.options.slam.mesher.final_voxel_m
     mesh = final_mesh(checkpoint, store, voxel_m, worker_device(worker))
     if len(mesh.faces) == 0:
@@ -68,7 +66,8 @@ def save_trajectories(run_dir: Path, arena: Arena, store: KeyframeStore | None) 
     stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
     write_tum(run_dir / "trajectory_online.txt", online_trajectory(rows))
     write_tum(run_dir / "trajectory.txt", final_trajectory(rows, poses))
-    write_tum(run_dir / "keyframes.txt", Trajectory(stamps[: len(poses)], poses))
+    own = slice(store.inherited if store is not None else 0, len(poses))
+    write_tum(run_dir / "keyframes.txt", Trajectory(stamps[own], poses[own]))
     update_summary(run_dir, pose_section(rows))
 
 

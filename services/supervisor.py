@@ -20,6 +20,7 @@ from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.preparation import Prepared, prepare
 from hsslam_node.services.process_table import (
     EVALUATOR,
+    MAP_LOADER,
     PROCESSES,
     RECORDER_STAGE,
     SAVER,
@@ -34,9 +35,6 @@ _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
 _SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
 _LONGEST_SETTLE_S = 5.0
-_WARM_UP_TIMEOUT_S = 600.0
-_SAVER_TIMEOUT_S = 300.0
-_EVALUATOR_TIMEOUT_S = 300.0
 
 
 class Supervisor:
@@ -115,8 +113,10 @@ class _Run:
                 self._status.say(text, level)
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
-                self._one_shot(WARM_UP, _WARM_UP_TIMEOUT_S, patience=0)
+                self._one_shot(WARM_UP, patience=0)
             self._nursery.start()
+            if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
+                raise UserError(error)
             for child in self._children.values():
                 child.wanted = not child.spec.is_late
             reason = self._until_stop()
@@ -195,10 +195,10 @@ class _Run:
             if stage == TRACKER_STAGE:
                 self._settle()
             if stage == RECORDER_STAGE:
-                self._one_shot(SAVER, _SAVER_TIMEOUT_S)
+                self._one_shot(SAVER)
             self._stop_stage(stage)
         if self._info.options.evaluate:
-            self._one_shot(EVALUATOR, _EVALUATOR_TIMEOUT_S)
+            self._one_shot(EVALUATOR)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
         section |= self._memory.section() | self._gateway.section(self._children)
         update_summary(self._info.path, section)
@@ -221,19 +221,16 @@ class _Run:
             if since_pose_s > _SETTLED_S:
                 return
 
-    def _one_shot(self, module: str, timeout_s: float, patience: int = 1) -> None:
-        """Run a process to its end while the others are served; more signals than that cancel it."""
-
-        def is_cancelled() -> bool:
-            return self._supervisor.signals > patience
-
-        if is_cancelled():
-            return
-        error = run_one_shot(
-            module, self._info.path, timeout_s, self._tick, is_cancelled, self._nursery.spawn
-        )
-        if error and not is_cancelled():
+    def _one_shot(self, module: str, patience: int = 1) -> None:
+        """Run a process to its end while the others are served, and tell if it fails."""
+        error = self._run_alone(module, patience)
+        if error and self._supervisor.signals <= patience:
             self._tell(f"{module.rpartition('.')[2]}: {error}")
+
+    def _run_alone(self, module: str, patience: int) -> str:
+        """The same; returns "" or what went wrong. More signals than `patience` cancel it."""
+        is_cancelled = lambda: self._supervisor.signals > patience  # noqa: E731
+        return run_one_shot(module, self._info.path, self._tick, is_cancelled, self._nursery.spawn)
 
     def _exit_code(self) -> int:
         """What to tell the shell; says which processes were restarted."""

@@ -12,6 +12,7 @@ from hsslam_node.proto import messages, topics
 from hsslam_node.proto.frame_codec import frame_from_message
 from hsslam_node.rehearsal import rehearse
 from hsslam_node.services.map_link import MapLink
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
@@ -53,6 +54,7 @@ class _TrackerLoop:
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
+        self._mode = RunMode(worker.run.arena_dir)
         self._device = worker_device(worker, rehearsed=True)
         self._views: MapViews | None = None
         last = self._log.last()
@@ -61,8 +63,9 @@ class _TrackerLoop:
         store = self._link.store()
         if store is not None and store.count > 0:
             self._tracker = open_tracker(worker.options.slam, store, worker.options.seed)
-            self._tracker.resume()
-            worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
+            self._tracker.resume(anywhere=store.inherited > 0)
+            if last is not None:
+                worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
 
     def take(self, message: messages.Frame, arrival_ns: int) -> None:
         """Track and publish; a frame that was answered before is answered again."""
@@ -120,7 +123,7 @@ class _TrackerLoop:
             self._tracker = open_tracker(options.slam, store, options.seed)
         view = self._current_view()
         with self._worker.timed("track"):
-            result = self._tracker.track(frame, view)
+            result = self._tracker.track(frame, view, localise_only=self._mode.localise_only)
         parameters = self._link.parameters()
         if view is not None and parameters is not None and not parameters.is_intact(view.version):
             self._worker.count("overtaken by the map")

@@ -48,7 +48,7 @@ def test_a_map_that_has_grown_is_loaded(checkpoint, tmp_path):
 
 
 def test_a_map_from_before_bounds_could_grow_is_loaded(checkpoint, saved):
-    _rewrite_metadata(saved, version="1", first_bound="null")
+    _rewrite_metadata(saved, version="1", first_bound="null")  # no checksum then
     assert load_checkpoint(saved).layout == checkpoint.layout
 
 
@@ -81,8 +81,8 @@ def _rewrite_metadata(path, **changes):
 
 
 def test_another_version_is_refused(saved):
-    _rewrite_metadata(saved, version="3")
-    with pytest.raises(UserError, match="map version 3: expected 1 or 2"):
+    _rewrite_metadata(saved, version="4")
+    with pytest.raises(UserError, match="map version 4: expected 1 to 3"):
         load_checkpoint(saved)
 
 
@@ -93,14 +93,22 @@ def test_another_format_is_refused(tmp_path):
         load_checkpoint(path)
 
 
+def test_a_flipped_bit_is_told(saved):
+    raw = bytearray(saved.read_bytes())
+    raw[-100] ^= 1
+    saved.write_bytes(raw)
+    with pytest.raises(UserError, match="damaged map: its checksum is wrong"):
+        load_checkpoint(saved)
+
+
 def test_unknown_option_names_the_nearest(saved, checkpoint):
-    _rewrite_metadata(saved, field=json.dumps({"plane_chanels": 16}))
+    _rewrite_metadata(saved, version="2", field=json.dumps({"plane_chanels": 16}))
     with pytest.raises(UserError, match="did you mean plane_channels"):
         load_checkpoint(saved)
 
 
 def test_tensors_of_another_size_are_told(saved):
-    _rewrite_metadata(saved, bound=json.dumps([[-0.51, 0.1, 0.2], [5.0, 0.8, 0.9]]))
+    _rewrite_metadata(saved, version="2", bound=json.dumps([[-0.51, 0.1, 0.2], [5.0, 0.8, 0.9]]))
     with pytest.raises(UserError, match="damaged map: field/"):
         load_checkpoint(saved)
 

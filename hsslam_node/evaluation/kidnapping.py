@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.errors import UserError
+from hsslam_node.evaluation.mean_transform import mean_transform
 from hsslam_node.geometry.se3 import inverse, so3_log
 
 WITHIN_FRAMES = 10
@@ -77,7 +78,7 @@ def kidnapping_score(
     """
     truth = T_truth[list(plan.order)]
     built = np.arange(len(tracked)) < plan.before
-    T = _mean_transform(T_estimate[built & tracked], truth[built & tracked])
+    T = mean_transform(T_estimate[built & tracked], truth[built & tracked])
     away = inverse(T) @ truth
     distance_m = np.linalg.norm(T_estimate[:, :3, 3] - away[:, :3, 3], axis=1)
     turned = [so3_log(a[:3, :3].T @ b[:3, :3]) for a, b in zip(away, T_estimate, strict=True)]
@@ -97,18 +98,6 @@ def kidnapping_score(
         worst_m=float(distance_m[tracked].max()),
         worst_deg=float(angle_deg[tracked].max()),
     )
-
-
-def _mean_transform(T_estimate: np.ndarray, T_truth: np.ndarray) -> np.ndarray:
-    """T_truth_estimate [4, 4] by the mean of rotations, then of positions, of poses [n, 4, 4].
-
-    The positions alone tell little of the rotation about their longest axis.
-    """
-    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", T_truth[:, :3, :3], T_estimate[:, :3, :3]))
-    T = np.eye(4)
-    T[:3, :3] = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    T[:3, 3] = (T_truth[:, :3, 3] - T_estimate[:, :3, 3] @ T[:3, :3].T).mean(axis=0)
-    return T
 
 
 def _is_far(T_world_cam: np.ndarray, T_world_other: np.ndarray) -> bool:

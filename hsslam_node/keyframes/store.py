@@ -8,7 +8,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.keyframes.allocator import ArrayAllocator
 
 SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
-_COUNT, _POSE_VERSION = 0, 1  # fields of the header
+_COUNT, _POSE_VERSION, _INHERITED = 0, 1, 2  # fields of the header
 _FRAME_INDEX, _STAMP_NS = 0, 1  # columns of the meta rows
 
 
@@ -61,6 +61,15 @@ class KeyframeStore:
         """Grows with every correction by bundle adjustment."""
         return int(self._header[_POSE_VERSION])
 
+    @property
+    def inherited(self) -> int:
+        """Keyframes that come from a saved map: the first ones."""
+        return int(self._header[_INHERITED])
+
+    def mark_inherited(self) -> None:
+        """Say that the keyframes of now come from a saved map."""
+        self._header[_INHERITED] = self.count
+
     def append(self, frame: Frame, T_world_cam: np.ndarray) -> int:
         """Add a keyframe and return its id.
 
@@ -70,17 +79,7 @@ class KeyframeStore:
         k = self.count
         if k >= self.capacity:
             raise UserError(f"keyframes.capacity = {self.capacity}: the run needs more keyframes")
-        if frame.depth_units_per_m != self.depth_units_per_m:
-            raise UserError(
-                f"frame {frame.index}: depth_units_per_m = {frame.depth_units_per_m}: expected "
-                f"{self.depth_units_per_m} as in the first frame"
-            )
-        camera, own = frame.camera, self.camera
-        if (camera.width_px, camera.height_px) != (own.width_px, own.height_px):
-            raise UserError(
-                f"frame {frame.index}: {camera.width_px} x {camera.height_px} px: expected "
-                f"{own.width_px} x {own.height_px} as in the first frame"
-            )
+        self.expect_like(frame)
         color, depth_raw = self._slab(k // SLAB_KEYFRAMES, create=True)
         color[k % SLAB_KEYFRAMES] = frame.color
         depth_raw[k % SLAB_KEYFRAMES] = frame.depth_raw
@@ -88,6 +87,20 @@ class KeyframeStore:
         self._poses[:, k] = T_world_cam
         self._header[_COUNT] = k + 1
         return k
+
+    def expect_like(self, frame: Frame) -> None:
+        """UserError where the frame is not of the store's camera."""
+        if frame.depth_units_per_m != self.depth_units_per_m:
+            raise UserError(
+                f"frame {frame.index}: depth_units_per_m = {frame.depth_units_per_m}: expected "
+                f"{self.depth_units_per_m} as in the keyframes"
+            )
+        camera, own = frame.camera, self.camera
+        if (camera.width_px, camera.height_px) != (own.width_px, own.height_px):
+            raise UserError(
+                f"frame {frame.index}: {camera.width_px} x {camera.height_px} px: expected "
+                f"{own.width_px} x {own.height_px} as in the keyframes"
+            )
 
     def pixels(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 and raw depth [H, W] uint16 of keyframe k, not copied."""

@@ -14,12 +14,14 @@ from hsslam_node.tracking.tracker import Tracker
 class FrameTracker(Protocol):
     """One frame in, one pose with its quality out."""
 
-    def resume(self) -> None:
-        """After a restart: go on from the newest keyframe of the store."""
+    def resume(self, *, anywhere: bool = False) -> None:
+        """In a map that is there: go on from the newest keyframe of the store, or find the place."""
         ...
 
-    def track(self, frame: Frame, view: MapView | None) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due."""
+    def track(
+        self, frame: Frame, view: MapView | None, *, localise_only: bool = False
+    ) -> TrackResult:
+        """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
         ...
 
     def settle(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.depth_points import halve_depth
 from hsslam_node.kernels.keyframe_surface import surface_of_depth
+from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.depth_noise import depth_noise
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
@@ -81,6 +82,12 @@ def reference_keyframe(
     return ReferenceKeyframe(
         id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise
     )
+
+
+def stored_reference(store: KeyframeStore, k: int, pixels: int) -> ReferenceKeyframe:
+    """The same of keyframe k of a store."""
+    keyframe = store.frame(k)
+    return reference_keyframe(k, keyframe, grey_pyramid(keyframe), pixels)
 
 
 def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.ndarray]:

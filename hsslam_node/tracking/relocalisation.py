@@ -15,11 +15,7 @@ from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.place_recognition.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
-from hsslam_node.tracking.reference_keyframe import (
-    ReferenceKeyframe,
-    grey_pyramid,
-    reference_keyframe,
-)
+from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe, stored_reference
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
@@ -65,6 +61,10 @@ class Relocalisation:
         if k is not None:
             self._pending = k, self._beside.submit(image_features, self._store.frame(k))
 
+    def observe_all(self) -> None:
+        """Take in all keyframes there are: before the first frame, where the camera may be anywhere."""
+        self._index.update()
+
     def places(self, frame: Frame) -> Iterator[Place]:
         """Where a lost frame may have been taken; at most one place, none where it is not clear.
 
@@ -82,10 +82,8 @@ class Relocalisation:
         if not matches or not _is_clear(matches, T_world_cam):
             return
         k = self._nearest(T_world_cam[0])
-        keyframe = self._store.frame(k)
-        levels = grey_pyramid(keyframe)
-        pixels = self._config.photometric_pixels
-        yield Place(T_world_cam[0], reference_keyframe(k, keyframe, levels, pixels))
+        reference = stored_reference(self._store, k, self._config.photometric_pixels)
+        yield Place(T_world_cam[0], reference)
 
     def _join(self) -> None:
         """Take in what was begun: at the same frame in every run, however long it took."""

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_log
 from hsslam_node.keyframes.store import KeyframeStore
@@ -41,15 +42,28 @@ class RenderingTracker:
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
         self._since_keyframe = 0
+        self._localise_only = False
 
-    def resume(self) -> None:
-        """After a restart: go on from the newest keyframe of the store."""
+    def resume(self, *, anywhere: bool = False) -> None:
+        """In a map that is there: go on from the newest keyframe of the store.
+
+        Raises:
+            UserError: `anywhere` is asked for, as the camera's place is not known.
+        """
+        if anywhere:
+            raise UserError(
+                "tracker.method = rendering: cannot find its place in a saved map: expected alignment"
+            )
         newest = self._store.count - 1
         self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
         self._before_last = None
 
-    def track(self, frame: Frame, view: MapView | None) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due."""
+    def track(
+        self, frame: Frame, view: MapView | None, *, localise_only: bool = False
+    ) -> TrackResult:
+        """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
+        self._localise_only = localise_only
+        self._store.expect_like(frame)
         points = frame_points(frame, self._config, self._seed)
         if self._last is None:
             return self._start(frame, len(points))
@@ -80,7 +94,7 @@ class RenderingTracker:
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
         nan = float("nan")
-        if points < _FEWEST_POINTS:  # nothing to start a map on
+        if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
         self._last = TrackedFrame(frame, k, np.eye(4))
@@ -96,7 +110,8 @@ class RenderingTracker:
 
     def _accept(self, frame: Frame, T: np.ndarray, fit: SurfaceFit, version: int) -> TrackResult:
         self._since_keyframe += 1
-        is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames
+        is_due = self._since_keyframe >= self._slam.keyframes.every_frames
+        is_keyframe = is_due and not self._localise_only
         if is_keyframe:
             self._since_keyframe = 0
             k, T_keyframe_cam = self._store.append(frame, T), np.eye(4)

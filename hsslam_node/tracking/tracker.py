@@ -12,6 +12,7 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
+from hsslam_node.tracking.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.moving_things import SeenSpace, seen_space, without_moving_things
@@ -21,7 +22,9 @@ from hsslam_node.tracking.reference_keyframe import (
     ReferenceKeyframe,
     grey_pyramid,
     reference_keyframe,
+    stored_reference,
 )
+from hsslam_node.tracking.reference_wear import is_left_behind, is_outworn, reference_overlap
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
@@ -30,10 +33,6 @@ from hsslam_node.tracking.unexpected_motion import is_borne_out
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _SEEN_SPACES, _SEEN_EVERY = 8, 2  # keyframes that tell what has moved, one of so many
-_THIN_COVERAGE, _LESS = (
-    0.45,
-    0.85,
-)  # of the points: little, as somebody stands there, and less than it was
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
@@ -59,20 +58,33 @@ class Tracker:
         self._since_keyframe = 0
         self._lost_frames = 0
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
+        self._localise_only = False
 
-    def resume(self) -> None:
-        """After a restart: go on from the newest keyframe of the store, as a lost camera."""
+    def resume(self, *, anywhere: bool = False) -> None:
+        """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
+
+        `anywhere`: it may be at any place of the map, so all keyframes are taken in first (15 ms for
+        each that shows something new).
+        """
         newest = self._store.count - 1
-        frame = self._store.frame(newest)
-        levels = grey_pyramid(frame)
-        self._last = TrackedFrame(frame, newest, np.eye(4))
+        self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
         self._before_last = None
         self._lost_frames = 1
-        self._reference = reference_keyframe(newest, frame, levels, self._config.photometric_pixels)
+        self._reference = stored_reference(self._store, newest, self._config.photometric_pixels)
+        if anywhere:
+            self._lost_frames = _FOLLOWED_FRAMES
+            self._relocalisation.observe_all()
 
-    def track(self, frame: Frame, view: MapView | None) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due."""
+    def track(
+        self, frame: Frame, view: MapView | None, *, localise_only: bool = False
+    ) -> TrackResult:
+        """Pose of the frame; a keyframe is appended to the store where one is due.
+
+        `localise_only`: none is, and the keyframes that there are serve as references.
+        """
         self.settle()
+        self._localise_only = localise_only
+        self._store.expect_like(frame)
         levels = grey_pyramid(frame)
         points = frame_points(frame, self._config, self._seed)
         if self._last is None:
@@ -104,7 +116,7 @@ class Tracker:
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
         nan = float("nan")
-        if points < _FEWEST_POINTS:  # nothing to start a map on
+        if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
         self._seen.append(seen_space(k, frame))
@@ -164,8 +176,12 @@ class Tracker:
         T = orthonormal(alignment.T_world_cam)
         self._since_keyframe += 1
         self._coverage = max(self._coverage, alignment.surface_coverage)
-        is_keyframe = self._since_keyframe >= self._slam.keyframes.every_frames or (
-            self._since_keyframe >= _FEWEST_BETWEEN and self._is_left_behind(alignment)
+        is_keyframe = not self._localise_only and (
+            self._since_keyframe >= self._slam.keyframes.every_frames
+            or (
+                self._since_keyframe >= _FEWEST_BETWEEN
+                and is_left_behind(alignment, self._coverage, self._config)
+            )
         )
         if is_keyframe:
             self._since_keyframe = 0
@@ -177,7 +193,8 @@ class Tracker:
                 self._seen.append(seen_space(k, still))
             T_keyframe_cam = np.eye(4)
         else:
-            still, k = frame, self._store.count - 1
+            still = frame
+            k = self._reference.id if self._localise_only else self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
         self._exposure = alignment.exposure
         if is_keyframe and self._is_outworn(alignment, T, frame):
@@ -186,6 +203,8 @@ class Tracker:
             self._next_reference = partial(
                 reference_keyframe, k, still, of_still, self._config.photometric_pixels
             )
+        elif self._localise_only:
+            self._refer_to_saved(alignment, T, frame)
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         self._lost_frames = 0
@@ -206,34 +225,22 @@ class Tracker:
             frame.index, "lost", T, k, T_keyframe_cam, 0.0, float("nan"), version, False, 0
         )
 
-    def _is_outworn(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
-        """Whether the reference keyframe shows too little of the frame, or disagrees with it."""
-        c = self._config
-        agreement = alignment.surface_inlier_ratio, alignment.photometric_inlier_ratio
-        return (
-            self._overlap(T, frame) < c.reference_overlap
-            or self._is_left_behind(alignment)
-            or agreement[0] < c.reference_surface_agreement
-            or agreement[1] < c.reference_image_agreement
-        )
-
-    def _is_left_behind(self, alignment: Alignment) -> bool:
-        covered = alignment.surface_coverage
-        return covered < self._config.reference_coverage * self._coverage or (
-            covered < _THIN_COVERAGE and covered < _LESS * self._coverage
-        )
-
-    def _overlap(self, T_world_cam: np.ndarray, frame: Frame) -> float:
-        """Share of the reference's salient pixels that the frame sees."""
+    def _refer_to_saved(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> None:
+        """Take a keyframe of the map as the reference that shows clearly more of the frame."""
         assert self._reference is not None
-        points = self._reference.points[0]
-        if len(points) == 0:
-            return 0.0
-        T = inverse(T_world_cam) @ self._store.pose(self._reference.id)
-        x, y, z = (points @ T[:3, :3].T + T[:3, 3]).T
-        camera = frame.camera
-        z = np.maximum(z, 1e-3)
-        u = camera.fx * x / z + camera.cx
-        v = camera.fy * y / z + camera.cy
-        seen = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px) & (z > 0.1)
-        return float(seen.mean())
+        is_outworn = self._is_outworn(alignment, T, frame)
+        if not is_outworn and self._since_keyframe < self._slam.keyframes.every_frames:
+            return
+        self._since_keyframe = 0
+        k = covering_keyframe(self._store, frame, T, self._reference.id)
+        if k != self._reference.id:
+            self._exposure, self._coverage = Exposure(), 0.0
+            self._next_reference = partial(
+                stored_reference, self._store, k, self._config.photometric_pixels
+            )
+
+    def _is_outworn(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
+        assert self._reference is not None
+        T_cam_ref = inverse(T) @ self._store.pose(self._reference.id)
+        overlap = reference_overlap(self._reference, T_cam_ref, frame.camera)
+        return is_outworn(alignment, overlap, self._coverage, self._config)

@@ -4,8 +4,10 @@ import re
 from pathlib import Path
 
 from hsslam_node.errors import UserError
+from hsslam_node.services.parse_options import nearest
 
 _SUFFIX = ".safetensors"
+_NAME = r"[A-Za-z0-9_-]{1,64}"
 
 
 def map_path(folder: Path | str, name: str) -> Path:
@@ -18,9 +20,28 @@ def map_path(folder: Path | str, name: str) -> Path:
     return Path(folder).absolute() / f"{name}{_SUFFIX}"
 
 
+def find_map(folder: Path | str, wanted: str) -> Path:
+    """The file that is meant by the name of a map, or by a path; absolute.
+
+    Raises:
+        UserError: there is none; maps that there are are named.
+    """
+    if not re.fullmatch(_NAME, wanted):
+        path = Path(wanted).expanduser().absolute()
+        if not path.is_file():
+            raise UserError(f"--map {wanted}: no such file: expected a map, or the name of one")
+        return path
+    path = map_path(folder, wanted)
+    if not path.is_file():
+        known = known_maps(folder)
+        there = f"{nearest(wanted, known)}; there are: {', '.join(known)}" if known else ""
+        raise UserError(f"--map {wanted}: no such map in {path.parent}{there}")
+    return path
+
+
 def expect_map_name(name: str) -> None:
     """UserError where it is no name of a map."""
-    if not re.fullmatch(r"[A-Za-z0-9_-]{1,64}", name):
+    if not re.fullmatch(_NAME, name):
         raise UserError(f"map {name!r}: expected a name of letters, digits, _ and -, 64 at most")
 
 

@@ -12,6 +12,7 @@ from hsslam_node.services.arena_folder import ArenaFolder
 from hsslam_node.services.bus import free_endpoint, open_router
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.run_mode import RunMode
 from tests.services.serve_process import ServeProcess
 
 
@@ -30,6 +31,7 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
     endpoint = free_endpoint()
     router = open_router(endpoint)
     arena = ArenaFolder("test", tmp_path, root=tmp_path)
+    RunMode.create(arena.path, localise_only=False)
 
     def make(**options: Any) -> RunInfo:
         info = RunInfo(

@@ -80,7 +80,7 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
         ("missing", "no such file"),
         ("cut", "damaged map"),
         ("garbage", "damaged map"),
-        ("version", "map version 9: expected 1 or 2"),
+        ("version", "map version 9: expected 1 to 3"),
         ("camera", "damaged map"),
     ],
 )

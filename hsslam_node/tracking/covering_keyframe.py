@@ -1,0 +1,59 @@
+"""Which keyframe of a map shows most of a frame."""
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.keyframes.store import KeyframeStore
+
+_STRIDE_PX = 24
+_CANDIDATES = 12  # that stand most like the camera
+_TURN_M_PER_RAD = 1.0  # what a turn counts when they are chosen
+_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
+_CLEARLY = 0.1  # more of the frame's points than the current one
+
+
+def covering_keyframe(
+    store: KeyframeStore, frame: Frame, T_world_cam: np.ndarray, current: int
+) -> int:
+    """The keyframe on whose surface most of the frame's depth lies; `current` unless one is clearly better.
+
+    Of equals it is that which stands most like the camera at T_world_cam [4, 4].
+    """
+    points = _points(frame, T_world_cam)
+    if len(points) == 0:
+        return current
+    poses = store.poses()
+    relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
+    cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
+    away = np.linalg.norm(relative[:, :3, 3], axis=1)
+    away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
+    best, most = current, _shown(store, current, poses[current], points) + _CLEARLY
+    for k in np.argsort(away, kind="stable")[:_CANDIDATES]:
+        share = _shown(store, int(k), poses[k], points)
+        if k != current and share > most:
+            best, most = int(k), share
+    return best
+
+
+def _points(frame: Frame, T_world_cam: np.ndarray) -> np.ndarray:
+    """Measured points [N, 3] m, world, of every 24th pixel."""
+    z = frame.depth_raw[::_STRIDE_PX, ::_STRIDE_PX] / frame.depth_units_per_m
+    v, u = np.nonzero(z)
+    z, camera = z[v, u], frame.camera
+    x = (_STRIDE_PX * u - camera.cx) / camera.fx * z
+    y = (_STRIDE_PX * v - camera.cy) / camera.fy * z
+    return np.stack([x, y, z], axis=-1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+
+
+def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
+    """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
+    T, camera = inverse(T_world_key), store.camera
+    x, y, z = (points @ T[:3, :3].T + T[:3, 3]).T
+    ahead = np.maximum(z, 0.1)
+    u = np.round(camera.fx * x / ahead + camera.cx).astype(int)
+    v = np.round(camera.fy * y / ahead + camera.cy).astype(int)
+    inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
+    depth_raw = store.pixels(k)[1][v[inside], u[inside]]
+    gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])
+    return float(((depth_raw > 0) & (gap < _MARGIN_M + _MARGIN_SLOPE * z[inside])).sum()) / len(z)
