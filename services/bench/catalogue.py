@@ -8,6 +8,7 @@ from hsslam_node.services.bench.gpu_checks import gpu_checks
 from hsslam_node.services.bench.growth_checks import growth_checks
 from hsslam_node.services.bench.kernel_checks import kernel_checks
 from hsslam_node.services.bench.kidnapping_checks import kidnapping_checks
+from hsslam_node.services.bench.localise_checks import localise_checks
 from hsslam_node.services.bench.lockstep_checks import lockstep_checks
 from hsslam_node.services.bench.map_checks import map_checks
 from hsslam_node.services.bench.realtime_checks import realtime_checks
@@ -26,6 +27,7 @@ def catalogue() -> list[Check]:
         *stride_checks(),
         *map_checks(),
         *kidnapping_checks(),
+        *localise_checks(),
         *faithful_checks(),
         *viewer_checks(),
         *fuzz_checks(),
