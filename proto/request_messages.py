@@ -6,6 +6,7 @@ from msgspec import Meta
 
 from hsslam_node.proto.messages import Counters, Index, Message, Name, Real, Text
 
+Mode = Literal["mapping", "localise-only"]
 MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
@@ -18,6 +19,12 @@ class SaveMap(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     name: MapName
     replace: bool = False
+
+
+class SetMode(Message, frozen=True, kw_only=True):
+    """Go on mapping, or only localise: the map then stays as it is."""
+
+    mode: Mode
 
 
 class Status(Message, frozen=True, kw_only=True):
@@ -46,6 +53,7 @@ class Status(Message, frozen=True, kw_only=True):
     messages_rejected: Index = 0
     processes: dict[Name, Name]
     restarts: Counters
+    mode: Mode = "mapping"
 
 
 class TrajectoryRows(Message, frozen=True, kw_only=True):

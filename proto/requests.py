@@ -52,7 +52,8 @@ TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses 
 SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name", 60.0)
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
+SET_MODE = _row("set-mode", r.SetMode, r.Done, 8 * _KIB, "mapping, or localise-only: the map stays")
 STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
 
-REQUESTS: tuple[Request, ...] = (STATUS, MESH, TRAJECTORY, SAVE, PAUSE, RESUME, STOP)
+REQUESTS: tuple[Request, ...] = (STATUS, MESH, TRAJECTORY, SAVE, PAUSE, RESUME, SET_MODE, STOP)
 REFUSAL: Payload[r.Refusal] = Payload("rpc", r.Refusal, 16 * _KIB)

@@ -11,7 +11,15 @@ from hsslam_node.geometry.trajectory import tum_text
 from hsslam_node.proto import requests as rpc
 from hsslam_node.proto.mesh_codec import mesh_arrays
 from hsslam_node.proto.messages import Mesh, Message
-from hsslam_node.proto.request_messages import Ask, Done, SavedMap, SaveMap, Status, TrajectoryRows
+from hsslam_node.proto.request_messages import (
+    Ask,
+    Done,
+    SavedMap,
+    SaveMap,
+    SetMode,
+    Status,
+    TrajectoryRows,
+)
 from hsslam_node.services.control.ask import NobodyThereError, NotDoneError, ask
 from hsslam_node.services.control.ctl_options import CtlOptions
 from hsslam_node.services.control.find_run import running_runs
@@ -53,6 +61,8 @@ def _ask(options: CtlOptions) -> None:
     message: Message = Ask()
     if request is rpc.SAVE:
         message = SaveMap(name=options.name, replace=options.replace)
+    if request is rpc.SET_MODE:
+        message = msgspec.convert({"mode": options.name}, SetMode)
     answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
     _show(answer, options)
 

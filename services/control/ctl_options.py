@@ -4,21 +4,24 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 import tyro
 
 from hsslam_node.errors import UserError
+from hsslam_node.proto.request_messages import Mode
 from hsslam_node.proto.requests import REQUESTS
 from hsslam_node.services.control.maps_folder import expect_map_name
 from hsslam_node.services.parse_options import nearest
 
+_MODES: tuple[str, ...] = get_args(Mode)
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 
 @dataclass(frozen=True)
 class CtlOptions:
-    """Asks a running service: status | mesh | trajectory | save NAME | pause | resume | stop.
+    """Asks a running service: status | mesh | trajectory | save NAME | pause | resume |
+    set-mode mapping|localise-only | stop.
 
     hsslam-ctl status
     hsslam-ctl mesh --out room.ply
@@ -28,7 +31,8 @@ class CtlOptions:
 
     status: frames, rate, latency, tracking, processes. mesh: the newest, as a PLY file (m, world).
     trajectory: poses as refined, in TUM format (s, m, unit quaternion; camera to world). save: keeps the
-    map in the maps folder of the service. pause holds the camera, resume lets it go on; stop ends the run
+    map in the maps folder of the service. pause holds the camera, resume lets it go on; set-mode
+    localise-only: the map stays as it is from now on, mapping: it goes on. stop ends the run
     in order. What is at work on this machine is found by itself.
 
     Exit code 0: done; 1: nobody there, refused, or no answer in time; 2: bad input. One line tells.
@@ -39,7 +43,7 @@ class CtlOptions:
 
     request: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="REQUEST")] = ""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = ""
-    """Of the map, for save: letters, digits, _ and -."""
+    """Of the map, for save: letters, digits, _ and -; the mode, for set-mode."""
     connect: str = ""
     """Where the service listens, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
     security: str = ""
@@ -77,12 +81,15 @@ class CtlOptions:
         if self.request not in names:
             what = f"{self.request}: unknown request" if self.request else "nothing asked"
             raise UserError(f"{what}: expected {' | '.join(names)}{nearest(self.request, names)}")
-        if (self.request == "save") != bool(self.name):
+        what = {"save": "NAME", "set-mode": "|".join(_MODES)}.get(self.request, "")
+        if bool(what) != bool(self.name):
             wrong = f"{self.request} {self.name}".strip()
-            expected = "save NAME" if self.request == "save" else f"{self.request} alone"
-            raise UserError(f"{wrong}: expected {expected}")
-        if self.name:
+            raise UserError(f"{wrong}: expected {self.request} {what or 'alone'}")
+        if self.request == "save":
             expect_map_name(self.name)
+        if self.request == "set-mode" and self.name not in _MODES:
+            expected = f"expected {' or '.join(_MODES)}{nearest(self.name, _MODES)}"
+            raise UserError(f"set-mode {self.name}: {expected}")
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and not self.out.absolute().parent.is_dir():

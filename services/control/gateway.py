@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from hsslam_node.proto import requests as rpc
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Hold
@@ -11,6 +13,7 @@ from hsslam_node.proto.request_messages import Done, Status
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.control.map_saving import MapSaving
+from hsslam_node.services.control.mode_setting import ModeSetting
 from hsslam_node.services.control.newest_mesh import NewestMesh
 from hsslam_node.services.control.run_status import run_status
 from hsslam_node.services.control.trajectory_rows import rows_of, trajectory_so_far
@@ -38,6 +41,7 @@ class Gateway:
         self._requests = bus.requests()
         self._holds = bus.publisher(topics.HOLD)
         self._is_paused = False
+        self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
         self._saving = MapSaving(run, spawn)
 
@@ -55,6 +59,7 @@ class Gateway:
             if asked.request is rpc.STATUS:
                 asked.answer(self.status(state, children, memory_mb))
             else:
+                self._mode.has_map |= state.map is not None
                 self._answer(asked)
         self._mesh.tick()
         self._saving.tick()
@@ -63,7 +68,8 @@ class Gateway:
         """How the run goes."""
         phase = "stopping" if self.is_stopping else self._pace
         rejected = sum(self.rejected(children).values())
-        return run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
+        status = run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
+        return msgspec.structs.replace(status, mode=self._mode.now)
 
     def rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
         """Messages that could not be read, by topic."""
@@ -102,6 +108,8 @@ class Gateway:
                 self._hold(asked, True)
             case rpc.RESUME:
                 self._hold(asked, False)
+            case rpc.SET_MODE:
+                self._mode.set(asked)
 
     def _answer_trajectory(self, asked: Asked) -> None:
         trajectory = trajectory_so_far(Path(self._run.arena_dir))

@@ -20,7 +20,7 @@ def _rows(status: Status) -> list[tuple[str, str]]:
     processes = "  ".join(f"{name}:{state}" for name, state in status.processes.items())
     restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
     return [
-        ("state", status.state),
+        ("state", f"{status.state}, {status.mode}"),
         ("run", f"{status.run_id}, {status.source}, {status.preset}, {status.pace}"),
         ("time", f"{status.seconds:.0f} s"),
         (

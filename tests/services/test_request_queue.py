@@ -57,6 +57,8 @@ def test_arguments_arrive(ends):
         ("save", b"\x81\xa4name\xa2..", "hsslam.SaveMap.v1", "malformed"),
         ("save", b"\x81\xa4name\xa3a/b", "hsslam.SaveMap.v1", "malformed"),
         ("save", b"\x80", "hsslam.Ask.v1", "schema"),
+        ("set-mode", b"", "", "malformed"),
+        ("set-mode", b"\x81\xa4mode\xa3off", "hsslam.SetMode.v1", "malformed"),
         ("stop", b"\x80", "hsslam.Ask.v2", "version"),
         ("stop", b"\x80" * 10_000, "hsslam.Ask.v1", "size"),
         ("stop", b"\xc1", "hsslam.Ask.v1", "malformed"),

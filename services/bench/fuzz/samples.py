@@ -83,5 +83,6 @@ _ALL: tuple[m.Message, ...] = (
     m.Stop(reason="enough"),
     r.Ask(),
     r.SaveMap(name="room"),
+    r.SetMode(mode="mapping"),
 )
 SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}

@@ -32,6 +32,8 @@ from tests.services.test_wire_client import EXAMPLE
         (("statsu",), "statsu: unknown request: .*did you mean status"),
         (("save",), "save: expected save NAME"),
         (("status", "x"), "status x: expected status alone"),
+        (("set-mode",), "set-mode: expected set-mode mapping|localise-only"),
+        (("set-mode", "maping"), "set-mode maping: expected mapping or .*did you mean mapping"),
         (("save", "../x"), "map '../x': expected a name of letters"),
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
@@ -123,8 +125,16 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     run.wait_until(lambda: _ctl("mesh", "--out", str(mesh), *me).returncode == 0, 60)
     assert len(trimesh.load_mesh(mesh).faces) > 100
 
+    assert _expect("set-mode", "localise-only", *me) == "localise-only\n"
+    assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"
+    held = _status(me)
     assert _expect("resume", *me) == "running\n"
-    run.wait_for_poses(5)
+    run.wait_for_poses(10)
+    now = _status(me)
+    assert now["mode"] == "localise-only" and now["frames_lost"] == held["frames_lost"]
+    assert (now["keyframes"], now["map_version"]) == (held["keyframes"], held["map_version"])
+    assert _expect("set-mode", "mapping", *me) == "mapping\n"
+    run.wait_until(lambda: _status(me)["keyframes"] > held["keyframes"], 30)
     assert _expect("stop", *me) == "stopping\n"
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
@@ -166,7 +176,11 @@ def _expect(*arguments: str) -> str:
 
 
 def _frames(me: tuple[str, ...]) -> int:
-    return json.loads(_expect("status", "--json", *me))["frames_tracked"]
+    return _status(me)["frames_tracked"]
+
+
+def _status(me: tuple[str, ...]) -> dict:
+    return json.loads(_expect("status", "--json", *me))
 
 
 def _frames_when_still(me: tuple[str, ...]) -> int:
