@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint
 from hsslam_node.config import FieldConfig, SlamConfig
 from hsslam_node.errors import UserError
+from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -43,7 +44,7 @@ def restore_map(
         store = _restore_keyframes(arrays, saved, images, camera, config.keyframes.capacity)
     except ValueError as error:
         raise UserError(f"{path}: damaged map: {error}") from None
-    return store, FieldParameters.restore(arrays, saved.layout, saved.params, moment, saved.step)
+    return store, _restore_parameters(arrays, saved, moment)
 
 
 def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
@@ -78,3 +79,21 @@ def _restore_keyframes(
         store.append(Frame(k, stamp_ns, camera, color, depth_raw, units), T_world_cam)
     store.mark_inherited()
     return store
+
+
+def _restore_parameters(
+    arrays: ArrayAllocator, saved: MapCheckpoint, second_moment: np.ndarray
+) -> FieldParameters:
+    """Published as version 1; the first moments are forgotten."""
+    layout = saved.layout
+    first = FieldLayout(layout.config, layout.lattice)
+    parameters = FieldParameters.create(arrays, first, 0)
+    if layout.first_bound is not None:
+        parameters.grow(layout.bound, 0)
+    assert parameters.layout == layout
+    parameters.params[:], parameters.second_moment[:] = saved.params, second_moment
+    while parameters.step < saved.step:
+        parameters.count_step()
+    parameters.mark_stepped(np.arange(len(parameters.stepped_at)), saved.step)
+    parameters.publish()
+    return parameters

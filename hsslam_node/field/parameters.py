@@ -47,31 +47,6 @@ class FieldParameters:
             state[_READY] = 1
         return cls(arrays, layout.config)
 
-    @classmethod
-    def restore(
-        cls,
-        arrays: ArrayAllocator,
-        layout: FieldLayout,
-        params: np.ndarray,
-        second_moment: np.ndarray,
-        step: int,
-    ) -> "FieldParameters":
-        """Fill new arrays with a saved map, published as version 1; the first moments are forgotten.
-
-        Args:
-            params, second_moment: [P] float32 each.
-            step: Adam steps that it has seen.
-        """
-        state = arrays.create("field_state", (16,), np.int64)
-        generation = 0 if layout.first_bound is None else 1
-        made = ParameterArrays.create(arrays, layout, generation)
-        made.params[:], made.second_moment[:] = params, second_moment
-        state[_STEP], state[_GENERATION] = step, generation
-        state[_READY] = 1
-        restored = cls(arrays, layout.config)
-        restored.publish()
-        return restored
-
     @property
     def layout(self) -> FieldLayout:
         """Where everything lies; another object once the map has grown."""
