@@ -67,7 +67,7 @@ class _BaLoop:
         self._worker.count("keyframes refined", len(report.keyframes))
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
-        if report.moved:
+        if report.moved and not self._mode.localise_only:  # it may have been set meanwhile
             base = store.pose_version
             version = store.correct_poses(report.keyframes, report.T_world_cam)
             self._worker.count("corrections")
