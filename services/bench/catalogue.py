@@ -3,6 +3,7 @@
 from hsslam_node.services.bench.baseline_checks import baseline_checks
 from hsslam_node.services.bench.check import Check
 from hsslam_node.services.bench.faithful_checks import faithful_checks
+from hsslam_node.services.bench.frozen_checks import frozen_checks
 from hsslam_node.services.bench.fuzz_checks import fuzz_checks
 from hsslam_node.services.bench.gpu_checks import gpu_checks
 from hsslam_node.services.bench.growth_checks import growth_checks
@@ -30,6 +31,7 @@ def catalogue() -> list[Check]:
         *localise_checks(),
         *faithful_checks(),
         *viewer_checks(),
+        *frozen_checks(),
         *fuzz_checks(),
         *realtime_checks(),
         *growth_checks(),
