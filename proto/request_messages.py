@@ -10,18 +10,22 @@ Mode = Literal["mapping", "localise-only"]
 MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
-class Ask(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class RequestMessage(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a client asks: a field that is not known is refused, so that nothing is done other than meant."""
+
+
+class Ask(RequestMessage, frozen=True, kw_only=True):
     """A request that needs no arguments; no payload at all means the same."""
 
 
-class SaveMap(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SaveMap(RequestMessage, frozen=True, kw_only=True):
     """Keep the map as it is now under a name: letters, digits, _ and -, 64 at most."""
 
     name: MapName
     replace: bool = False
 
 
-class SetMode(Message, frozen=True, kw_only=True):
+class SetMode(RequestMessage, frozen=True, kw_only=True):
     """Go on mapping, or only localise: the map then stays as it is."""
 
     mode: Mode

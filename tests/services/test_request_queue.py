@@ -59,6 +59,8 @@ def test_arguments_arrive(ends):
         ("save", b"\x80", "hsslam.Ask.v1", "schema"),
         ("set-mode", b"", "", "malformed"),
         ("set-mode", b"\x81\xa4mode\xa3off", "hsslam.SetMode.v1", "malformed"),
+        ("set-mode", b"\x82\xa4mode\xa7mapping\xa4more\x01", "hsslam.SetMode.v1", "malformed"),
+        ("stop", b"\x81\xa4more\x01", "hsslam.Ask.v1", "malformed"),
         ("stop", b"\x80", "hsslam.Ask.v2", "version"),
         ("stop", b"\x80" * 10_000, "hsslam.Ask.v1", "size"),
         ("stop", b"\xc1", "hsslam.Ask.v1", "malformed"),
