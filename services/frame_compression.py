@@ -5,9 +5,9 @@ from typing import Literal
 import cv2
 import msgspec
 
+from hsslam_node.png import encode_png
 from hsslam_node.proto.frame_codec import color_image, depth_image
 from hsslam_node.proto.messages import Frame
-from hsslam_node.services.png import encode_png
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 

@@ -7,13 +7,9 @@ import cv2
 import numpy as np
 
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.png import encode_png
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
-_PNG = [  # run lengths of horizontal differences: half the time of the default, and smaller
-    *(cv2.IMWRITE_PNG_COMPRESSION, 1),
-    *(cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB),
-    *(cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE),
-]
 
 
 @dataclass(frozen=True)
@@ -48,13 +44,13 @@ class KeyframeImages:
 
     @classmethod
     def of(cls, store: KeyframeStore, count: int) -> "KeyframeImages":
-        """The first `count` keyframes of a store, about 10 ms and 450 kB each at 640 x 480."""
+        """The first `count` keyframes of a store, about 5 ms and 450 kB each at 640 x 480."""
         color, color_end = _joined(
             cv2.imencode(".jpg", cv2.cvtColor(store.pixels(k)[0], cv2.COLOR_RGB2BGR), _JPEG)[1]
             for k in range(count)
         )
         depth, depth_end = _joined(
-            cv2.imencode(".png", store.pixels(k)[1], _PNG)[1] for k in range(count)
+            np.frombuffer(encode_png(store.pixels(k)[1]), np.uint8) for k in range(count)
         )
         return cls(color, color_end, depth, depth_end, store.depth_units_per_m)
 
