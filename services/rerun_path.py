@@ -1,6 +1,6 @@
 """The camera's path in the viewer: coloured by tracking quality, lost stretches in red."""
 
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import rerun as rr
 
@@ -43,14 +43,9 @@ class RerunPath:
         self._points.append(pose.t)
         self._colors.append(quality_color(pose.quality))
         if len(self._points) > 1:
-            self._stream.log(
-                f"world/trajectory/{self._segment}",
-                rr.LineStrips3D(
-                    [[a, b] for a, b in pairwise(self._points)],
-                    colors=self._colors[1:],
-                    radii=rr.Radius.ui_points(1.8),
-                ),
-            )
+            strips, colors = colored_strips(self._points, self._colors)
+            line = rr.LineStrips3D(strips, colors=colors, radii=rr.Radius.ui_points(1.8))
+            self._stream.log(f"world/trajectory/{self._segment}", line)
         if len(self._points) > _SEGMENT_POSES:
             self._begin_segment(self._points[-1])
 
@@ -69,6 +64,18 @@ class RerunPath:
         self._points = list(first)
         self._colors = self._colors[-1:] if first else []
         self._segment += 1
+
+
+def colored_strips(
+    points: list[Vector], colors: list[Color]
+) -> tuple[list[list[Vector]], list[Color]]:
+    """Lines through the points and their colours: one for each run of poses of equal colour."""
+    strips, strip_colors, end = [], [], 0
+    for color, run in groupby(colors[1:]):
+        begin, end = end, end + sum(1 for _ in run)
+        strips.append(points[begin : end + 1])
+        strip_colors.append(color)
+    return strips, strip_colors
 
 
 def quality_color(quality: float) -> Color:
