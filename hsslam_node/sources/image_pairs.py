@@ -1,4 +1,4 @@
-"""Pairs of image files as a source: what TUM folders and plain folders have in common."""
+"""Pairs of image files as a source: what TUM, Replica and plain folders have in common."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
