@@ -3,6 +3,7 @@
 import difflib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,15 +66,7 @@ def read_replica_camera(path: Path) -> tuple[Camera, float]:
     fields = _read_object(path).get("camera")
     if not isinstance(fields, dict):
         raise UserError(f"{path}: field 'camera' is missing: expected w, h, fx, fy, cx, cy, scale")
-    camera = Camera(
-        width_px=_positive_int(path, fields, "w"),
-        height_px=_positive_int(path, fields, "h"),
-        fx=_positive(path, fields, "fx"),
-        fy=_positive(path, fields, "fy"),
-        cx=_number(path, fields, "cx"),
-        cy=_number(path, fields, "cy"),
-    )
-    return camera, _positive(path, fields, "scale")
+    return _camera(path, fields, "w", "h"), _positive(path, fields, "scale")
 
 
 def _tum_camera(path: Path, fields: dict[str, Any]) -> tuple[Camera, float]:
@@ -87,16 +80,21 @@ def _tum_camera(path: Path, fields: dict[str, Any]) -> tuple[Camera, float]:
         raise UserError(f"{path}: distortion = {distortion}: expected [] or [k1, k2, p1, p2, k3]")
     for value in distortion:
         _finite(path, "distortion", value)
-    camera = Camera(
-        width_px=_positive_int(path, fields, "width"),
-        height_px=_positive_int(path, fields, "height"),
+    coefficients = tuple(float(v) for v in distortion) if any(distortion) else ()
+    camera = replace(_camera(path, fields, "width", "height"), distortion=coefficients)
+    return camera, _positive(path, fields, "depth_scale")
+
+
+def _camera(path: Path, fields: dict[str, Any], width: str, height: str) -> Camera:
+    """The pinhole camera of these fields; its size under these names."""
+    return Camera(
+        width_px=_positive_int(path, fields, width),
+        height_px=_positive_int(path, fields, height),
         fx=_positive(path, fields, "fx"),
         fy=_positive(path, fields, "fy"),
         cx=_number(path, fields, "cx"),
         cy=_number(path, fields, "cy"),
-        distortion=tuple(float(v) for v in distortion) if any(distortion) else (),
     )
-    return camera, _positive(path, fields, "depth_scale")
 
 
 def _read_object(path: Path) -> dict[str, Any]:
