@@ -3,6 +3,7 @@
 import datetime
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.security.access import ROLES
@@ -73,22 +74,18 @@ class Credentials:
 
     def listening(self) -> dict[str, object]:
         """Settings of a router that takes only clients of its CA."""
-        return {
-            f"{_TLS}root_ca_certificate": str(self.folder / CA_FILE),
-            f"{_TLS}listen_certificate": str(self.folder / CERTIFICATE_FILE),
-            f"{_TLS}listen_private_key": str(self.folder / KEY_FILE),
-            f"{_TLS}enable_mtls": True,
-            f"{_TLS}close_link_on_expiration": True,
-        }
+        return {**self._certified("listen"), f"{_TLS}close_link_on_expiration": True}
 
     def connecting(self) -> dict[str, object]:
         """Settings of a client that shows its certificate, and takes only a router of its CA."""
+        return {**self._certified("connect"), f"{_TLS}verify_name_on_connect": True}
+
+    def _certified(self, act: Literal["listen", "connect"]) -> dict[str, object]:
         return {
             f"{_TLS}root_ca_certificate": str(self.folder / CA_FILE),
-            f"{_TLS}connect_certificate": str(self.folder / CERTIFICATE_FILE),
-            f"{_TLS}connect_private_key": str(self.folder / KEY_FILE),
+            f"{_TLS}{act}_certificate": str(self.folder / CERTIFICATE_FILE),
+            f"{_TLS}{act}_private_key": str(self.folder / KEY_FILE),
             f"{_TLS}enable_mtls": True,
-            f"{_TLS}verify_name_on_connect": True,
         }
 
 
