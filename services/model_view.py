@@ -6,6 +6,7 @@ import numpy as np
 
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.meshing.open_map_queries import Queries
 from hsslam_node.proto import topics
@@ -59,11 +60,9 @@ def model_image(
 ) -> np.ndarray:
     """Colours [H, W, 3] uint8 RGB of the surfaces seen from T_world_cam [4, 4]; black: none."""
     depth_m = caster.depth(camera, T_world_cam)  # [H, W]
-    v, u = np.nonzero(depth_m)
-    z = depth_m[v, u]
-    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
+    points = world_points(depth_m, camera, T_world_cam)
     image = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
     if len(points):
-        colors = queries.color(points @ T_world_cam[:3, :3].T + T_world_cam[:3, 3])
-        image[v, u] = np.clip(255 * colors + 0.5, 0, 255).astype(np.uint8)
+        colors = queries.color(points)
+        image[depth_m > 0] = np.clip(255 * colors + 0.5, 0, 255).astype(np.uint8)
     return image

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 
@@ -57,8 +58,9 @@ def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> tuple[float,
     if a.stamp_ns not in pose_of or b.stamp_ns not in pose_of:
         return None
     T_b_a = inverse(pose_of[b.stamp_ns]) @ pose_of[a.stamp_ns]
-    points, pixels = _back_projected(a)
-    moved = points @ T_b_a[:3, :3].T + T_b_a[:3, 3]
+    depth_m = a.depth_m()
+    pixels = np.flatnonzero(depth_m)
+    moved = world_points(depth_m, a.camera, T_b_a)
     c = b.camera
     z = np.where(moved[:, 2] > 0, moved[:, 2], np.nan)
     u, v = moved[:, 0] / z * c.fx + c.cx, moved[:, 1] / z * c.fy + c.cy
@@ -72,15 +74,6 @@ def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> tuple[float,
     own = _grey(a).ravel()[pixels[same]]
     other = _between_pixels(_grey(b), u[same], v[same])
     return float(np.median(difference[same])), _correlation(own, other)
-
-
-def _back_projected(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Points [N, 3] m in the camera's axes of the pixels with depth, and their numbers [N]."""
-    depth, c = frame.depth_m(), frame.camera
-    pixels = np.flatnonzero(depth > 0)
-    v, u = np.divmod(pixels, c.width_px)
-    z = depth.ravel()[pixels].astype(np.float64)
-    return np.stack([(u - c.cx) / c.fx * z, (v - c.cy) / c.fy * z, z], axis=1), pixels
 
 
 def _grey(frame: Frame) -> np.ndarray:

@@ -7,9 +7,9 @@ import numpy as np
 import trimesh
 
 from hsslam_node.evaluation.depth_render import render_depth
-from hsslam_node.evaluation.virtual_views import back_project
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def depth_l1(
     means, total_m, holes, pixels = [], 0.0, 0, 0
     for T_world_cam, true_depth in virtual:
         counted = np.zeros(true_depth.shape, bool)
-        points = back_project(true_depth, camera, T_world_cam)
+        points = world_points(true_depth, camera, T_world_cam)
         counted[true_depth > 0] = views.observed(points)
         if not counted.any():
             continue

@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.evaluation.mean_transform import mean_transform
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.geometry.trajectory import Trajectory
 
@@ -39,13 +40,11 @@ class LocalisationScore:
 
 def overlaps(frames: Sequence[Frame], T_world_cam: np.ndarray, views: Views) -> np.ndarray:
     """Which frames, at true poses [n, 4, 4], see mostly what `views` saw: [n] bool."""
-    return np.array(
-        [
-            len(points) > 0 and views.observed(points).mean() >= _OVERLAP
-            for points in map(_points, frames, T_world_cam)
-        ],
-        bool,
+    seen = (
+        world_points(frame.depth_m(), frame.camera, T, _STRIDE_PX)
+        for frame, T in zip(frames, T_world_cam, strict=True)
     )
+    return np.array([len(p) > 0 and views.observed(p).mean() >= _OVERLAP for p in seen], bool)
 
 
 def localisation_score(
@@ -90,13 +89,3 @@ def map_in_truth(keyframes: Trajectory, truth: Trajectory) -> np.ndarray:
     """T_truth_map [4, 4] by the keyframes of the map that have a true pose."""
     _, ours, theirs = np.intersect1d(keyframes.stamps_ns, truth.stamps_ns, return_indices=True)
     return mean_transform(keyframes.T_world_cam[ours], truth.T_world_cam[theirs])
-
-
-def _points(frame: Frame, T_world_cam: np.ndarray) -> np.ndarray:
-    """Measured points [N, 3] m, world, of every eighth pixel."""
-    z = frame.depth_m()[::_STRIDE_PX, ::_STRIDE_PX].astype(np.float64)
-    v, u = np.nonzero(z)
-    z, camera = z[v, u], frame.camera
-    x = (_STRIDE_PX * u - camera.cx) / camera.fx * z
-    y = (_STRIDE_PX * v - camera.cy) / camera.fy * z
-    return np.stack([x, y, z], axis=-1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]

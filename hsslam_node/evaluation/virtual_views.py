@@ -9,6 +9,7 @@ import trimesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import se3_exp
 
 MOVED_M = 0.5
@@ -58,14 +59,6 @@ def view_of(
     return depth
 
 
-def back_project(depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
-    """World points [N, 3] m of the pixels with depth, row by row."""
-    v, u = np.nonzero(depth_m > 0)
-    z = depth_m[v, u].astype(np.float64)
-    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
-    return points @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
-
-
 def _candidates(
     vertices: np.ndarray, faces: np.ndarray, poses: np.ndarray, rng: np.random.Generator, tries: int
 ) -> Iterator[np.ndarray]:
@@ -93,7 +86,7 @@ def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> 
         depth > 0
     ].min() < _NEAREST_M:
         return False
-    return views.observed(back_project(thin, camera, T)).mean() >= LEAST_OBSERVED
+    return views.observed(world_points(thin, camera, T)).mean() >= LEAST_OBSERVED
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

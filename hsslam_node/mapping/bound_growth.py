@@ -5,6 +5,7 @@ import numpy as np
 from hsslam_node.config import BoundConfig
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 
 _SHARE = 0.02  # of a keyframe's points that may lie outside
 _STRIDE_PX = 8
@@ -30,7 +31,8 @@ def wanted_bound(
         T_world_cam: [4, 4].
         max_depth_m: farther measurements are ignored.
     """
-    points = _points(depth_m, camera, T_world_cam, max_depth_m)
+    near_m = np.where(depth_m < max_depth_m, depth_m, 0)
+    points = world_points(near_m, camera, T_world_cam, _STRIDE_PX)
     position = np.asarray(T_world_cam)[:3, 3]
     outside = len(points) > 0 and bool((~bound.contains(points)).mean() > _SHARE)
     if not outside and bound.contains(position[None])[0]:
@@ -45,15 +47,3 @@ def wanted_bound(
     high = np.where(high > bound.high, np.minimum(high + margin, farthest), bound.high)
     wanted = Bound.of(np.minimum(low, bound.low), np.maximum(high, bound.high))
     return None if wanted == bound else wanted
-
-
-def _points(
-    depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, max_depth_m: float
-) -> np.ndarray:
-    """Measured points [N, 3] m, world, of every eighth pixel."""
-    depth = depth_m[::_STRIDE_PX, ::_STRIDE_PX]
-    v, u = np.nonzero((depth > 0) & (depth < max_depth_m))
-    z = depth[v, u].astype(np.float64)
-    x = (_STRIDE_PX * u - camera.cx) / camera.fx * z
-    y = (_STRIDE_PX * v - camera.cy) / camera.fy * z
-    return np.stack([x, y, z], axis=-1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]

@@ -6,6 +6,7 @@ from hsslam_node.config import BoundConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.projection import camera_points
 
 
 def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
@@ -18,16 +19,12 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     Raises:
         UserError: the frame has no depth.
     """
-    depth = frame.depth_m()[::8, ::8]
-    v, u = np.nonzero((depth > 0) & (depth < max_depth_m))
-    if len(u) == 0:
+    depth_m = frame.depth_m()
+    near_m = np.where(depth_m < max_depth_m, depth_m, 0)
+    points = camera_points(near_m, frame.camera, stride_px=8)
+    if len(points) == 0:
         raise UserError(f"frame {frame.index}: no depth within {max_depth_m} m: expected some")
-    z = depth[v, u]
-    camera = frame.camera
-    rays = np.stack(
-        [(8 * u - camera.cx) / camera.fx, (8 * v - camera.cy) / camera.fy, np.ones(len(u))], axis=-1
-    )
-    distance = np.linalg.norm(rays * z[:, None], axis=-1)
+    distance = np.linalg.norm(points, axis=-1)
     reach = float(
         np.clip(config.margin * np.quantile(distance, 0.99), config.least_m, config.most_m)
     )

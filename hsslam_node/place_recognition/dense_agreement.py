@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import project
 from hsslam_node.geometry.se3 import inverse
 
 _STEP_PX = 8  # at 640 px width
@@ -57,11 +58,9 @@ def _compare(source: Frame, target: Frame, T_target_source: np.ndarray) -> _OneW
     known = z > 0
     u, v, z = u[known], v[known], z[known]
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
-    x, y, depth = (points @ T_target_source[:3, :3].T + T_target_source[:3, 3]).T
     to = target.camera
-    ahead = np.maximum(depth, 1e-3)
-    i = np.rint(to.fx * x / ahead + to.cx)
-    j = np.rint(to.fy * y / ahead + to.cy)
+    i, j, depth = project(points, to, T_target_source)
+    i, j = np.rint(i), np.rint(j)
     inside = (depth > 0.1) & (i >= 0) & (j >= 0) & (i < to.width_px) & (j < to.height_px)
     i, j, depth = i[inside].astype(int), j[inside].astype(int), depth[inside]
     measured = target.depth_raw[j, i] / target.depth_units_per_m

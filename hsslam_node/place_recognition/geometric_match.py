@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import project
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.place_recognition.image_features import ImageFeatures, similarities
 
@@ -94,9 +95,7 @@ def _agrees(
     tolerance_px: float,
 ) -> np.ndarray:
     """Which of the keyframe's points [m, 3] lie at the pixels [m, 2] and at the depth of `seen` [m, 3]."""
-    x, y, z = (points @ T_cam_keyframe[:3, :3].T + T_cam_keyframe[:3, 3]).T
-    ahead = np.maximum(z, 1e-3)
-    u, v = camera.fx * x / ahead + camera.cx, camera.fy * y / ahead + camera.cy
+    u, v, z = project(points, camera, T_cam_keyframe)
     near = np.hypot(u - pixels[:, 0], v - pixels[:, 1]) < tolerance_px
-    tolerance_m = _SIGMAS * (_DEPTH_SIGMA_M + _DEPTH_SIGMA_SLOPE * ahead**2)
+    tolerance_m = _SIGMAS * (_DEPTH_SIGMA_M + _DEPTH_SIGMA_SLOPE * z**2)
     return (z > 0.1) & near & (np.abs(z - seen[:, 2]) < tolerance_m)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.keyframes.store import KeyframeStore
 
@@ -20,7 +21,8 @@ def covering_keyframe(
 
     Of equals it is that which stands most like the camera at T_world_cam [4, 4].
     """
-    points = _points(frame, T_world_cam)
+    depth_m = frame.depth_raw / frame.depth_units_per_m
+    points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
     if len(points) == 0:
         return current
     poses = store.poses()
@@ -36,23 +38,11 @@ def covering_keyframe(
     return best
 
 
-def _points(frame: Frame, T_world_cam: np.ndarray) -> np.ndarray:
-    """Measured points [N, 3] m, world, of every 24th pixel."""
-    z = frame.depth_raw[::_STRIDE_PX, ::_STRIDE_PX] / frame.depth_units_per_m
-    v, u = np.nonzero(z)
-    z, camera = z[v, u], frame.camera
-    x = (_STRIDE_PX * u - camera.cx) / camera.fx * z
-    y = (_STRIDE_PX * v - camera.cy) / camera.fy * z
-    return np.stack([x, y, z], axis=-1) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
-
-
 def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
     """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
-    T, camera = inverse(T_world_key), store.camera
-    x, y, z = (points @ T[:3, :3].T + T[:3, 3]).T
-    ahead = np.maximum(z, 0.1)
-    u = np.round(camera.fx * x / ahead + camera.cx).astype(int)
-    v = np.round(camera.fy * y / ahead + camera.cy).astype(int)
+    camera = store.camera
+    u, v, z = project(points, camera, inverse(T_world_key))
+    u, v = np.round(u).astype(int), np.round(v).astype(int)
     inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
     depth_raw = store.pixels(k)[1][v[inside], u[inside]]
     gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])

@@ -4,6 +4,7 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import project
 from hsslam_node.tracking.alignment import Alignment
 from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe
 
@@ -41,9 +42,6 @@ def reference_overlap(reference: ReferenceKeyframe, T_cam_ref: np.ndarray, camer
     points = reference.points[0]
     if len(points) == 0:
         return 0.0
-    x, y, z = (points @ T_cam_ref[:3, :3].T + T_cam_ref[:3, 3]).T
-    z = np.maximum(z, 1e-3)
-    u = camera.fx * x / z + camera.cx
-    v = camera.fy * y / z + camera.cy
+    u, v, z = project(points, camera, T_cam_ref)
     seen = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px) & (z > 0.1)
     return float(seen.mean())

@@ -6,9 +6,10 @@ import trimesh
 
 from hsslam_node.evaluation.depth_l1 import depth_l1
 from hsslam_node.evaluation.depth_render import render_depth
-from hsslam_node.evaluation.virtual_views import MOVED_M, TURNED_RAD, back_project, virtual_views
+from hsslam_node.evaluation.virtual_views import MOVED_M, TURNED_RAD, virtual_views
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_log
 
 CAMERA = Camera(48, 36, 40.0, 40.0, 23.5, 17.5)
@@ -41,8 +42,8 @@ def test_views_are_near_a_camera_and_show_what_it_saw(seen):
             np.linalg.norm(M[:3, 3]) <= MOVED_M and np.linalg.norm(so3_log(M)) <= TURNED_RAD
             for M in apart
         )
-        assert np.abs(back_project(depth, CAMERA, T)).max() < 2.01  # never the second room
-        assert seen.observed(back_project(depth, CAMERA, T)).mean() > 0.9
+        assert np.abs(world_points(depth, CAMERA, T)).max() < 2.01  # never the second room
+        assert seen.observed(world_points(depth, CAMERA, T)).mean() > 0.9
 
 
 def test_one_seed_gives_the_same_views(seen):
@@ -73,7 +74,7 @@ def test_depth_error_of_the_truth_is_none_and_of_nothing_is_the_depth(seen):
     room, views = _room(), list(virtual_views(_room(), seen, CAMERA, 5))
     assert depth_l1(room, views, CAMERA, seen).mean_m < 1e-6
     nothing = depth_l1(trimesh.Trimesh(), views, CAMERA, seen)
-    counted = [d[d > 0][seen.observed(back_project(d, CAMERA, T))] for T, d in views]
+    counted = [d[d > 0][seen.observed(world_points(d, CAMERA, T))] for T, d in views]
     assert nothing.mean_m == pytest.approx(np.concatenate(counted).mean(), rel=1e-5)
     assert nothing.hole_ratio == 1.0
 

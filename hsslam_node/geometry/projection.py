@@ -1,0 +1,41 @@
+"""Pixels with depth to points, and points to pixels, of a pinhole camera without distortion."""
+
+import numpy as np
+
+from hsslam_node.geometry.camera import Camera
+
+
+def camera_points(depth_m: np.ndarray, camera: Camera, stride_px: int = 1) -> np.ndarray:
+    """Points [N, 3] float64 m, in the camera's axes, of the pixels with depth, row by row.
+
+    Args:
+        depth_m: [H, W], planar, 0 = no measurement.
+        stride_px: only every so manieth pixel of a row and of a column.
+    """
+    z = depth_m[::stride_px, ::stride_px]
+    v, u = np.nonzero(z)
+    z = z[v, u].astype(np.float64)
+    x = (stride_px * u - camera.cx) / camera.fx * z
+    y = (stride_px * v - camera.cy) / camera.fy * z
+    return np.stack([x, y, z], axis=-1)
+
+
+def world_points(
+    depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 1
+) -> np.ndarray:
+    """The same [N, 3] float64 m in the world, T_world_cam being [4, 4]."""
+    points = camera_points(depth_m, camera, stride_px)
+    return points @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+
+
+def project(
+    points: np.ndarray, camera: Camera, T_cam_points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where a camera sees points [N, 3]: u and v [N] px, and planar depth [N] m.
+
+    T_cam_points [4, 4] maps the points to the camera's axes. Pixels tell nothing where the depth is less
+    than a millimetre, behind the camera too.
+    """
+    x, y, z = (points @ T_cam_points[:3, :3].T + T_cam_points[:3, 3]).T
+    ahead = np.maximum(z, 1e-3)
+    return camera.fx * x / ahead + camera.cx, camera.fy * y / ahead + camera.cy, z
