@@ -2,6 +2,7 @@
 
 from itertools import groupby, pairwise
 
+import numpy as np
 import rerun as rr
 
 from hsslam_node.proto.messages import Pose, Vector
@@ -27,8 +28,9 @@ class RerunPath:
         self._segment = 0
         self._stretches = 0
         self._is_lost = False
+        self._is_drawn = True
 
-    def draw(self, pose: Pose) -> None:
+    def add(self, pose: Pose) -> None:
         """Add a pose; one that is lost has a position that nobody vouches for: it is not drawn."""
         if pose.status == "lost":
             if not self._is_lost and self._points:
@@ -42,12 +44,17 @@ class RerunPath:
             self._end_stretch(pose.t)
         self._points.append(pose.t)
         self._colors.append(quality_color(pose.quality))
-        if len(self._points) > 1:
-            strips, colors = colored_strips(self._points, self._colors)
-            line = rr.LineStrips3D(strips, colors=colors, radii=rr.Radius.ui_points(1.8))
-            self._stream.log(f"world/trajectory/{self._segment}", line)
+        self._is_drawn = False
         if len(self._points) > _SEGMENT_POSES:
             self._begin_segment(self._points[-1])
+
+    def draw(self) -> None:
+        """Draw the newest segment, if poses were added to it."""
+        if len(self._points) > 1 and not self._is_drawn:
+            strips, colors = colored_strips(self._points, self._colors)
+            line = rr.LineStrips3D(strips, colors=_packed(colors), radii=rr.Radius.ui_points(1.8))
+            self._stream.log(f"world/trajectory/{self._segment}", line)
+        self._is_drawn = True
 
     def _end_stretch(self, t: Vector) -> None:
         self._stream.log("world/lost/here", rr.Clear(recursive=False))
@@ -61,6 +68,7 @@ class RerunPath:
         self._begin_segment()
 
     def _begin_segment(self, *first: Vector) -> None:
+        self.draw()
         self._points = list(first)
         self._colors = self._colors[-1:] if first else []
         self._segment += 1
@@ -76,6 +84,11 @@ def colored_strips(
         strips.append(points[begin : end + 1])
         strip_colors.append(color)
     return strips, strip_colors
+
+
+def _packed(colors: list[Color]) -> np.ndarray:
+    """RGBA in one word each, [n] uint32: a third of what the SDK takes for tuples."""
+    return np.array([r << 24 | g << 16 | b << 8 | 0xFF for r, g, b in colors], np.uint32)
 
 
 def quality_color(quality: float) -> Color:

@@ -10,12 +10,11 @@ from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.proto import messages
 from hsslam_node.proto.mesh_codec import mesh_arrays
 from hsslam_node.services.frame_compression import jpeg
-from hsslam_node.services.rerun_path import RerunPath
+from hsslam_node.services.rerun_poses import RerunPoses
 
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
 _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
-_FPS_WEIGHT = 0.1  # of the newest interval in the running mean
 _KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
@@ -25,16 +24,16 @@ class RerunScene:
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
     world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, model, plots/*, events.
+    Poses are drawn together, every `poses_every_s`.
     """
 
-    def __init__(self, stream: rr.RecordingStream) -> None:
+    def __init__(self, stream: rr.RecordingStream, poses_every_s: float) -> None:
         self._stream = stream
-        self._path = RerunPath(stream)
+        self._poses = RerunPoses(stream, poses_every_s)
         self._loops: set[tuple[int, int]] = set()
         self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
         self._frustum: np.ndarray | None = None
-        self._tracked_ns = 0
-        self._interval_s = 0.0
+        self._intrinsics: tuple[float, ...] = ()
         self._time: tuple[int, int] | None = None
         stream.log("world", rr.ViewCoordinates.RDF, static=True)
         for name in ("latency_ms", "fps", "quality", "loss"):
@@ -48,7 +47,7 @@ class RerunScene:
                 self._draw_frame(message)
             case messages.Pose():
                 self._set_time(message.index, message.stamp_ns)
-                self._draw_pose(message)
+                self._poses.add(message)
             case messages.Keyframe():
                 self._keyframes[message.id] = (message.t, message.q)
                 self._draw_keyframes([message.id])
@@ -69,6 +68,13 @@ class RerunScene:
             case messages.Event():
                 text = f"{message.process}: {message.text}"
                 self._stream.log("events", rr.TextLog(text, level=_LEVELS[message.level]))
+        if self._poses.is_due():
+            self._poses.draw()
+            self._restore_time()
+
+    def finish(self) -> None:
+        """Draw the poses that wait."""
+        self._poses.draw()
 
     def _set_time(self, index: int, stamp_ns: int) -> None:
         """Time comes before logging: what is logged earlier is absent from the timeline."""
@@ -78,30 +84,23 @@ class RerunScene:
         self._stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
 
     def _draw_frame(self, frame: messages.Frame) -> None:
-        pinhole = rr.Pinhole(
-            focal_length=(frame.fx, frame.fy),
-            principal_point=(frame.cx, frame.cy),
-            resolution=(frame.width_px, frame.height_px),
-            camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=_IMAGE_PLANE_M,
-        )
+        size = (frame.width_px, frame.height_px)
+        intrinsics = (frame.fx, frame.fy, frame.cx, frame.cy, *size)
+        if intrinsics != self._intrinsics:
+            self._intrinsics = intrinsics
+            pinhole = rr.Pinhole(
+                focal_length=(frame.fx, frame.fy),
+                principal_point=(frame.cx, frame.cy),
+                resolution=size,
+                camera_xyz=rr.ViewCoordinates.RDF,
+                image_plane_distance=_IMAGE_PLANE_M,
+            )
+            self._stream.log("world/camera/image", pinhole)
         image = rr.EncodedImage(contents=jpeg(frame), media_type="image/jpeg")
-        self._stream.log("world/camera/image", pinhole)
         self._stream.log("world/camera/image", image)
         if self._frustum is None:
             self._frustum = _frustum(frame)
             self._draw_keyframes(list(self._keyframes))
-
-    def _draw_pose(self, pose: messages.Pose) -> None:
-        self._plot("quality", pose.quality)
-        self._plot("latency_ms", (pose.publish_ns - pose.stamp_ns) / 1e6)
-        self._path.draw(pose)
-        if pose.status != "lost":
-            self._plot_fps(pose)
-            self._stream.log(
-                "world/camera",
-                rr.Transform3D(translation=pose.t, quaternion=rr.Quaternion(xyzw=pose.q)),
-            )
 
     def _draw_keyframes(self, changed: Sequence[int]) -> None:
         if self._frustum is None:
@@ -148,15 +147,6 @@ class RerunScene:
         self._restore_time()
         shape = (view.height_px, view.width_px, 3)
         self._stream.log("model", rr.Image(np.frombuffer(view.color, np.uint8).reshape(shape)))
-
-    def _plot_fps(self, pose: messages.Pose) -> None:
-        if self._tracked_ns:
-            interval_s = (pose.publish_ns - self._tracked_ns) / 1e9
-            mean_s = self._interval_s or interval_s
-            self._interval_s = mean_s + _FPS_WEIGHT * (interval_s - mean_s)
-            if self._interval_s > 0:
-                self._plot("fps", 1 / self._interval_s)
-        self._tracked_ns = pose.publish_ns
 
     def _plot(self, name: str, value: float) -> None:
         self._restore_time()

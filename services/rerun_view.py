@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -23,7 +24,19 @@ _CHECK_S = 2.0
 _FIRST_CHECK_S = 20.0  # a viewer may take its time to start
 _STUCK_S = 3.0  # in the drawing of one message
 _CLOSE_S = 10.0
-_IMAGE_S, _MESH_S = 0.1, 3.0  # least time between images and between meshes in the file
+
+
+@dataclass(frozen=True)
+class _Intervals:
+    """The least time between what is drawn of a kind; poses lose nothing, they are drawn together."""
+
+    images_s: float
+    meshes_s: float
+    poses_s: float
+
+
+_FILE = _Intervals(images_s=0.1, meshes_s=3.0, poses_s=1.0)
+_LIVE = _Intervals(images_s=0.0, meshes_s=0.0, poses_s=0.1)
 
 
 class RerunView:
@@ -39,10 +52,10 @@ class RerunView:
     def __init__(self, rrd: Path, viewer: str, recording_id: str, tell: Tell) -> None:
         self._process: ViewerProcess | None = None
         live = None if viewer == "none" else self._open_viewer(viewer, tell)
-        self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _IMAGE_S, _MESH_S)]
+        self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
         if live is not None:
             watch = _Watch(viewer, tell, self._process)
-            self._threads.append(_Drawing(live, recording_id, 0.0, 0.0, watch))
+            self._threads.append(_Drawing(live, recording_id, _LIVE, watch))
 
     @property
     def dropped(self) -> int:
@@ -127,8 +140,7 @@ class _Drawing(threading.Thread):
         self,
         sink: rr.FileSink | rr.GrpcSink,
         recording_id: str,
-        image_interval_s: float,
-        mesh_interval_s: float,
+        intervals: "_Intervals",
         watch: _Watch | None = None,
     ) -> None:
         super().__init__(name="rerun", daemon=True)
@@ -140,13 +152,12 @@ class _Drawing(threading.Thread):
         self._gone = False
         self._drawn_s = time.monotonic()
         self._watch = watch
-        self._image_interval_ns = int(image_interval_s * 1e9)
-        self._mesh_interval_s = mesh_interval_s
+        self._intervals = intervals
         self._image_ns = 0
         self._mesh_s = float("-inf")
         self._stream = rr.RecordingStream("hsslam", recording_id=recording_id)
         self._stream.set_sinks(sink, default_blueprint=blueprint())
-        self._scene = RerunScene(self._stream)
+        self._scene = RerunScene(self._stream, intervals.poses_s)
         self.start()
 
     def put(self, message: messages.Message) -> None:
@@ -179,6 +190,7 @@ class _Drawing(threading.Thread):
                 break
         with contextlib.suppress(RuntimeError):
             if not self._gone:
+                self._scene.finish()
                 self._stream.flush(timeout_sec=_CHECK_S)
         self._stream.disconnect()
 
@@ -193,12 +205,12 @@ class _Drawing(threading.Thread):
     def _is_due(self, message: messages.Message) -> bool:
         """Thin out images and meshes, so that the file stays small."""
         if isinstance(message, messages.Frame):
-            if 0 <= message.stamp_ns - self._image_ns < self._image_interval_ns:
+            if 0 <= message.stamp_ns - self._image_ns < 1e9 * self._intervals.images_s:
                 return False
             self._image_ns = message.stamp_ns
         if isinstance(message, messages.Mesh):
             now_s = time.monotonic()
-            if not message.final and now_s - self._mesh_s < self._mesh_interval_s:
+            if not message.final and now_s - self._mesh_s < self._intervals.meshes_s:
                 return False
             self._mesh_s = now_s
         return True

@@ -14,9 +14,10 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     """Draw every message that the viewer shows, none thinned out; yields what it wrote."""
     stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
     stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
-    scene = RerunScene(stream)
+    scene = RerunScene(stream, poses_every_s=1.0)
     for logged in bus_messages(files, {topic.name for topic in TOPICS if topic.drawn}):
         scene.draw(logged.message())
+    scene.finish()
     stream.flush()
     stream.disconnect()
     yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"

@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -54,6 +55,8 @@ def test_the_file_has_the_whole_scene(tmp_path):
     ):
         assert f"{entity} " in printed or f"{entity}\n" in printed or f"{entity}`" in printed
     assert "Mesh3D:vertex_colors" in printed
+    assert _rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100  # its style, every pose
+    assert _rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
 
 
 def test_show_does_not_wait_for_the_drawing(tmp_path):
@@ -159,6 +162,14 @@ def _status(page, patience_s=10.0) -> int:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)
+
+
+def _rows(rrd: Path, entity: str) -> int:
+    printed = subprocess.run(
+        [RERUN, "rrd", "print", rrd], check=True, capture_output=True, text=True
+    ).stdout
+    chunks = re.findall(rf"with (\d+) rows .* {entity} ", printed)
+    return sum(int(rows) for rows in chunks)
 
 
 def _show_a_run(view: RerunView) -> None:
