@@ -7,6 +7,7 @@ import numpy as np
 from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.meshing.block_mesher import BlockMesher
+from hsslam_node.meshing.observed_poses import surface_shift_m
 from hsslam_node.meshing.observed_space import ObservedSpace
 from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.proto import topics
@@ -18,6 +19,7 @@ from hsslam_node.services.worker_device import worker_device
 
 _POLL_S = 0.2
 _BLOCKS_AT_A_TIME = 8  # between looks at the clock
+_NOWHERE = np.zeros((0, 4, 4))
 
 
 def main() -> None:
@@ -48,13 +50,14 @@ class _MesherLoop:
         self._view = ModelView(worker.bus)
         self._mesher: BlockMesher | None = None
         self._params = np.zeros(0, np.float32)
-        self._observed = 0
-        self._pose_version = 0
+        self._seen_from = _NOWHERE  # T_world_cam [k, 4, 4] of the keyframes observed so far
 
     def has_news(self) -> bool:
         """Whether keyframes have come since the last mesh."""
         store, parameters = self._link.store(), self._link.parameters()
-        return bool(store and parameters and parameters.version and store.count > self._observed)
+        return bool(
+            store and parameters and parameters.version and store.count > len(self._seen_from)
+        )
 
     def show_if_due(self) -> None:
         """The map from where the camera is, for whoever looks on."""
@@ -75,10 +78,6 @@ class _MesherLoop:
         start = time.perf_counter()
         version = self._copy_map(parameters)
         mesher = self._mesher_over(parameters)
-        if store.pose_version != self._pose_version:
-            self._pose_version = store.pose_version
-            mesher.clear()
-            self._observed = 0
         self._observe(mesher, store)
         queries = open_map_queries(parameters.layout, self._params, self._device)
         while not self._worker.should_stop():
@@ -97,15 +96,18 @@ class _MesherLoop:
         if self._mesher is None or self._mesher.space.bound != bound:  # or the map has grown
             voxel_m = self._worker.options.slam.mesher.voxel_m
             self._mesher = BlockMesher(ObservedSpace(bound, voxel_m))
-            self._observed = 0
+            self._seen_from = _NOWHERE
         return self._mesher
 
     def _observe(self, mesher: BlockMesher, store: KeyframeStore) -> None:
-        count = store.count
         poses = store.poses()
-        for k in range(self._observed, count):
+        observed = len(self._seen_from)
+        if surface_shift_m(self._seen_from, poses[:observed]) > mesher.space.voxel_m:
+            mesher.clear()  # after a loop; less than that stays within what is asked
+            observed, self._seen_from = 0, _NOWHERE
+        for k in range(observed, len(poses)):
             mesher.observe(store.frame(k).depth_m(), store.camera, poses[k])
-        self._observed = count
+        self._seen_from = np.concatenate([self._seen_from, poses[observed:]])
 
     def _copy_map(self, parameters: FieldParameters) -> int:
         while True:
