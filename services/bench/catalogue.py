@@ -20,7 +20,7 @@ from hsslam_node.services.bench.viewer_checks import viewer_checks
 
 
 def catalogue() -> list[Check]:
-    """The rows; those that nobody can measure yet stand there as not measured."""
+    """The rows, in the order of the table."""
     return [
         *lockstep_checks(),
         *refinement_checks(),
@@ -37,6 +37,5 @@ def catalogue() -> list[Check]:
         *growth_checks(),
         *kernel_checks(),
         *baseline_checks(),
-        Check("paper", "preset paper: accuracy and speed", "", None),
         *gpu_checks(),
     ]

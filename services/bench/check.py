@@ -26,12 +26,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table. `measure` None: nobody has measured it, and the table says so."""
+    """A row of the table."""
 
     name: str  # for --only; parts before a colon select whole groups
     what: str
     bound: str  # "" without one
-    measure: Callable[[Session], Measured] | None
+    measure: Callable[[Session], Measured]
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,6 @@ def perform(check: Check, session: Session) -> Row:
 
     What cannot be measured on this machine is not measured, with the reason.
     """
-    if check.measure is None:
-        return unmeasured(check)
     verdict: Verdict
     try:
         result = check.measure(session)
