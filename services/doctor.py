@@ -14,7 +14,7 @@ from rich.text import Text
 
 from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.finding import Finding
-from hsslam_node.doctor.recorded_stamps import recorded_stamps
+from hsslam_node.doctor.recorded_stamps import RecordedStamps, recorded_stamps
 from hsslam_node.doctor.sample import Sample, take_sample
 from hsslam_node.errors import UserError
 from hsslam_node.services.exit_code import exit_code
@@ -38,8 +38,8 @@ class DoctorOptions:
     hsslam-doctor tum:my_recording --json findings.json
 
     Sources are those of hsslam-serve, without zenoh:. A few frames are read, in runs of three spread over
-    the sequence (of a live camera its first ones), and all stamps where the source lists them. No ground
-    truth is looked at.
+    the sequence (of a live camera its first ones), and all stamps of a TUM folder or a log. No ground truth
+    is looked at.
 
     Exit code 0: no fault; 1: faults; 2: bad input, told in one line.
 
@@ -48,7 +48,7 @@ class DoctorOptions:
     """
 
     source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")] = ""
-    """What to look at, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, synth:room."""
+    """What to look at, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, mcap:LOG, synth:room."""
     sample_frames: int = 60
     """So many frames are looked at, at most."""
     json: Path | None = None
@@ -89,7 +89,7 @@ def _look(options: DoctorOptions) -> int:
         ros2=options.ros2,
         realsense=options.realsense,
     )
-    stamps = recorded_stamps(options.source)  # may have to be fetched, which shows a bar of its own
+    stamps = _stamps(options.source)  # may have to be fetched, which shows a bar of its own
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
         sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
         findings = list(examine(sample, stamps))
@@ -104,6 +104,15 @@ def _look(options: DoctorOptions) -> int:
     notes = sum(finding.severity == "note" for finding in findings)
     console.print(f"{faults} faults, {notes} notes")
     return faults
+
+
+def _stamps(spec: str) -> RecordedStamps | None:
+    kind, _, place = spec.partition(":")
+    if kind == "mcap" and place:
+        from hsslam_node.services.log.mcap_source import McapSource
+
+        return RecordedStamps(McapSource(place, SourceOptions()).stamps_ns)
+    return recorded_stamps(spec)
 
 
 def _table(sample: Sample, findings: Sequence[Finding]) -> Table:

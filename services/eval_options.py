@@ -8,14 +8,16 @@ import tyro
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.tsdf_baseline import TsdfOptions
+from hsslam_node.services.log.log_file import is_log
 from hsslam_node.sources.source import SynthOptions
 
 
 @dataclass(frozen=True)
 class EvalOptions:
-    """Scores a run folder, or a trajectory and/or a mesh, against the ground truth of a source.
+    """Scores a run folder, a log, or a trajectory and/or a mesh, against the ground truth of a source.
 
     hsslam-eval runs/house --against tsdf --json house.json
+    hsslam-eval mcap:run.mcap
     hsslam-eval --trajectory trajectory.txt --mesh mesh.ply --source replica:room0
 
     Lengths are in cm, rotations in degrees, ratios in % (in the JSON file: m, degrees, 0 to 1). ATE:
@@ -32,13 +34,14 @@ class EvalOptions:
     """
 
     run: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[RUN]")] = ""
-    """Folder of a finished run; it names its source itself."""
+    """Folder of a run, or its log (mcap:FILE); it names its source itself. Of a run that was killed, and of
+    a log, poses and mesh are those of the log, which is recovered first if need be."""
     trajectory: Path | None = None
     """Trajectory in TUM format (s, m, unit quaternion; camera to world) instead of a run's."""
     mesh: Path | None = None
     """Mesh (m) in the world of the trajectory, or of the truth if there is no trajectory."""
     source: str = ""
-    """Whose truth: synth:room | tum:FOLDER | replica:FOLDER (empty: that of the run)."""
+    """Whose truth: synth:room | tum:FOLDER | replica:FOLDER (empty: that of the run or log)."""
     noise: Literal["none", "kinect"] = "none"
     """Depth noise that was added to the source (with a run: as there)."""
     start: int = 0
@@ -76,7 +79,7 @@ class EvalOptions:
 
     def expect_subject(self) -> None:
         """UserError where the options do not say what to score, or against what."""
-        if self.run and (self.trajectory or self.mesh or self.source):
+        if self.run and (self.trajectory or self.mesh or (self.source and not is_log(self.run))):
             raise UserError("RUN: has its own trajectory, mesh and source: expected it alone")
         if not self.run and not (self.trajectory or self.mesh):
             raise UserError("nothing to score: expected a RUN, --trajectory FILE or --mesh FILE")

@@ -18,6 +18,8 @@ from hsslam_node.services.bench.report import source_commit
 from hsslam_node.services.eval_options import EvalOptions
 from hsslam_node.services.eval_table import eval_table
 from hsslam_node.services.exit_code import exit_code
+from hsslam_node.services.log.log_file import is_log
+from hsslam_node.services.log.recorded_source import RecordedSource, recorded_source
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.run_subject import run_subject
@@ -59,7 +61,7 @@ def _evaluate(options: EvalOptions) -> None:
     written: list[Path] = []
     if options.json is not None:
         written.append(_write_json(options.json, figures))
-    folder = options.plots or (Path(options.run) / "evaluation" if options.run else None)
+    folder = options.plots or _own_folder(options.run)
     if folder is not None:
         from hsslam_node.evaluation.plots import draw_plots  # matplotlib takes its time
 
@@ -77,11 +79,19 @@ def _evaluate(options: EvalOptions) -> None:
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     """What is judged, and what is said of it beside the figures."""
     about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
+    source = RecordedSource(options.source, _source_options(options)) if options.source else None
     if options.run:
-        subject, of_run = run_subject(Path(options.run))
+        subject, of_run = run_subject(options.run, source, _say)
         return subject, about | of_run
+    assert source is not None  # expect_subject
+    source = recorded_source(source.spec, source.options, _say)
     trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
-    source_options = SourceOptions(
+    about |= {"source": options.source, "noise": options.noise}
+    return Subject(source.spec, source.options, trajectories, options.mesh), about
+
+
+def _source_options(options: EvalOptions) -> SourceOptions:
+    return SourceOptions(
         noise=options.noise,
         seed=options.seed,
         start=options.start,
@@ -89,8 +99,15 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
         frames=options.frames,
         synth=options.synth,
     )
-    about |= {"source": options.source, "noise": options.noise}
-    return Subject(options.source, source_options, trajectories, options.mesh), about
+
+
+def _own_folder(run: str) -> Path | None:
+    """Where the pictures of a run go if nothing is said."""
+    return Path(run) / "evaluation" if run and not is_log(run) else None
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
 
 
 def _write_json(path: Path, figures: dict[str, Any]) -> Path:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.services.camera_progress import CameraProgress
 from hsslam_node.services.summary import update_summary
@@ -19,7 +20,18 @@ def _run(worker: Worker) -> None:
     if not options.has_camera_process or not options.evaluate or read == 0:
         return
     until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
-    found = evaluate_run(worker.run.path, options.source, until_now)
+    spec = options.source
+    if spec.startswith("mcap:"):
+        from hsslam_node.services.log.recorded_source import recorded_source
+
+        try:
+            source = recorded_source(spec, until_now, lambda text: worker.event("info", text))
+            found = evaluate_run(worker.run.path, source.spec, source.options)
+        except UserError as error:  # a log may come from anywhere
+            worker.event("info", f"not evaluated: {error}")
+            return
+    else:
+        found = evaluate_run(worker.run.path, spec, until_now)
     if found:
         update_summary(worker.run.path, {"evaluation": found})
 

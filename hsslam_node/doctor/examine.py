@@ -41,8 +41,8 @@ def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
 
 
 def _of_stamps(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
-    if stamps is None:
-        intervals_ns = sample.intervals_ns
+    if stamps is None or stamps.depth_ns is None:
+        intervals_ns = sample.intervals_ns if stamps is None else np.diff(stamps.color_ns)
         yield check_rate(intervals_ns)
         yield check_stamp_order(intervals_ns, "frames")
         yield check_stamp_gaps(intervals_ns)

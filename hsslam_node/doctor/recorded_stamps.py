@@ -9,11 +9,11 @@ from hsslam_node.sources.tum_folder import MAX_DT_NS, TumFolder
 
 @dataclass(frozen=True)
 class RecordedStamps:
-    """Stamps [N], [M] int64 ns in the order of the recording."""
+    """Stamps [N], [M] int64 ns in the order of the recording; `depth_ns` is None where both share one."""
 
     color_ns: np.ndarray
-    depth_ns: np.ndarray
-    max_dt_ns: int  # further apart, colour and depth are not put together
+    depth_ns: np.ndarray | None = None
+    max_dt_ns: int = MAX_DT_NS  # further apart, colour and depth are not put together
 
 
 def recorded_stamps(spec: str) -> RecordedStamps | None:

@@ -1,7 +1,7 @@
 """Everything that can be measured of a trajectory, a mesh and a map, against the truth of a source."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.source import Source, SourceOptions
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,10 @@ class Subject:
     source: str
     options: SourceOptions
     trajectories: Mapping[str, Trajectory] = field(default_factory=dict)  # by label
-    mesh: Path | None = None
+    mesh: Path | trimesh.Trimesh | None = None
     map: Path | None = None  # map.safetensors
     slam: SlamConfig | None = None  # that the map was made with
+    open_it: Callable[[str, SourceOptions], Source] = open_source
 
     def without_mesh(self) -> "Subject":
         """The same without its mesh, which takes its time to be judged."""
@@ -133,7 +134,8 @@ class Evaluator:
         T = final.T_truth_estimate if final is not None and is_aligned else np.eye(4)
         found = {}
         if self._subject.mesh is not None:
-            found["ours"] = load_mesh(self._subject.mesh)
+            mesh = self._subject.mesh
+            found["ours"] = load_mesh(mesh) if isinstance(mesh, Path) else mesh.copy()
         if self._wanted.tsdf is not None:
             found["tsdf"] = fuse_tsdf(self._posed_frames(1, "TSDF"), self._wanted.tsdf)
         for mesh in found.values():
@@ -194,7 +196,7 @@ class Evaluator:
         options = self._subject.options
         limit = None if options.frames is None else -(-options.frames // every)
         thinned = replace(options, stride=options.stride * every, frames=limit)
-        source = open_source(self._subject.source, thinned)
+        source = self._subject.open_it(self._subject.source, thinned)
         for frame in self._track(source.frames(), source.frame_count, description=what):
             if isinstance(frame, Frame):
                 yield frame

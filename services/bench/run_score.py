@@ -16,7 +16,7 @@ from hsslam_node.services.run_subject import run_subject
 def main() -> None:
     """tsdf: the run's mesh and a TSDF of its poses and depth; consistency: its frames' agreement."""
     folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
-    subject, _ = run_subject(Path(folder))
+    subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))
     with_tsdf = what == "tsdf"
     wanted = Wanted(
         depth_views=0,

@@ -58,6 +58,11 @@ def log_parts(place: str | Path, say: Say) -> list[Path]:
     return found
 
 
+def is_log(place: str) -> bool:
+    """Whether a log is named, not a run folder with all its files."""
+    return place.startswith("mcap:") or place.endswith(".mcap")
+
+
 def make_readable(path: Path, say: Say) -> bool:
     """Recover the file if it is unfinished, and tell it; False if there was nothing to do.
 

@@ -66,9 +66,10 @@ class ExportOptions:
 
     hsslam-log export run.mcap --only trajectory mesh
 
-    trajectory_online.txt (TUM: s, m, unit quaternion xyzw, camera to world), trajectory_online.csv,
-    keyframes.txt; mesh.ply (world as ours: y down, z forward) and mesh.glb (y up, as glTF wants it);
-    frames/ in TUM layout, which --source tum:FOLDER opens; run.rrd for the rerun viewer.
+    trajectory_online.txt (TUM: s, m, unit quaternion xyzw, camera to world) and trajectory_online.csv: as
+    published; trajectory.txt and keyframes.txt: as refined later; mesh.ply (world as ours: y down, z forward)
+    and mesh.glb (y up, as glTF wants it); frames/ in TUM layout, which --source tum:FOLDER opens; run.rrd
+    for the rerun viewer.
     """
 
     file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""

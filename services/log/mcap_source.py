@@ -22,52 +22,57 @@ class McapSource:
 
     Indices are those of the log, so that whatever is drawn at random by frame is drawn as before; a
     frame that was sent twice comes once. Colour is as the log has it: a JPEG is not what the tracker saw.
+    Opening reads the log through (0.3 s for 200 MB): its frames are counted, and `stamps_ns` has their
+    stamps, [N] int64.
 
     Raises:
-        UserError: no log there, none that can be read, or it holds no frame.
+        UserError: no log there, none that can be read, or it holds no frame that is selected.
     """
 
     def __init__(self, place: str, options: SourceOptions) -> None:
         self._files = log_parts(place, lambda text: print(text, file=sys.stderr))
-        self._options = options
         self.name = f"mcap:{place}"
-        self.frame_count: int | None = None
-        stamps_ns: list[int] = []
         first: messages.Frame | None = None
-        for message in self._messages():
+        stamps_ns: list[int] = []
+        for message in self._logged():
             first = first or message
             stamps_ns.append(message.source_stamp_ns)
-            if len(stamps_ns) == _RATE_FRAMES:
-                break
         if first is None:
             raise UserError(f"source mcap:{place}: holds no frames: expected a log with in/frame")
+        self._rows = frozenset(options.selected(len(stamps_ns)))
+        if not self._rows:
+            raise UserError(
+                f"--start {options.start}: source mcap:{place} has {len(stamps_ns)} frames"
+            )
+        self.stamps_ns = np.array(stamps_ns)[sorted(self._rows)]
+        self.frame_count: int | None = len(self._rows)
         self.camera = Camera(
             first.width_px, first.height_px, first.fx, first.fy, first.cx, first.cy
         )
         self.depth_units_per_m = first.depth_units_per_m
-        period_ns = float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 0.0
+        period_ns = (
+            float(np.median(np.diff(self.stamps_ns[:_RATE_FRAMES]))) if len(self._rows) > 1 else 0.0
+        )
         self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
 
     def frames(self) -> Iterator[Frame | BadFrame]:
-        """Every frame of the log; one whose images cannot be decoded comes as a `BadFrame`."""
-        for message in self._messages():
-            try:
-                yield frame_from_message(message)
-            except UserError as error:
-                yield BadFrame(message.index, message.source_stamp_ns, str(error))
+        """Selected frames; one whose images cannot be decoded comes as a `BadFrame`."""
+        last = max(self._rows)
+        for row, message in enumerate(self._logged()):
+            if row > last:
+                return
+            if row in self._rows:
+                try:
+                    yield frame_from_message(message)
+                except UserError as error:
+                    yield BadFrame(message.index, message.source_stamp_ns, str(error))
 
-    def _messages(self) -> Iterator[messages.Frame]:
-        """Selected frames, not decoded, in order of their indices."""
-        stride, most = self._options.stride, self._options.frames
-        newest, seen = -1, -self._options.start
+    def _logged(self) -> Iterator[messages.Frame]:
+        """All frames, not decoded, in order of their indices."""
+        newest = -1
         for logged in bus_messages(self._files, {FRAME.name}):
             message = logged.message()
             assert isinstance(message, messages.Frame)
-            if message.index <= newest:
-                continue
-            newest = message.index
-            if most is not None and seen >= most * stride:
-                return
-            if seen >= 0 and seen % stride == 0:
+            if message.index > newest:
+                newest = message.index
                 yield message
-            seen += 1

@@ -1,13 +1,22 @@
 """`hsslam-doctor` on sequences as given, and on kitchen with faults planted."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from hsslam_node.frame import Frame
+from hsslam_node.proto import topics
+from hsslam_node.proto.codec import encode
+from hsslam_node.proto.frame_codec import frame_message
 from hsslam_node.services.doctor import main
+from hsslam_node.services.frame_compression import compress_frame
+from hsslam_node.services.log.parted_log import PartedLog
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import SourceOptions, SynthOptions
 
 
 def doctor(*args: str) -> int:
@@ -126,3 +135,18 @@ def test_bad_input_is_one_line(args, words, capsys):
     said = capsys.readouterr().err
     assert words in said
     assert said.count("\n") == 1
+
+
+def test_a_log_is_looked_at_from_its_beginning_to_its_end(tmp_path):
+    size = SynthOptions(width_px=160, height_px=120)
+    log = PartedLog(tmp_path, "r")
+    for start in (0, 90):  # two seconds are missing between
+        options = SourceOptions(start=start, frames=30, synth=size)
+        for index, frame in enumerate(open_source("synth:room", options).frames(), start):
+            assert isinstance(frame, Frame)
+            message = compress_frame(frame_message(replace(frame, index=index), frame.stamp_ns))
+            log.write(topics.FRAME, encode(topics.FRAME, message), index, index, index)
+    log.close()
+    assert set(faults(f"mcap:{tmp_path}", tmp_path)) == {"stamp gaps"}
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert (found["frames"], found["frames_looked_at"]) == (60, 36)

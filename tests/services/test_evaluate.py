@@ -3,13 +3,20 @@
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.proto import messages, topics
+from hsslam_node.proto.codec import encode
 from hsslam_node.services.evaluate import main
+from hsslam_node.services.log.parted_log import LogSettings, PartedLog
+from hsslam_node.services.options import ServeOptions
+from hsslam_node.services.wire_pose import wire_pose
 from hsslam_node.sources.source import SourceOptions, SynthOptions
+from tests.services.wire_samples import pose
 
 _ROOM = SourceOptions(frames=60, synth=SynthOptions(width_px=96, height_px=72))
 _SOURCE = (
@@ -54,6 +61,63 @@ def test_table_json_and_pictures(result, tmp_path, capsys):
     assert names == {"trajectory.png", "error.png", "mesh.png", "virtual_views.txt"}
     views = read_tum(tmp_path / "plots" / "virtual_views.txt")
     assert len(views) == figures["depth_l1"]["views"]
+
+
+def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):
+    options = ServeOptions(source="synth:room", frames=60, synth=_ROOM.synth, evaluate=False)
+    whole = _log(tmp_path, {"options": msgspec.json.encode(options).decode()}).read_bytes()
+    torn = tmp_path / "run.mcap"
+    torn.write_bytes(whole[:-40])
+    main([f"mcap:{torn}", "--depth-views", "0", "--json", str(tmp_path / "score.json")])
+    captured = capsys.readouterr()
+    assert "was not finished: recovered 63 messages" in captured.err
+    ate = json.loads((tmp_path / "score.json").read_text())["ate"]
+    assert ate["final"]["scored"] == ate["final"]["expected"] == 60
+    assert ate["final"]["rmse_m"] < 1e-6 < 0.01 < ate["online"]["rmse_m"]
+    (tmp_path / "run.json").write_text("of a run that was killed")
+    main([str(tmp_path), "--depth-views", "0", "--no-consistency"])
+    assert "no trajectory.txt" in capsys.readouterr().err
+
+
+def test_a_log_that_does_not_tell_its_source_is_told_of_it(tmp_path, capsys):
+    path = str(_log(tmp_path, {}))
+    with pytest.raises(SystemExit) as end:
+        main([path])
+    assert end.value.code == 2
+    assert "expected --source" in capsys.readouterr().err
+    main([path, *_SOURCE, "--no-consistency"])
+    assert "60/60" in capsys.readouterr().out
+
+
+def _log(folder: Path, metadata: dict[str, str]) -> Path:
+    """True poses, from frame 30 on 4 cm off until a correction at the end."""
+    truth = open_ground_truth("synth:room", _ROOM)
+    assert truth is not None
+    log = PartedLog(folder, "r", LogSettings(metadata=metadata))
+
+    def put(topic, message, at_ns):
+        log.write(topic, encode(topic, message), at_ns, at_ns, at_ns)
+
+    moved = truth.T_world_cam.copy()
+    moved[30:, 0, 3] += 0.04
+    for index, (stamp, T) in enumerate(zip(truth.stamps_ns.tolist(), moved, strict=True)):
+        t, q = wire_pose(T)
+        at = pose(index)
+        fields = {name: getattr(at, name) for name in at.__struct_fields__}
+        fields |= {"source_stamp_ns": stamp, "t": t, "q": q, "keyframe": index // 30}
+        put(topics.POSE, messages.Pose(**fields), index)
+        if index % 30 == 0:  # after the pose, as the tracker does
+            key = messages.Keyframe(
+                id=index // 30, frame_index=index, source_stamp_ns=stamp, t=t, q=q
+            )
+            put(topics.KEYFRAME, key, index)
+    t, q = wire_pose(truth.T_world_cam[30])
+    corrected = messages.Correction(
+        pose_version=1, base_version=0, keyframes=[1], t=[t], q=[q], loss_before=2.0, loss_after=1.0
+    )
+    put(topics.CORRECTION, corrected, 60)
+    log.close()
+    return folder / "run.mcap"
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):
     folder = tmp_path / "run-export"
     assert sorted(file.name for file in folder.iterdir()) == [
         *("keyframes.txt", "mesh.glb", "mesh.ply"),
-        *("trajectory_online.csv", "trajectory_online.txt"),
+        *("trajectory.txt", "trajectory_online.csv", "trajectory_online.txt"),
     ]
     online = read_tum(folder / "trajectory_online.txt")
     np.testing.assert_array_equal(online.positions[:, 0], [k for k in range(20) if k != 3])

@@ -51,6 +51,9 @@ def test_frames_are_selected_as_of_any_source_and_taken_from_all_parts(tmp_path)
     later = open_any_source(f"mcap:{tmp_path}", SourceOptions(start=5, stride=3, frames=3))
     assert [item.index for item in later.frames()] == [5, 8, 11]
     assert isinstance(found[0], Frame) and found[0].color.shape == (24, 32, 3)
+    assert later.frame_count == 3
+    with pytest.raises(UserError, match=r"mcap:.* has 20 frames"):
+        open_any_source(f"mcap:{tmp_path}", SourceOptions(start=20))
 
 
 def test_a_log_without_frames_is_one_line(tmp_path):
