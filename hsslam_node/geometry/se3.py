@@ -1,5 +1,7 @@
 """Rigid transforms as 4x4 float64 matrices; twists (translation, rotation); quaternions xyzw."""
 
+import math
+
 import numpy as np
 
 _SMALL_ANGLE_RAD = 1e-6
@@ -8,16 +10,10 @@ _SMALL_ANGLE_RAD = 1e-6
 def se3_exp(xi: np.ndarray) -> np.ndarray:
     """Exponential map of SE(3): twist [6] (m, rad) to transform [4, 4]; smooth at zero."""
     rho, omega = np.asarray(xi[:3], np.float64), np.asarray(xi[3:], np.float64)
-    theta = float(np.linalg.norm(omega))
+    _, b, c = _coefficients(omega)
     W = skew(omega)
-    if theta < _SMALL_ANGLE_RAD:
-        a, b, c = 1.0 - theta**2 / 6, 0.5 - theta**2 / 24, 1 / 6 - theta**2 / 120
-    else:
-        a = np.sin(theta) / theta
-        b = (1 - np.cos(theta)) / theta**2
-        c = (1 - a) / theta**2
     T = np.eye(4)
-    T[:3, :3] += a * W + b * W @ W
+    T[:3, :3] = so3_exp(omega)
     T[:3, 3] = (np.eye(3) + b * W + c * W @ W) @ rho
     return T
 
@@ -35,6 +31,13 @@ def se3_log(T: np.ndarray) -> np.ndarray:
         d = 1 / theta**2
     V_inv = np.eye(3) - 0.5 * W + d * W @ W
     return np.concatenate([V_inv @ T[:3, 3], omega])
+
+
+def so3_exp(omega: np.ndarray) -> np.ndarray:
+    """Rotation matrix [3, 3] of a rotation vector [3] (rad); Rodrigues, smooth at zero."""
+    a, b, _ = _coefficients(omega)
+    W = skew(omega)
+    return np.eye(3) + (a * W + b * W @ W)
 
 
 def so3_log(R: np.ndarray) -> np.ndarray:
@@ -59,7 +62,7 @@ def inverse(T: np.ndarray) -> np.ndarray:
 def moved_about_camera(T_world_cam: np.ndarray, step: np.ndarray) -> np.ndarray:
     """The pose moved by a twist [6] (m, rad) in world axes, rotation about the camera's centre."""
     out = T_world_cam.copy()
-    out[:3, :3] = se3_exp(np.array([0.0, 0.0, 0.0, *step[3:]]))[:3, :3] @ T_world_cam[:3, :3]
+    out[:3, :3] = so3_exp(step[3:]) @ T_world_cam[:3, :3]
     out[:3, 3] += step[:3]
     return out
 
@@ -104,3 +107,12 @@ def transform(translation: np.ndarray, quaternion_xyzw: np.ndarray) -> np.ndarra
     T[:3, :3] = rotation_from_quaternion(quaternion_xyzw)
     T[:3, 3] = translation
     return T
+
+
+def _coefficients(omega: np.ndarray) -> tuple[float, float, float]:
+    """sin(t) / t, (1 - cos(t)) / t^2 and (1 - sin(t) / t) / t^2 at the angle t of a rotation vector."""
+    theta = float(np.linalg.norm(omega))
+    if theta < _SMALL_ANGLE_RAD:
+        return 1.0 - theta**2 / 6, 0.5 - theta**2 / 24, 1 / 6 - theta**2 / 120
+    a = math.sin(theta) / theta
+    return a, (1 - math.cos(theta)) / theta**2, (1 - a) / theta**2

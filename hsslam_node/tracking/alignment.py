@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.geometry.se3 import inverse, moved_about_camera
 from hsslam_node.kernels.alignment import (
     add_keyframe_surface_term,
     add_photometric_term,
 )
 from hsslam_node.kernels.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.motion_prior import with_motion_prior
+from hsslam_node.tracking.motion_prior import pose_information, with_motion_prior
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 from hsslam_node.tracking.sdf_term import open_sdf_term
 
@@ -21,6 +21,7 @@ COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
 # of a step (m, rad, grey levels, gain): where nothing else says anything, stay
+_LOWER = np.tril_indices(8, -1)
 _PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
 
 
@@ -83,7 +84,7 @@ def align(
             if fine:
                 H, b = with_motion_prior(H, b, T, T_world_cam, config.weak_direction_m)
             x = np.linalg.solve(H + _DAMPING * np.diag(np.diag(H)), -b)
-            T = _moved(T, x[:6])
+            T = moved_about_camera(T, x[:6])
             problem.exposure = Exposure(problem.exposure.bias + x[6], problem.exposure.gain + x[7])
             iterations += 1
             if np.abs(x[:6]).max() < (config.stop_step if fine else _COARSE_STOP):
@@ -99,7 +100,7 @@ def align(
         surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
-        information=_without_exposure(system.H),
+        information=pose_information(system.H),
         exposure=problem.exposure,
     )
 
@@ -178,22 +179,8 @@ class _Problem:
                 self._reference.grey[level], T, *self.exposure, c.photometric_sigma,
                 c.photometric_huber, system.H, system.b,
             )  # fmt: skip
-        lower = np.tril_indices(8, -1)
-        system.H[lower] = system.H.T[lower]
+        system.H[_LOWER] = system.H.T[_LOWER]
         return system
-
-
-def _moved(T: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """T with the twist applied about the camera centre, in world axes."""
-    out = T.copy()
-    out[:3, :3] = se3_exp(np.array([0, 0, 0, *x[3:]]))[:3, :3] @ T[:3, :3]
-    out[:3, 3] += x[:3]
-    return out
-
-
-def _without_exposure(H: np.ndarray) -> np.ndarray:
-    """[6, 6] of the pose alone from [8, 8]; the Schur complement."""
-    return H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
 
 
 def _ratio(part: int, whole: int) -> float:

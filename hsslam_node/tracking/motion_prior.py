@@ -17,7 +17,7 @@ def with_motion_prior(
     than weak_m, nearly all where they tell it much worse, as along the axis of a bare corridor.
     """
     scale = np.array([1.0, 1.0, 1.0, 1 / LEVER_M, 1 / LEVER_M, 1 / LEVER_M])
-    pose = H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
+    pose = pose_information(H)
     information, direction = np.linalg.eigh(scale[:, None] * pose * scale)
     least = 1.0 / weak_m**2
     strength = least**2 / np.maximum(information, 1e-3 * least)  # [6]
@@ -27,6 +27,11 @@ def with_motion_prior(
     H[:6, :6] += P
     b[:6] += P @ _way(prediction, T_world_cam)
     return H, b
+
+
+def pose_information(H: np.ndarray) -> np.ndarray:
+    """[6, 6] of the pose alone from [8, 8], gain and bias eliminated; the Schur complement."""
+    return H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
 
 
 def _way(start: np.ndarray, end: np.ndarray) -> np.ndarray:
