@@ -28,7 +28,7 @@ class Ros2Options:
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info"):
             topic = getattr(self, name)
-            if not re.fullmatch(r"[\w/]+", topic) and not (name == "info" and topic == ""):
+            if not re.fullmatch(r"/?\w+(/\w+)*", topic) and not (name == "info" and topic == ""):
                 raise UserError(f"--ros2.{name} {topic!r}: expected the name of a topic")
         if not 0 <= self.domain <= 232:
             raise UserError(f"--ros2.domain {self.domain}: expected 0 to 232")

@@ -26,6 +26,8 @@ def test_topics_are_below_the_camera_unless_they_say_otherwise():
     ("make", "words"),
     [
         (lambda: Ros2Options(color="a b"), "--ros2.color 'a b'"),
+        (lambda: Ros2Options(depth="/"), "--ros2.depth '/'"),
+        (lambda: Ros2Options(info="a//b"), "--ros2.info 'a//b'"),
         (lambda: Ros2Options(domain=-1), "--ros2.domain -1"),
         (lambda: Ros2Options(connect="localhost"), "--ros2.connect 'localhost'"),
         (lambda: Ros2Options(max_dt_ms=float("nan")), "--ros2.max-dt-ms nan"),
