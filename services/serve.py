@@ -6,16 +6,14 @@ import sys
 def main() -> None:
     """Parse the command line, run, exit: 0 done, 1 failed, 2 bad input (told in one line)."""
     try:
-        sys.exit(_serve())
-    except BrokenPipeError:  # whoever read our output is gone
-        sys.exit(1)
-    except KeyboardInterrupt:  # before there was anything to save
+        from hsslam_node.services.exit_code import exit_code
+
+        sys.exit(exit_code(_serve))
+    except KeyboardInterrupt:  # while Python starts
         sys.exit(0)
 
 
 def _serve() -> int:
-    from hsslam_node.errors import UserError
-
     try:
         if sys.argv[1:2] == ["warm-up"]:
             from hsslam_node.services.warm_up_command import warm_up_command
@@ -25,9 +23,8 @@ def _serve() -> int:
         from hsslam_node.services.supervisor import Supervisor
 
         return Supervisor(parse_command_line(sys.argv[1:])).run()
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    except KeyboardInterrupt:  # before there was anything to save
+        return 0
 
 
 if __name__ == "__main__":
