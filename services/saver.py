@@ -1,6 +1,5 @@
 """The saver: once at the end of a run, writes from the arena what the run is kept for."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
 from hsslam_node.device.device import Device
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.meshing.depth_views import DepthViews
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.proto import topics
@@ -76,26 +76,10 @@ def final_mesh(
 ) -> trimesh.Trimesh:
     """The coloured mesh of what the keyframes observed."""
     queries = open_map_queries(checkpoint.layout, checkpoint.params, device)
-    observed = _ObservedDepth(store, checkpoint.T_world_keyframe)
+    observed = DepthViews(lambda k: store.frame(k).depth_m(), checkpoint.T_world_keyframe)
     return extract_mesh(
         queries.sdf, queries.color, checkpoint.layout.bound, store.camera, observed, voxel_m
     )
-
-
-class _ObservedDepth(Sequence[tuple[np.ndarray, np.ndarray]]):
-    """Depth, m, and pose of each keyframe, decoded when asked for: all together fill the memory."""
-
-    def __init__(self, store: KeyframeStore, T_world_keyframe: np.ndarray) -> None:
-        self._store = store
-        self._poses = T_world_keyframe
-
-    def __len__(self) -> int:
-        return len(self._poses)
-
-    def __getitem__(self, k: Any) -> Any:
-        if not 0 <= k < len(self):
-            raise IndexError(k)
-        return self._store.frame(k).depth_m(), self._poses[k]
 
 
 def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:

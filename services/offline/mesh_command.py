@@ -2,16 +2,18 @@
 
 import sys
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
 from hsslam_node.errors import UserError
+from hsslam_node.meshing.depth_views import DepthViews
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.offline.mesh_options import MeshOptions
-from hsslam_node.services.offline.saved_map import KeyframeViews, SavedMap
+from hsslam_node.services.offline.saved_map import SavedMap
 from hsslam_node.services.parse_options import parse_options
 
 _PROG = "hsslam-mesh"
@@ -36,7 +38,8 @@ def _mesh(options: MeshOptions) -> None:
     camera = saved.camera
     if camera.width_px > _VIEW_PX:
         camera = camera.scaled(_VIEW_PX / camera.width_px)
-    views = KeyframeViews(saved, camera)
+    poses = saved.checkpoint.T_world_keyframe
+    views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
     console = Console(stderr=True)
     for k in track(range(len(views)), "views", console=console, transient=True):
         views[k]

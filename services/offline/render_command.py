@@ -46,17 +46,19 @@ def _render(options: RenderOptions) -> None:
         raise UserError(f"--out {options.out}: {error.strerror}: expected a folder") from None
     video = _open_video(options, camera)
     console = Console(stderr=True)
-    for k in track(range(len(poses)), "images", console=console, transient=True):
-        depth_m = saved.rays.depth(camera, poses[k])
-        color, _ = renderer.render(depth_m, camera, poses[k])
-        image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
-        path = options.out / f"{k:06d}.png"
-        if not cv2.imwrite(str(path), image):
-            raise UserError(f"{path}: cannot be written: expected room and permission")
+    try:
+        for k in track(range(len(poses)), "images", console=console, transient=True):
+            depth_m = saved.rays.depth(camera, poses[k])
+            color, _ = renderer.render(depth_m, camera, poses[k])
+            image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
+            path = options.out / f"{k:06d}.png"
+            if not cv2.imwrite(str(path), image):
+                raise UserError(f"{path}: cannot be written: expected room and permission")
+            if video is not None:
+                video.write(image)
+    finally:
         if video is not None:
-            video.write(image)
-    if video is not None:
-        video.release()
+            video.release()
     size = f"{camera.width_px} x {camera.height_px} px"
     also = f", {options.video}" if options.video else ""
     print(f"{options.out}: {len(poses)} images, {size}{also}")

@@ -1,10 +1,6 @@
 """A saved map, ready to be asked by the offline commands."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint
 from hsslam_node.device.choose_device import DeviceWish, choose_device
@@ -31,23 +27,3 @@ class SavedMap:
         self.camera = self.checkpoint.camera or Camera(
             _WIDTH_PX, _HEIGHT_PX, _FOCAL_PX, _FOCAL_PX, *center
         )
-
-
-class KeyframeViews(Sequence[tuple[np.ndarray, np.ndarray]]):
-    """Depth [H, W] m of the map's surface, and pose, from each keyframe."""
-
-    def __init__(self, saved: SavedMap, camera: Camera) -> None:
-        self._saved = saved
-        self._camera = camera
-        self._poses = saved.checkpoint.T_world_keyframe
-        self._depths: dict[int, np.ndarray] = {}
-
-    def __len__(self) -> int:
-        return len(self._poses)
-
-    def __getitem__(self, k: Any) -> Any:
-        if not 0 <= k < len(self):
-            raise IndexError(k)
-        if k not in self._depths:
-            self._depths[k] = self._saved.rays.depth(self._camera, self._poses[k])
-        return self._depths[k], self._poses[k]
