@@ -13,7 +13,7 @@ def print_status(status: Status) -> None:
     table.add_column(overflow="fold")
     for name, value in _rows(status):
         table.add_row(name, value)
-    Console(highlight=False).print(table)
+    Console(emoji=False, highlight=False, markup=False).print(table)
 
 
 def _rows(status: Status) -> list[tuple[str, str]]:

@@ -66,7 +66,7 @@ def _certs(options: CertsOptions) -> None:
     table.add_row(f"{folder}/{ROUTER}", "hsslam-serve --security")
     for role in ROLES:
         table.add_row(f"{folder}/{role.name}", role.purpose)
-    Console(highlight=False).print(table)
+    Console(emoji=False, highlight=False, markup=False).print(table)
     print(f"valid for {options.days} days; the router is known as {', '.join(hosts)}")
 
 

@@ -1,5 +1,7 @@
 """`hsslam-certs`: what it makes, and what it refuses."""
 
+from pathlib import Path
+
 import pytest
 from cryptography import x509
 
@@ -8,10 +10,14 @@ from hsslam_node.services.security.certs import main
 _FOLDERS = ("ca", "camera", "operator", "router", "viewer")
 
 
-def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(tmp_path, capsys):
-    folder = tmp_path / "certs"
+def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    folder = Path("[red]")
     main([str(folder), "--host", "10.0.0.7", "robot.local", "--days", "3"])
-    assert "10.0.0.7" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "10.0.0.7" in told and "[red]/camera" in told
     assert tuple(sorted(path.name for path in folder.iterdir())) == _FOLDERS
     ca = x509.load_pem_x509_certificate((folder / "ca" / "ca.pem").read_bytes())
     keys = set()
