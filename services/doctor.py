@@ -35,7 +35,7 @@ _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
 class DoctorOptions:
     """Looks at a source before a run: stamps, association, depth, intrinsics, registration, motion.
 
-    hsslam-doctor tum:my_recording --json findings.json
+    $ hsslam-doctor tum:my_recording --json findings.json
 
     Sources are those of hsslam-serve, without zenoh:. A few frames are read, in runs of three spread over
     the sequence (of a live camera its first ones), and all stamps of a TUM folder or a log. No ground truth
@@ -102,7 +102,7 @@ def _look(options: DoctorOptions) -> int:
             console.print(_mending(finding), soft_wrap=True)
     faults = sum(finding.severity == "fault" for finding in findings)
     notes = sum(finding.severity == "note" for finding in findings)
-    console.print(f"{faults} faults, {notes} notes")
+    console.print(f"{_counted(faults, 'fault')}, {_counted(notes, 'note')}")
     return faults
 
 
@@ -113,6 +113,10 @@ def _stamps(spec: str) -> RecordedStamps | None:
 
         return RecordedStamps(McapSource(place, SourceOptions()).stamps_ns)
     return recorded_stamps(spec)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _table(sample: Sample, findings: Sequence[Finding]) -> Table:

@@ -16,16 +16,16 @@ from hsslam_node.sources.source import SynthOptions
 class EvalOptions:
     """Scores a run folder, a log, or a trajectory and/or a mesh, against the ground truth of a source.
 
-    hsslam-eval runs/house --against tsdf --json house.json
-    hsslam-eval mcap:run.mcap
-    hsslam-eval --trajectory trajectory.txt --mesh mesh.ply --source replica:room0
+    $ hsslam-eval runs/house --against tsdf --json house.json
+    $ hsslam-eval mcap:run.mcap
+    $ hsslam-eval --trajectory trajectory.txt --mesh mesh.ply --source replica:room0
 
     Lengths are in cm, rotations in degrees, ratios in % (in the JSON file: m, degrees, 0 to 1). ATE:
     distance of the camera centres after one rigid alignment without scale. RPE: error of the motion from
     frame to frame, over 1 s, and over 1 m of path. Accuracy: from the mesh to the truth; completion: from
     the truth to the mesh; both of what the cameras saw. Depth L1: depth error in views where no camera
-    was. PSNR (dB), SSIM: frames that are not keyframes, drawn by the map. Consistency: depth difference
-    (mm) and 1 - NCC of grey values between frames 10, 30 and 100 apart, by the poses alone.
+    was. PSNR (dB), SSIM: frames that are not keyframes, drawn by the map. Consistency: difference in
+    depth (mm) and 1 - NCC of grey values between frames 10, 30 and 100 apart, by the poses alone.
 
     Exit code 0: scored; 1: interrupted; 2: bad input, told in one line.
 

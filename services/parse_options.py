@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import difflib
 import io
+import re
 import typing
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
@@ -14,6 +15,12 @@ from hsslam_node import __version__
 from hsslam_node.errors import UserError
 
 _Options = TypeVar("_Options")
+_NO_NUMBER = {
+    r"invalid literal for int\(\) with base 10: '(.*)'": "a whole number",
+    r"could not convert string to float: '(.*)'": "a number",
+    r"no type matching \{None\}\|INT could be instantiated from \['(.*)'\]\.": "a whole number",
+    r"no type matching \{None\}\|FLOAT could be instantiated from \['(.*)'\]\.": "a number",
+}
 
 
 def parse_options(
@@ -56,7 +63,8 @@ def _unknown(cls: type, prog: str, arg: str) -> str:
     if not name.startswith("-"):
         example = f"as {known[0]} {known[0].lstrip('-').upper()}"
         return f"{arg}: expected an option, {example}; see {prog} --help"
-    return f"{name}: unknown option{nearest(name.replace('_', '-'), known)}; see {prog} --help"
+    hint = nearest(name.replace("_", "-"), known) or f"; see {prog} --help"
+    return f"{name}: unknown option{hint}"
 
 
 def _option_names(cls: type, prefix: str) -> Iterator[str]:
@@ -77,4 +85,12 @@ def _condensed(text: str) -> str:
             blocks[-1].append(line)
         elif blocks[-1]:
             blocks.append([])
-    return " ".join(blocks[0]) or "the options cannot be read: see --help"
+    return _plain(" ".join(blocks[0])) or "the options cannot be read: see --help"
+
+
+def _plain(text: str) -> str:
+    """A value that is no number, told without the names that Python has for numbers."""
+    for pattern, expected in _NO_NUMBER.items():
+        if found := re.fullmatch(rf"Error parsing (\S+): {pattern}", text):
+            return f"{found[1]} {found[2]}: expected {expected}"
+    return text

@@ -1,5 +1,6 @@
 """The line that tells how the run goes: redrawn on a terminal, printed now and then elsewhere."""
 
+import sys
 import time
 from collections.abc import Mapping
 
@@ -8,6 +9,7 @@ from rich.live import Live
 from rich.text import Text
 
 from hsslam_node.services.child import Child
+from hsslam_node.services.patient_stream import PatientStream
 from hsslam_node.services.run_state import RunState
 
 _REDRAW_S = 0.25
@@ -19,7 +21,7 @@ class StatusLine:
     """A context that shows the state of a run; `say` prints a line above it."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True, highlight=False)
+        self._console = console or Console(file=PatientStream(sys.stderr), highlight=False)
         self._live = (
             Live(console=self._console, auto_refresh=False, transient=True)
             if self._console.is_terminal

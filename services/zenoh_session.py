@@ -1,6 +1,7 @@
 """Zenoh sessions as this system uses them: one router on loopback, everybody else its client."""
 
 import json
+import re
 import socket
 import time
 from collections.abc import Mapping
@@ -47,9 +48,11 @@ def open_router(*endpoints: str, settings: Settings = _NONE) -> zenoh.Session:
     try:
         return zenoh.open(_config({**own, **settings}))
     except zenoh.ZError as error:
+        reason = _reason(error)
+        is_elsewhere = reason.startswith(("Cannot assign", "failed to lookup"))
+        expected = "an address of this machine" if is_elsewhere else "a free port"
         raise UserError(
-            f"zenoh endpoint {endpoints[0]}: cannot listen there: expected a free port "
-            f"({_first_line(error)})"
+            f"zenoh endpoint {endpoints[0]}: cannot listen there: {reason}: expected {expected}"
         ) from None
 
 
@@ -75,7 +78,7 @@ def open_client(
         if endpoint.startswith("tls/"):
             expected = "a router that takes this certificate, and with one of the same CA"
         raise UserError(
-            f"zenoh endpoint {endpoint}: expected {expected} ({_first_line(error)})"
+            f"zenoh endpoint {endpoint}: expected {expected} ({_reason(error)})"
         ) from None
     while not session.info.routers_zid():
         if time.monotonic() > deadline:
@@ -99,5 +102,9 @@ def _config(settings: Settings) -> zenoh.Config:
     return config
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0][:160]
+def _reason(error: Exception) -> str:
+    """What the operating system says, or zenoh's own words without the places in its source."""
+    text = str(error).splitlines()[0]
+    if said := re.search(r"([A-Z][a-z ]+) \(os error \d+\)", text):
+        return said[1]
+    return re.sub(r" at /\S+\.rs:\d+\.?", "", text)[:160].rstrip(".")

@@ -3,6 +3,7 @@
 import difflib
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.guess_source import guess_source
 from hsslam_node.sources.source import Source, SourceOptions
 
 _EXAMPLES = (
@@ -32,7 +33,14 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
         UserError: no such source, its files are not there, or its camera makes no sense.
     """
     options = options or SourceOptions()
-    return with_effects(_plain_source(spec, options), options)
+    try:
+        source = _plain_source(spec, options)
+    except UserError as error:
+        guess = guess_source(spec.partition(":")[2])
+        if guess in ("", spec):
+            raise
+        raise UserError(f"{error}; did you mean {guess}?") from None
+    return with_effects(source, options)
 
 
 def with_effects(source: Source, options: SourceOptions) -> Source:
@@ -88,6 +96,8 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
 
 def unknown_source(spec: str) -> UserError:
     """The error for a spec that names no source, with the nearest one that exists."""
-    near = difflib.get_close_matches(spec, _EXAMPLES, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    near = guess_source(spec) or next(
+        iter(difflib.get_close_matches(spec, _EXAMPLES, n=1, cutoff=0.4)), ""
+    )
+    hint = f"; did you mean {near}?" if near else ""
     return UserError(f"source {spec!r}: expected one of {', '.join(_EXAMPLES)}{hint}")

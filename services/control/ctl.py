@@ -79,8 +79,8 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
         of_robot = f" of robot {options.robot!r}" if options.robot else ""
         raise NobodyThereError(f"nobody there: no run{of_robot} on this machine; see --connect")
     if len(runs) > 1:
-        found = ", ".join(f"{run.robot} at {run.endpoint}" for run in runs)
-        raise UserError(f"{len(runs)} runs on this machine ({found}): expected --run or --connect")
+        found = ", ".join(f"--run {run.run_dir}" for run in runs)
+        raise UserError(f"{len(runs)} runs on this machine: expected one of {found}")
     return runs[0].endpoint, runs[0].robot
 
 

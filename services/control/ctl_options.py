@@ -23,11 +23,11 @@ class CtlOptions:
     """Asks a running service: status | mesh | trajectory | save NAME | pause | resume |
     set-mode mapping|localise-only | stop.
 
-    hsslam-ctl status
-    hsslam-ctl mesh --out room.ply
-    hsslam-ctl save kitchen
-    hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
-    hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
+    $ hsslam-ctl status
+    $ hsslam-ctl mesh --out room.ply
+    $ hsslam-ctl save kitchen
+    $ hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
+    $ hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
 
     status: frames, rate, latency, tracking, processes. mesh: the newest, as a PLY file (m, world).
     trajectory: poses as refined, in TUM format (s, m, unit quaternion; camera to world). save: keeps the
@@ -42,6 +42,7 @@ class CtlOptions:
     """
 
     request: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="REQUEST")] = ""
+    """What is asked, as above."""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = ""
     """Of the map, for save: letters, digits, _ and -; the mode, for set-mode."""
     connect: str = ""

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hsslam_node.presets import PRESETS
+from hsslam_node.services.log.channel_spans import channel_spans
 from hsslam_node.services.log.log_file import DAMAGED, damaged
 from hsslam_node.services.mcap_log import RUN_METADATA
 from hsslam_node.services.options import ServeOptions
@@ -29,6 +30,7 @@ def log_info(path: Path) -> Iterator[Text | Table]:
             reader = make_reader(stream, validate_crcs=True)
             summary = reader.get_summary()
             about = {record.name: record.metadata for record in reader.iter_metadata()}
+            spans_s = {} if summary is None else channel_spans(stream, summary)
     except DAMAGED as error:
         raise damaged(path, error) from None
     if summary is None or summary.statistics is None:
@@ -42,18 +44,18 @@ def log_info(path: Path) -> Iterator[Text | Table]:
     run = about.get(RUN_METADATA)
     if run is not None:
         yield Text(_run_line(run))
-    yield _topics(summary, statistics)
+    yield _topics(summary, statistics, spans_s)
 
 
-def _topics(summary: Summary, statistics: Statistics) -> Table:
+def _topics(summary: Summary, statistics: Statistics, spans_s: Mapping[int, float]) -> Table:
     table = Table("topic", "schema")
     table.add_column("messages", justify="right")
     table.add_column("rate, Hz", justify="right")
-    seconds = _seconds(statistics)
     for channel in sorted(summary.channels.values(), key=lambda channel: channel.topic):
         count = statistics.channel_message_counts.get(channel.id, 0)
         schema = summary.schemas.get(channel.schema_id)
-        rate = f"{(count - 1) / seconds:.2f}" if seconds > 0 and count > 1 else "-"
+        seconds = spans_s.get(channel.id, 0.0)
+        rate = f"{(count - 1) / seconds:.2f}" if seconds > 0 and count > 2 else "-"
         table.add_row(channel.topic, schema.name if schema else "-", str(count), rate)
     return table
 

@@ -14,9 +14,10 @@ PARTS: tuple[Part, ...] = ("trajectory", "mesh", "frames", "rrd")
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """What is in logs: messages and rate (Hz) of each topic, duration (s), the run and its options.
+    """What is in logs: messages of each topic and their rate while it was there (Hz), duration (s), the run
+    and its options.
 
-    hsslam-log info runs/desk/run.mcap
+    $ hsslam-log info runs/desk/run.mcap
     """
 
     files: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE...")] = ()
@@ -27,7 +28,7 @@ class InfoOptions:
 class RecoverOptions:
     """Makes an unfinished log (of a run that was killed) readable again, in place.
 
-    hsslam-log recover runs/desk/run.mcap
+    $ hsslam-log recover runs/desk/run.mcap
     """
 
     file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
@@ -38,7 +39,7 @@ class RecoverOptions:
 class TrimOptions:
     """Copies a stretch of a log, all topics as they are.
 
-    hsslam-log trim run.mcap short.mcap --start 5 --end 12.5
+    $ hsslam-log trim run.mcap short.mcap --start 5 --end 12.5
 
     Raises:
         UserError: the times leave nothing.
@@ -64,7 +65,7 @@ class TrimOptions:
 class ExportOptions:
     """Writes what a log holds as files that other programs read.
 
-    hsslam-log export run.mcap --only trajectory mesh
+    $ hsslam-log export run.mcap --only trajectory mesh
 
     trajectory_online.txt (TUM: s, m, unit quaternion xyzw, camera to world) and trajectory_online.csv: as
     published; trajectory.txt and keyframes.txt: as refined later; mesh.ply (world as ours: y down, z forward)

@@ -13,12 +13,12 @@ from hsslam_node.errors import UserError
 class ReplayOptions:
     """Publishes a log again: the same payloads on the same zenoh keys, in the order of the log.
 
-    hsslam-replay run.mcap --rate 2
-    hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
+    $ hsslam-replay run.mcap --rate 2
+    $ hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
 
-    Without --connect it is the router itself, for viewers and tools that connect to it. With --connect and
-    --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) frame by frame, each when the
-    last is done with, so that a lossless log gives the same poses each time.
+    Without --connect it is the router itself, for viewers and tools that connect to it. With --connect
+    and --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) frame by frame, each when
+    the last is done with, so that a lossless log gives the same poses each time.
 
     Raises:
         UserError: an option has a value that cannot be used.

@@ -16,7 +16,7 @@ _FORMATS = (".ply", ".glb", ".obj", ".stl")
 class MeshOptions:
     """Mesh of a saved map, without the service.
 
-    hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
+    $ hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
 
     Coloured triangles (m, world) of the surface that is seen from the keyframes of the map.
 

@@ -14,7 +14,7 @@ from hsslam_node.errors import UserError
 class RenderOptions:
     """Images of a saved map from any poses, without the service.
 
-    hsslam-render map.safetensors --trajectory poses.txt --video flight.mp4
+    $ hsslam-render map.safetensors --trajectory poses.txt --video flight.mp4
 
     One PNG a pose, 000000.png and so on, drawn by the field itself; black where the map has no surface.
 

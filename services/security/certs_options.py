@@ -15,9 +15,9 @@ _HOST = r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,252}[A-Za-z0-9])?|::1?"
 class CertsOptions:
     """Makes throw-away certificates for a service that is reached from other machines.
 
-    hsslam-certs certs --host 10.0.0.7 robot.local
-    hsslam-serve --bind 0.0.0.0 --security certs/router
-    hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
+    $ hsslam-certs certs --host 10.0.0.7 robot.local
+    $ hsslam-serve --bind 0.0.0.0 --security certs/router
+    $ hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
 
     DIR gets a folder for the CA, one for the router, and one for each role: camera, viewer, operator. Each
     is complete: copy it to the machine that needs it, and no other. Keys can be read by their owner alone.
