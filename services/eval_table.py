@@ -110,7 +110,8 @@ def _origin(figures: Mapping[str, Any]) -> str:
     parts = [str(figures.get("source", ""))]
     if figures.get("noise") not in (None, "none"):
         parts.append(f"{figures['noise']} noise")
-    parts += [f"{key} {figures[key]}" for key in ("preset", "seed", "commit") if key in figures]
+    known = [key for key in ("preset", "seed", "commit") if figures.get(key, "") != ""]
+    parts += [f"{key} {figures[key]}" for key in known]
     return ", ".join(parts)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.services.camera_progress import CameraProgress
+from hsslam_node.services.evaluation_line import evaluation_line
 from hsslam_node.services.summary import update_summary
 from hsslam_node.services.worker import Worker, run_worker
 
@@ -21,6 +22,7 @@ def _run(worker: Worker) -> None:
         return
     until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
     spec = options.source
+    worker.event("info", "comparing with ground truth, if the source has it")
     if spec.startswith("mcap:"):
         from hsslam_node.services.log.recorded_source import recorded_source
 
@@ -34,6 +36,7 @@ def _run(worker: Worker) -> None:
         found = evaluate_run(worker.run.path, spec, until_now)
     if found:
         update_summary(worker.run.path, {"evaluation": found})
+        worker.event("info", evaluation_line(found))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.spawn import Spawn, last_error, spawn
 
 _WATCHDOG_TIMEOUT_S = 5.0
+_LAST_TICKS = 2  # its last words may still be on their way
 
 
 def run_one_shot(
@@ -32,6 +33,8 @@ def run_one_shot(
             process.kill()
             process.wait()
             return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
+    for _ in range(_LAST_TICKS):
+        tick()
     return last_error(run_dir, module) if code else ""
 
 

@@ -25,13 +25,14 @@ class ServeOptions:
 
     Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
     not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
-    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on USB) | mcap:FILE or
-    mcap:RUN (the frames of a log) | zenoh: (frames that somebody else publishes).
+    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on USB) | mcap:FILE
+    or mcap:RUN (the frames of a log) | zenoh: (frames that somebody else publishes).
 
     $ hsslam-serve --source tum:my_recording --viewer web --out runs/mine
     $ hsslam-serve warm-up
 
-    Ctrl-C ends a run in order, with everything saved. warm-up compiles the CPU kernels ahead of the first run.
+    Ctrl-C ends a run in order, with everything saved. warm-up compiles the CPU kernels ahead of the first
+    run.
 
     Exit code 0: all done; 1: a process could not be kept running; 2: bad input, told in one line.
 

@@ -43,6 +43,7 @@ def _run(worker: Worker) -> None:
             "map": {"adam_steps": parameters.step},
         },
     )
+    worker.event("info", f"saving: {store.count} keyframes, the mesh")
     sampling = worker.options.slam.sampling
     checkpoint = map_checkpoint(store, parameters, parameters.params.copy(), sampling)
     if (
