@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Mapping
+from typing import TextIO, cast
 
 from rich.console import Console
 from rich.live import Live
@@ -21,7 +22,9 @@ class StatusLine:
     """A context that shows the state of a run; `say` prints a line above it."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(file=PatientStream(sys.stderr), highlight=False)
+        self._console = console or Console(
+            file=cast(TextIO, PatientStream(sys.stderr)), highlight=False
+        )
         self._live = (
             Live(console=self._console, auto_refresh=False, transient=True)
             if self._console.is_terminal
