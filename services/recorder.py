@@ -1,7 +1,6 @@
 """The recorder: all topics into the MCAP log, run.rrd and the viewer. Nobody waits for it."""
 
 import json
-import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -15,8 +14,9 @@ from hsslam_node.proto.messages import Frame, Mesh, Message
 from hsslam_node.proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.frame_compression import compress_frame
+from hsslam_node.services.log.earlier_parts import EarlierParts
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog, log_settings
-from hsslam_node.services.mcap_recovery import Recovered, is_finished, parts, recover
+from hsslam_node.services.mcap_recovery import parts
 from hsslam_node.services.rerun_view import RerunView, Tell
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.subscription import Received, Subscription
@@ -55,7 +55,7 @@ class Recorder:
         self._skipped: Counter[str] = Counter()
         self._unusable = 0
         self._viz_mesh_s = float("-inf")
-        self._recovery = _Recovery(run_dir, tell)
+        self._earlier = EarlierParts(run_dir, tell)
         try:
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
@@ -77,14 +77,14 @@ class Recorder:
             self._bus.wait(timeout_s)
         worked = False
         for subscription in self._subscriptions:
-            if subscription.topic.history and not self._recovery.is_done():
+            if subscription.topic.history and not self._earlier.is_done():
                 continue
             while (received := subscription.poll_received()) is not None:
                 worked = True
                 self._record(subscription.topic, received)
                 if subscription.topic is FRAME:
                     break
-        if not worked and not self._recovery.is_done():
+        if not worked and not self._earlier.is_done():
             time.sleep(0.01)
         self._log.tick()
         return worked
@@ -92,9 +92,9 @@ class Recorder:
     def counters(self) -> dict[str, int]:
         """Counts since the start of the run, earlier parts included."""
         counts = Counter(self._log.counts)
-        if self._recovery.is_done():
+        if self._earlier.is_done():
             for topic in TOPICS:
-                counts[topic.name] += self._recovery.found.counts.get(self._key(topic), 0)
+                counts[topic.name] += self._earlier.found.counts.get(self._key(topic), 0)
         dropped = {s.topic.name: s.dropped for s in self._subscriptions}
         return {
             "frames_logged": counts[FRAME.name],
@@ -110,7 +110,7 @@ class Recorder:
 
     def close(self) -> None:
         """Log what is still on its way, finish log and viewer, write recorder.json."""
-        self._recovery.join()
+        self._earlier.join()
         self._drain()
         self._view.close()
         lost_bytes = self._log.close()
@@ -137,7 +137,7 @@ class Recorder:
         envelope = received.envelope
         publish_ns = envelope.publish_ns if envelope else received.arrival_ns
         sequence = envelope.sequence if envelope else 0
-        if self._recovery.has(self._key(topic), publish_ns, sequence):
+        if self._earlier.has(self._key(topic), publish_ns, sequence):
             return
         message, payload = received.message, received.payload
         if isinstance(message, Frame):
@@ -172,48 +172,11 @@ class Recorder:
         self._skipped[topic.name] += 1
 
     def _bus_has(self, subscription: Subscription) -> bool:
-        held_back = subscription.topic.history and not self._recovery.is_done()
+        held_back = subscription.topic.history and not self._earlier.is_done()
         return not held_back and subscription.pending() > 0
 
     def _key(self, topic: Topic) -> str:
         return topic.key(self._bus.robot)
-
-
-class _Recovery:
-    """Makes the logs of an earlier recorder of this run readable, beside the new recording."""
-
-    def __init__(self, run_dir: Path, tell: Tell) -> None:
-        self.found = Recovered({}, frozenset())
-        self._tell = tell
-        self._parts = parts(run_dir)
-        self._thread: threading.Thread | None = None
-        if self._parts and not is_finished(self._parts[-1]):
-            self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
-            self._thread.start()
-
-    def is_done(self) -> bool:
-        return self._thread is None or not self._thread.is_alive()
-
-    def join(self) -> None:
-        if self._thread is not None:
-            self._thread.join()
-
-    def has(self, topic: str, publish_ns: int, sequence: int) -> bool:
-        return (topic, publish_ns, sequence) in self.found.identities
-
-    def _run(self) -> None:
-        counts: Counter[str] = Counter()
-        identities: set[tuple[str, int, int]] = set()
-        for path in self._parts:
-            try:
-                recovered = recover(path)
-            except OSError as error:
-                self._tell("error", f"{path}: {error.strerror}: left unfinished")
-                continue
-            counts.update(recovered.counts)
-            identities |= recovered.identities
-        self.found = Recovered(dict(counts), frozenset(identities))
-        self._tell("info", f"{self._parts[-1].name}: recovered {counts.total()} messages")
 
 
 def record(worker: Worker) -> None:
