@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.reader import make_reader
 from mcap.records import Statistics
 from mcap.summary import Summary
 from rich.table import Table
@@ -14,7 +13,7 @@ from rich.text import Text
 
 from hsslam_node.presets import PRESETS
 from hsslam_node.services.log.channel_spans import channel_spans
-from hsslam_node.services.log.log_file import DAMAGED, damaged
+from hsslam_node.services.log.log_reader import log_reader
 from hsslam_node.services.mcap_log import RUN_METADATA
 from hsslam_node.services.options import ServeOptions
 
@@ -25,16 +24,12 @@ def log_info(path: Path) -> Iterator[Text | Table]:
     Raises:
         UserError: the file is damaged.
     """
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            summary = reader.get_summary()
-            about = {record.name: record.metadata for record in reader.iter_metadata()}
-            spans_s = {} if summary is None else channel_spans(stream, summary)
-    except DAMAGED as error:
-        raise damaged(path, error) from None
-    if summary is None or summary.statistics is None:
-        raise damaged(path, ValueError("no statistics"))
+    with log_reader(path) as reader, path.open("rb") as stream:
+        summary = reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise ValueError("no statistics")
+        about = {record.name: record.metadata for record in reader.iter_metadata()}
+        spans_s = channel_spans(stream, summary)
     statistics = summary.statistics
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(statistics.message_start_time / 1e9))
     yield Text(

@@ -5,18 +5,17 @@ from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
+from mcap.reader import McapReader
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_node.proto.messages import Message
 from hsslam_node.proto.topics import TOPICS, Topic
+from hsslam_node.services.log.log_reader import log_reader, start_ns
 from hsslam_node.services.mcap_recovery import MAGIC, is_finished, parts, recover
 
 Say = Callable[[str], None]
 _TOPICS = {topic.name: topic for topic in TOPICS}
-DAMAGED = (McapError, ValueError, RuntimeError, EOFError, KeyError)  # what a torn record raises
 
 
 @dataclass(frozen=True)
@@ -93,48 +92,26 @@ def bus_messages(
     """
     first_ns: int | None = None
     for path in files:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            wanted = [key for key in _keys(path, reader) if _is_wanted(key, names)]
+        with log_reader(path) as reader:
+            wanted = [key for key in _keys(reader) if _is_wanted(key, names)]
             if first_ns is None:
-                first_ns = start_ns(path, reader) + round(1e9 * start_s)
+                first_ns = start_ns(reader) + round(1e9 * start_s)
             if not wanted:
                 continue
-            try:
-                for schema, channel, record in reader.iter_messages(wanted, starting_at=first_ns):
-                    robot, name = _split(channel.topic)
-                    yield Logged(
-                        robot=robot,
-                        topic=_TOPICS[name],
-                        payload=record.data,
-                        encoding=f"{MEDIA_TYPE};{schema.name if schema else ''}",
-                        log_ns=record.log_time,
-                        publish_ns=record.publish_time,
-                    )
-            except DAMAGED as error:
-                raise damaged(path, error) from None
+            for schema, channel, record in reader.iter_messages(wanted, starting_at=first_ns):
+                robot, name = _split(channel.topic)
+                yield Logged(
+                    robot=robot,
+                    topic=_TOPICS[name],
+                    payload=record.data,
+                    encoding=f"{MEDIA_TYPE};{schema.name if schema else ''}",
+                    log_ns=record.log_time,
+                    publish_ns=record.publish_time,
+                )
 
 
-def start_ns(path: Path, reader: McapReader) -> int:
-    """Wall clock of the first message, ns; 0 where there is none."""
-    try:
-        summary = reader.get_summary()
-    except DAMAGED as error:
-        raise damaged(path, error) from None
-    statistics = summary.statistics if summary else None
-    return statistics.message_start_time if statistics else 0
-
-
-def damaged(path: Path, error: Exception) -> UserError:
-    """The error for a file that claims to be whole and is not."""
-    return UserError(f"{path}: damaged ({error!s:.120}): expected a whole MCAP file")
-
-
-def _keys(path: Path, reader: McapReader) -> list[str]:
-    try:
-        summary = reader.get_summary()
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+def _keys(reader: McapReader) -> list[str]:
+    summary = reader.get_summary()
     return sorted({channel.topic for channel in summary.channels.values()}) if summary else []
 
 

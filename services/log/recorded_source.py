@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
-from mcap.reader import make_reader
 
 from hsslam_node.errors import UserError
-from hsslam_node.services.log.log_file import DAMAGED, Say, damaged, log_parts
+from hsslam_node.services.log.log_file import Say, log_parts
+from hsslam_node.services.log.log_reader import log_reader
 from hsslam_node.services.log.mcap_source import McapSource
 from hsslam_node.services.mcap_log import RUN_METADATA
 from hsslam_node.services.options import ServeOptions
@@ -61,11 +61,8 @@ def logged_options(files: list[Path]) -> ServeOptions | None:
     Raises:
         UserError: the log is damaged.
     """
-    try:
-        with files[0].open("rb") as stream:
-            records = list(make_reader(stream).iter_metadata())
-    except DAMAGED as error:
-        raise damaged(files[0], error) from None
+    with log_reader(files[0]) as reader:
+        records = list(reader.iter_metadata())
     about = next((record.metadata for record in records if record.name == RUN_METADATA), {})
     try:
         return msgspec.json.decode(about.get("options", "").encode(), type=ServeOptions)

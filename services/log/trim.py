@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
-from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
-from hsslam_node.services.log.log_file import DAMAGED, damaged, start_ns
+from hsslam_node.services.log.log_reader import log_reader, start_ns
 
 
 def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> int:
@@ -51,27 +50,24 @@ class _Trimmed:
         count = 0
         first_ns: int | None = None
         for path in files:
-            with path.open("rb") as stream:
-                reader = make_reader(stream, validate_crcs=True)
+            with log_reader(path) as reader:
                 if first_ns is None:
-                    first_ns = start_ns(path, reader)
+                    first_ns = start_ns(reader)
                     for record in reader.iter_metadata():
                         self._writer.add_metadata(record.name, record.metadata)
                 low = first_ns + round(1e9 * start_s)
                 high = None if end_s is None else first_ns + round(1e9 * end_s)
-                try:
-                    messages = reader.iter_messages(starting_at=low, ending_before=high)
-                    for schema, channel, message in messages:
-                        self._writer.add_message(
-                            self._channel(channel, schema),
-                            message.log_time,
-                            message.data,
-                            message.publish_time,
-                            message.sequence,
-                        )
-                        count += 1
-                except DAMAGED as error:
-                    raise damaged(path, error) from None
+                for schema, channel, message in reader.iter_messages(
+                    starting_at=low, ending_before=high
+                ):
+                    self._writer.add_message(
+                        self._channel(channel, schema),
+                        message.log_time,
+                        message.data,
+                        message.publish_time,
+                        message.sequence,
+                    )
+                    count += 1
         self._writer.finish()
         return count
 

@@ -1,15 +1,18 @@
 """Logs as they are found: whole, torn, growing, in parts, or no logs at all."""
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
-from wire_samples import pose
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto import topics
 from hsslam_node.proto.codec import encode
+from hsslam_node.services.log.info import log_info
 from hsslam_node.services.log.log_file import bus_messages, log_parts
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog
+from hsslam_node.services.log.trim import trim
 from hsslam_node.services.mcap_recovery import is_finished
+from tests.services.wire_samples import pose
 
 
 def test_an_unfinished_log_is_recovered_and_told_in_a_line(tmp_path):
@@ -62,6 +65,27 @@ def test_a_damaged_log_is_one_line(tmp_path):
     path.write_bytes(torn)
     with pytest.raises(UserError, match=r"run\.mcap: damaged"):
         list(bus_messages([path]))
+
+
+def test_whatever_is_damaged_in_a_log_is_one_line_or_does_no_harm(tmp_path):
+    path = _log(tmp_path, 60)
+    whole, told = path.read_bytes(), 0
+    rng = np.random.default_rng(0)
+    for _ in range(120):
+        torn = bytearray(whole)
+        at = int(rng.integers(8, len(whole) - 8))
+        torn[at : at + 4] = rng.bytes(4)
+        path.write_bytes(torn[: len(whole)])
+        for read in (
+            lambda: list(bus_messages([path])),
+            lambda: list(log_info(path)),
+            lambda: trim([path], tmp_path / "short.mcap", 0.0, None),
+        ):
+            try:
+                read()
+            except UserError as error:
+                told += "\n" not in str(error)
+    assert told > 60
 
 
 def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
