@@ -3,19 +3,18 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 
 import msgspec
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from wire_samples import frame, mesh, pose
 
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.codec import encode
 from hsslam_node.proto.foxglove import viz_messages
 from hsslam_node.services.mcap_log import McapLog
 from hsslam_node.services.mcap_recovery import is_finished, next_part, parts, recover
+from tests.services.wire_samples import frame, mesh, pose
 
 
 def test_the_public_reader_finds_exact_payloads(tmp_path):
@@ -81,9 +80,11 @@ while True:
     time.sleep(0.005)
 """
     writer = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    time.sleep(2.5)
+    assert writer.stdout is not None
+    while int(writer.stdout.readline()) < 400:  # 2 s or more
+        pass
     writer.send_signal(signal.SIGKILL)
-    written = int(writer.communicate()[0].split()[-2])
+    written = int(["400", *writer.communicate()[0].split()[:-1]][-1])  # the last may be cut off
     with path.open("ab") as stream:  # and the last record torn
         stream.write(b"\x06\xff\x00\x00\x00\x00\x00\x00\x00torn")
     assert not is_finished(path)
