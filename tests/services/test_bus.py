@@ -12,8 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.proto import messages, topics
 from hsslam_node.services.bus import Bus, free_endpoint, open_router
 from hsslam_node.services.zenoh_session import open_client
-
-SIZE_PX = (640, 480)
+from tests.services.wire_samples import frame, keyframe
 
 
 def test_messages_arrive_in_order_with_their_envelope(endpoint):
@@ -56,13 +55,13 @@ def test_late_subscribers_get_what_was_kept(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         keyframes = a.publisher(topics.KEYFRAME)
         for index in range(20):
-            keyframes.put(_keyframe(index))
+            keyframes.put(keyframe(index))
         time.sleep(0.1)
         late = b.subscribe(topics.KEYFRAME, depth=64)
         live_only = b.subscribe(topics.KEYFRAME, depth=64, history=False)
         got = [_expect(late).id for _ in range(20)]
         for index in range(20, 30):
-            keyframes.put(_keyframe(index))
+            keyframes.put(keyframe(index))
         got += [_expect(late).id for _ in range(10)]
         assert got == list(range(30))
         assert late.wait(0.3) is None
@@ -243,29 +242,5 @@ with Bus({endpoint!r}, "r", "reader") as bus:
     return process
 
 
-def _frame(index) -> messages.Frame:
-    width, height = SIZE_PX
-    return messages.Frame(
-        index=index,
-        stamp_ns=time.time_ns(),
-        source_stamp_ns=index,
-        width_px=width,
-        height_px=height,
-        fx=500.0,
-        fy=500.0,
-        cx=319.5,
-        cy=239.5,
-        color=memoryview(bytes(3 * width * height)),
-        depth=memoryview(bytes(2 * width * height)),
-        depth_units_per_m=1000.0,
-    )
-
-
-def _keyframe(index) -> messages.Keyframe:
-    return messages.Keyframe(
-        id=index,
-        frame_index=index,
-        source_stamp_ns=index,
-        t=(0.0, 0.0, 0.0),
-        q=(0.0, 0.0, 0.0, 1.0),
-    )
+def _frame(index: int) -> messages.Frame:
+    return frame(index, width_px=640, height_px=480)

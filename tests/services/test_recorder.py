@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import rerun_cli
 from mcap.reader import make_reader
-from wire_samples import frame, keyframe, mesh, pose
 
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.codec import decode, encoding_of
@@ -16,6 +15,7 @@ from hsslam_node.proto.frame_codec import frame_from_message
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.mcap_recovery import is_finished
 from hsslam_node.services.recorder import Recorder
+from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 RECORDER = """
 import signal, sys

@@ -10,12 +10,12 @@ from pathlib import Path
 import msgspec
 import pytest
 import rerun_cli
-from wire_samples import frame, keyframe, mesh, pose
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto import messages
 from hsslam_node.services.rerun_view import RerunView
 from hsslam_node.services.viewer_process import ViewerProcess
+from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
 

@@ -3,6 +3,7 @@
 import io
 from pathlib import Path
 
+import msgspec
 from rich.console import Console
 
 from hsslam_node.proto.messages import Health, MapVersion, Pose
@@ -10,22 +11,13 @@ from hsslam_node.services.child import Child
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.run_state import RunState
 from hsslam_node.services.status_line import StatusLine, status_text
+from tests.services.wire_samples import pose
 
 
 def _pose(index: int, status: str = "tracked") -> Pose:
-    return Pose(
-        index=index,
-        stamp_ns=index * 10**8,
-        source_stamp_ns=0,
-        publish_ns=index * 10**8 + 25_000_000,
-        status=status,  # type: ignore[arg-type]
-        t=(0, 0, 0),
-        q=(0, 0, 0, 1),
-        quality=0.87,
-        inlier_ratio=0.9,
-        residual_mm=3.0,
-        map_version=1,
-        keyframe=0,
+    stamp_ns = index * 10**8
+    return msgspec.structs.replace(
+        pose(index, status), stamp_ns=stamp_ns, publish_ns=stamp_ns + 25_000_000, quality=0.87
     )
 
 

@@ -10,10 +10,10 @@ import urllib.request
 import cv2
 import numpy as np
 import pytest
-from wire_samples import frame, pose
 
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.rerun_view import RerunView
+from tests.services.wire_samples import frame, pose
 
 websockets = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-from wire_samples import frame, keyframe, mesh, pose
 
 from hsslam_node.proto import messages, topics
 from hsslam_node.proto.codec import encode
 from hsslam_node.proto.foxglove import viz_messages
 from hsslam_node.services.frame_compression import compress_frame
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog
+from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from wire_samples import frame
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -13,6 +12,7 @@ from hsslam_node.services.frame_compression import compress_frame
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog
 from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.sources.source import SourceOptions
+from tests.services.wire_samples import frame
 
 
 def test_a_lossless_log_gives_the_frames_bit_for_bit(tmp_path):

@@ -12,6 +12,7 @@ from hsslam_node.services.log.log_file import bus_messages
 from hsslam_node.services.log.replay import main, wanted_names
 from hsslam_node.services.log.replay_step import StepByStep
 from tests.services.log.sample_log import write_log
+from tests.services.wire_samples import pose
 
 
 def test_a_log_is_published_again_byte_for_byte_at_twice_the_rate(tmp_path):
@@ -114,7 +115,7 @@ def _service(endpoint, lockstep, seen, stop):
             if frame is None:
                 continue
             seen.append((frame.index, frame.stamp_ns))
-            poses.put(_pose(frame))
+            poses.put(pose(frame.index))
             time.sleep(0.05)
             if frame.index == 0:
                 maps.put(
@@ -124,20 +125,3 @@ def _service(endpoint, lockstep, seen, stop):
                 )
             if lockstep:
                 steps.put(messages.Step(stage="done", index=frame.index))
-
-
-def _pose(frame):
-    return messages.Pose(
-        index=frame.index,
-        stamp_ns=frame.stamp_ns,
-        source_stamp_ns=frame.source_stamp_ns,
-        publish_ns=time.time_ns(),
-        status="tracked",
-        t=(0.0, 0.0, 0.0),
-        q=(0.0, 0.0, 0.0, 1.0),
-        quality=1.0,
-        inlier_ratio=1.0,
-        residual_mm=1.0,
-        map_version=1,
-        keyframe=0,
-    )
