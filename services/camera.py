@@ -37,7 +37,8 @@ def _run(worker: Worker) -> None:
             return
         raise
     progress = CameraProgress.read(Path(worker.run.arena_dir))
-    frames_topic = worker.bus.publisher(topics.FRAME)
+    # in lockstep all wait for a frame that is lost: rather wait for room on the way
+    frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic)

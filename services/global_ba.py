@@ -25,11 +25,14 @@ def _run(worker: Worker) -> None:
     if worker.options.pace == "lockstep":
         steps = worker.bus.subscribe(topics.STEP, depth=64)
         done = worker.bus.publisher(topics.STEP)
+        newest = -1
         worker.ready()
         while not worker.should_stop():
             step = steps.wait(_POLL_S)
             if step is not None and step.stage == "mapped":
-                loop.work_if_due()
+                if step.index > newest:  # as in the mapper: one round a frame
+                    loop.work_if_due()
+                newest = max(newest, step.index)
                 done.put(Step(stage="done", index=step.index))
     else:
         maps = worker.bus.subscribe(topics.MAP, depth=1)

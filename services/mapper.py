@@ -35,13 +35,18 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
     if worker.options.pace == "lockstep":
         poses = worker.bus.subscribe(topics.POSE, depth=64, history=True)
         steps = worker.bus.publisher(topics.STEP)
+        newest = -1
         worker.ready()
         while not worker.should_stop():
             pose = poses.wait(_POLL_S)
-            if pose is not None:
-                while loop.has_work():
-                    loop.work()
-                steps.put(Step(stage="mapped", index=pose.index))
+            if pose is None:
+                continue
+            # the second answer to a frame that was sent again is only answered again: the next frame may be
+            # on its way by now, and its keyframe's turn has not come
+            while pose.index > newest and loop.has_work():
+                loop.work()
+            newest = max(newest, pose.index)
+            steps.put(Step(stage="mapped", index=pose.index))
     else:
         keyframes = worker.bus.subscribe(topics.KEYFRAME, depth=64)
         worker.ready()

@@ -120,13 +120,18 @@ class Subscription(Generic[M]):
         self._thread.join(timeout=2.0)
 
     def _read(self, handler: zenoh.Handler[zenoh.Sample]) -> None:
+        sample: zenoh.Sample | None
         while True:
             try:
                 sample = handler.recv()
+                # all that has come meanwhile: recv() lets go of the interpreter's lock and, in a busy
+                # process, has it back 5 ms later only: too late for a ring that fills
+                while sample is not None:
+                    self._take(sample)
+                    del sample  # hands its shared memory back before the next wait
+                    sample = handler.try_recv()
             except zenoh.ZError:  # the subscriber is undeclared or the session closed
                 return
-            self._take(sample)
-            del sample  # hands its shared memory back before the next wait
 
     def _take(self, sample: zenoh.Sample) -> None:
         self.received += 1

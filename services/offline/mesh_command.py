@@ -2,13 +2,14 @@
 
 import sys
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.meshing.depth_views import DepthViews
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.services.exit_code import exit_code
@@ -17,7 +18,7 @@ from hsslam_node.services.offline.saved_map import SavedMap
 from hsslam_node.services.parse_options import parse_options
 
 _PROG = "hsslam-mesh"
-_VIEW_PX = 320  # width of the views that tell what was seen
+_VIEW_PX = 320  # width of the views of maps without images
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -35,14 +36,7 @@ def _options(args: Sequence[str]) -> MeshOptions:
 
 def _mesh(options: MeshOptions) -> None:
     saved = SavedMap(Path(options.map), options.device)
-    camera = saved.camera
-    if camera.width_px > _VIEW_PX:
-        camera = camera.scaled(_VIEW_PX / camera.width_px)
-    poses = saved.checkpoint.T_world_keyframe
-    views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
-    console = Console(stderr=True)
-    for k in track(range(len(views)), "views", console=console, transient=True):
-        views[k]
+    camera, views = _views(saved)
     bound = saved.checkpoint.layout.bound
     queries = saved.queries
     mesh = extract_mesh(queries.sdf, queries.color, bound, camera, views, options.voxel)
@@ -53,6 +47,21 @@ def _mesh(options: MeshOptions) -> None:
     except OSError as error:
         raise UserError(f"--out {options.out}: {error.strerror}: expected to write there") from None
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
+
+
+def _views(saved: SavedMap) -> tuple[Camera, DepthViews]:
+    """What the keyframes saw, and by which camera: as measured, or as the map shows it to them."""
+    images, poses = saved.checkpoint.images, saved.checkpoint.T_world_keyframe
+    if images is not None:
+        return saved.camera, DepthViews(partial(saved.measured_depth_m, images), poses)
+    camera = saved.camera
+    if camera.width_px > _VIEW_PX:
+        camera = camera.scaled(_VIEW_PX / camera.width_px)
+    views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
+    console = Console(stderr=True)
+    for k in track(range(len(views)), "views", console=console, transient=True):
+        views[k]
+    return camera, views
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ class MeshOptions:
 
     $ hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
 
-    Coloured triangles (m, world) of the surface that is seen from the keyframes of the map.
+    Coloured triangles (m, world) of the surface that the keyframes of the map have seen: with --voxel as its
+    --slam.mesher.final-voxel-m (0.03), the mesh.ply of the run that left the map. A map of before version 3
+    holds no depth of its keyframes: of that, what its own surface shows to them counts as seen.
 
     Exit code 0: written; 1: interrupted; 2: bad input, told in one line.
 

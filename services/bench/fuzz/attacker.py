@@ -1,23 +1,34 @@
 """Somebody who floods a run with what nobody can read, from its first pose on."""
 
 import threading
+import time
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hsslam_node.errors import UserError
+from hsslam_node.proto.messages import Message
 from hsslam_node.proto.request_messages import Ask
-from hsslam_node.proto.requests import STATUS
+from hsslam_node.proto.requests import PAUSE, RESUME, STATUS, Request
 from hsslam_node.services.bench.fuzz.sender import FuzzSender
 from hsslam_node.services.control.ask import NotDoneError, ask
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.zenoh_session import open_client
 
-_RATE_HZ = 400.0  # of messages on each topic, and of each request
+A = TypeVar("A", bound=Message)
+_RATE_HZ = 200.0  # of messages on each topic, and of each request
 _CLOSE_S = 30.0
+# a message of 256 MiB on a busy machine: rather wait than lose what was to be counted
+_PATIENT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000}  # us
+_LOOK_S = 1.0  # between two looks at a run that may end too early
+_COUNTED_S = 30.0  # for what is on its way to be counted
 
 
 class Attacker:
-    """Sends `count` of each; what it has sent is told at the end."""
+    """Sends `count` of each; what it has sent is told at the end.
+
+    A run whose second half begins before all is sent is paused until it is, and counted: what comes after
+    the end of a process is counted by nobody.
+    """
 
     def __init__(self, run_folder: Path, count: int) -> None:
         self._run_folder = run_folder
@@ -25,10 +36,16 @@ class Attacker:
         self._sender: FuzzSender | None = None
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
+        self._run: RunInfo | None = None
+        self._looked_s = 0.0
+        self._is_paused = False
 
     def poll(self) -> None:
         """Begin when all processes that a step needs take work: when there is a pose."""
-        if self._thread is None and (run := _tracking_run(self._run_folder)) is not None:
+        if self._run is not None:
+            self._keep_going(self._run)
+        elif (run := _tracking_run(self._run_folder)) is not None:
+            self._run = run
             self._thread = threading.Thread(target=self._send, args=(run,), daemon=True)
             self._thread.start()
 
@@ -49,10 +66,39 @@ class Attacker:
             "kinds": dict(sent.kinds),
             "refused": sent.refused,
             "not_refused": sent.not_refused,
+            "paused": self._is_paused,
         }
 
+    def _keep_going(self, run: RunInfo) -> None:
+        """Pause the run before it is over, once."""
+        is_sending = self._thread is not None and self._thread.is_alive()
+        if self._is_paused or not is_sending or time.monotonic() < self._looked_s + _LOOK_S:
+            return
+        self._looked_s = time.monotonic()
+        status = _ask(run, STATUS)
+        if status is None or status.frames_sent < _frames(run) / 2:
+            return
+        self._is_paused = _ask(run, PAUSE) is not None
+        if self._is_paused:
+            threading.Thread(target=self._resume_when_counted, args=(run,), daemon=True).start()
+
+    def _resume_when_counted(self, run: RunInfo) -> None:
+        assert self._thread is not None and self._sender is not None
+        self._thread.join()
+        give_up_s = time.monotonic() + _COUNTED_S
+        while time.monotonic() < give_up_s:
+            status = _ask(run, STATUS)
+            if (
+                status is not None
+                and status.messages_rejected >= self._sender.sent.messages.total()
+            ):
+                break
+            time.sleep(_LOOK_S)
+        while _ask(run, RESUME) is None and not self._stopped.is_set():
+            time.sleep(_LOOK_S)
+
     def _send(self, run: RunInfo) -> None:
-        with open_client(run.endpoint) as session:
+        with open_client(run.endpoint, settings=_PATIENT) as session:
             self._sender = FuzzSender(session, run.robot, seed=0, rate_hz=_RATE_HZ)
             self._sender.send(self._count, self._stopped.is_set)
 
@@ -60,7 +106,21 @@ class Attacker:
 def _tracking_run(folder: Path) -> RunInfo | None:
     try:
         run = RunInfo.read(folder)
-        status = ask(run.endpoint, run.robot, STATUS, Ask(), timeout_s=1.0, connect_s=0.5)
+    except UserError:
+        return None
+    status = _ask(run, STATUS)
+    return run if status is not None and status.frames_tracked > 0 else None
+
+
+def _ask(run: RunInfo, request: Request[Ask, A]) -> A | None:
+    """The answer, if there is one at once."""
+    try:
+        return ask(run.endpoint, run.robot, request, Ask(), timeout_s=2.0, connect_s=0.5)
     except (UserError, NotDoneError):
         return None
-    return run if status.frames_tracked > 0 else None
+
+
+def _frames(run: RunInfo) -> int:
+    """How many the camera sends, as far as the options tell."""
+    lengths = [n for n in (run.options.frames, run.options.synth.length) if n is not None]
+    return min(lengths, default=0)

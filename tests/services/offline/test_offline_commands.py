@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,14 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.device.device import CPU
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.image_quality import psnr_db
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.keyframes.keyframe_images import KeyframeImages
 from hsslam_node.services.offline import mesh_command, render_command
+from hsslam_node.services.offline.saved_map import SavedMap
+from hsslam_node.services.saver import final_mesh
 from tests.small_room import SMALL, mapped_room, room_frames, room_poses
 
 
@@ -55,6 +61,22 @@ def test_the_mesh_lies_on_what_the_camera_measured(saved, tmp_path, capsys):
     points = points[z > 0] @ T[:3, :3].T + T[:3, 3]
     distance_m = cKDTree(mesh.vertices).query(points)[0]
     assert np.median(distance_m) < 0.04
+
+
+def test_the_mesh_of_a_map_with_images_is_that_of_the_service(saved, tmp_path):
+    store = mapped_room().store
+    images = KeyframeImages.of(store, store.count)
+    checkpoint = replace(load_checkpoint(saved), images=images)
+    path, out = tmp_path / "map.safetensors", tmp_path / "mesh.ply"
+    save_checkpoint(path, checkpoint)
+    mesh_command.main([str(path), "--voxel", "0.08", "-o", str(out), "--device", "cpu"])
+    of_service = final_mesh(checkpoint, store, 0.08, CPU)
+    assert len(of_service.faces) > 500
+    of_service.export(tmp_path / "service.ply")
+    assert out.read_bytes() == (tmp_path / "service.ply").read_bytes()
+    undecodable = replace(images, depth=np.zeros_like(images.depth))
+    with pytest.raises(UserError, match="damaged map: keyframe 0"):
+        SavedMap(path, "cpu").measured_depth_m(undecodable, 0)
 
 
 def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
