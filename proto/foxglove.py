@@ -11,6 +11,7 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from hsslam_node.proto import messages
@@ -49,6 +50,13 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
             return [_viz("/viz/log", _log(message))]
         case _:
             return []
+
+
+def cleared_scene(stamp_ns: int) -> VizMessage:
+    """Takes away all that was drawn before: the map was thrown away."""
+    deletion = SceneEntityDeletion(type=SceneEntityDeletion.ALL)
+    deletion.timestamp.FromNanoseconds(stamp_ns)
+    return _viz("/viz/mesh", SceneUpdate(deletions=[deletion]))
 
 
 def _viz(topic: str, message: Any) -> VizMessage:

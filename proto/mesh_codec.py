@@ -11,6 +11,7 @@ def mesh_message(
     colors: np.ndarray,
     map_version: int,
     final: bool = False,
+    world: int = 0,
 ) -> Mesh:
     """Vertices [V, 3] m world, faces [F, 3], colors [V, 3] uint8 RGB as a message."""
     return Mesh(
@@ -21,6 +22,7 @@ def mesh_message(
         faces=_bytes(faces, "<u4"),
         colors=_bytes(colors, "u1"),
         final=final,
+        world=world,
     )
 
 

@@ -74,7 +74,11 @@ class SourceEnd(Message, frozen=True, kw_only=True):
 
 
 class Pose(Message, frozen=True, kw_only=True):
-    """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw)."""
+    """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw).
+
+    `world`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
+    of its own, so poses of two worlds cannot be compared.
+    """
 
     index: Index
     stamp_ns: StampNs
@@ -89,6 +93,7 @@ class Pose(Message, frozen=True, kw_only=True):
     map_version: Index
     keyframe: Annotated[int, Meta(ge=-1, le=2**63 - 1)]
     stage_ms: StageTimes = {}
+    world: Index = 0
 
     def __post_init__(self) -> None:
         _expect_pose(self.t, self.q)
@@ -102,6 +107,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
     source_stamp_ns: StampNs
     t: Vector
     q: Quaternion
+    world: Index = 0
 
     def __post_init__(self) -> None:
         _expect_pose(self.t, self.q)
@@ -115,6 +121,7 @@ class MapVersion(Message, frozen=True, kw_only=True):
     loss: Real
     keyframes: Index
     mapping_ms: Real
+    world: Index = 0
 
 
 class Correction(Message, frozen=True, kw_only=True):
@@ -131,6 +138,7 @@ class Correction(Message, frozen=True, kw_only=True):
     loss_before: Real
     loss_after: Real
     loops: list[tuple[Index, Index]] = []
+    world: Index = 0
 
     def __post_init__(self) -> None:
         if not len(self.keyframes) == len(self.t) == len(self.q):
@@ -149,6 +157,7 @@ class Mesh(Message, frozen=True, kw_only=True):
     faces: memoryview
     colors: memoryview
     final: bool = False
+    world: Index = 0
 
     def __post_init__(self) -> None:
         counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
@@ -171,6 +180,7 @@ class View(Message, frozen=True, kw_only=True):
     width_px: SizePx
     height_px: SizePx
     color: memoryview
+    world: Index = 0
 
     def __post_init__(self) -> None:
         size, expected = memoryview(self.color).nbytes, 3 * self.width_px * self.height_px

@@ -53,7 +53,10 @@ SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name"
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
 SET_MODE = _row("set-mode", r.SetMode, r.Done, 8 * _KIB, "mapping, or localise-only: the map stays")
+RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "throw the map away and start a new one", 60.0)
 STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
 
-REQUESTS: tuple[Request, ...] = (STATUS, MESH, TRAJECTORY, SAVE, PAUSE, RESUME, SET_MODE, STOP)
+REQUESTS: tuple[Request, ...] = (
+    *(STATUS, MESH, TRAJECTORY, SAVE, PAUSE, RESUME, SET_MODE, RESET, STOP),
+)
 REFUSAL: Payload[r.Refusal] = Payload("rpc", r.Refusal, 16 * _KIB)

@@ -5,7 +5,7 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from hsslam_node.errors import UserError
@@ -41,6 +41,14 @@ class ArenaFolder:
         shutil.rmtree(self.path, ignore_errors=True)
         with contextlib.suppress(OSError):
             os.close(self._lock)
+
+
+def remove_arrays(path: Path, is_kept: Callable[[str], bool]) -> None:
+    """Unlink the arrays of an arena folder but those whose name is kept; nobody may use them."""
+    for data in sorted(path.glob("*.bin")):
+        if not is_kept(data.stem):
+            data.with_suffix(".json").unlink(missing_ok=True)
+            data.unlink()
 
 
 def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:

@@ -17,6 +17,7 @@ from hsslam_node.services.live_source import is_live
 from hsslam_node.services.open_any_source import open_any_source
 from hsslam_node.services.pacing import Live, Lockstep, Pace, Realtime
 from hsslam_node.services.prefetch import Prefetch
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.sources.source import BadFrame, Source
 
@@ -48,12 +49,16 @@ def _run(worker: Worker) -> None:
         pace = Realtime(
             worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
         )
-    hold = CameraHold(worker)
+    hold, mode = CameraHold(worker), RunMode(worker.run.arena_dir)
+    world = mode.world
     with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
         pace.wait_for_peers()
         worker.ready()
         for item in items:
             pace.held(hold.wait())
+            if mode.world != world:
+                world = mode.world
+                pace.begin_world()
             if worker.should_stop():
                 break
             if isinstance(item, BadFrame):

@@ -83,6 +83,11 @@ class Child:
         elif self._process is not None:
             self._stop(now)
 
+    def renew(self) -> None:
+        """Let one that has ended as wanted start again; one that was given up on stays so."""
+        if self.state == "ended" and self._process is None:
+            self.state, self._start_at_s = "waiting", 0.0
+
     def kill(self) -> None:
         """End it at once and wait for it."""
         self.wanted = False

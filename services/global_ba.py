@@ -58,28 +58,33 @@ class _BaLoop:
         store, parameters = self._link.store(), self._link.parameters()
         if not options.slam.ba.enabled or store is None or parameters is None:
             return
-        if parameters.version == 0 or self._mode.localise_only:
+        if parameters.version == 0 or not self._may_step():
             return
         if self._ba is None:
             self._ba = open_adjustment(options.slam, parameters, options.seed, self._device)
         if not self._ba.is_due(store):
             return
         with self._worker.timed("round"):
-            report = self._ba.round(store, partial(self._worker.arena.lease, PARAMETERS_LEASE))
+            lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
+            report = self._ba.round(store, lease, self._may_step)
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
-        if report.moved and not self._mode.localise_only:  # it may have been set meanwhile
+        if report.moved and self._may_step():
             base = store.pose_version
             version = store.correct_poses(report.keyframes, report.T_world_cam)
             self._worker.count("corrections")
-            self._corrections.put(_correction(report, base, version, self._loops))
+            self._corrections.put(_correction(report, base, version, self._loops, self._mode.world))
             self._loops = []
+
+    def _may_step(self) -> bool:
+        """Whether the map may change; asked anew before each step, as a client can say no meanwhile."""
+        return self._mode.may_change
 
 
 def _correction(
-    report: BaReport, base: int, version: int, loops: list[tuple[int, int]]
+    report: BaReport, base: int, version: int, loops: list[tuple[int, int]], world: int
 ) -> Correction:
     poses = [wire_pose(T) for T in report.T_world_cam]
     return Correction(
@@ -91,6 +96,7 @@ def _correction(
         loss_before=report.loss_before,
         loss_after=report.loss_after,
         loops=[(min(pair), max(pair)) for pair in loops],
+        world=world,
     )
 
 

@@ -114,6 +114,8 @@ class _MapperLoop:
             for _ in range(n):
                 with self._worker.timed("iteration"):
                     report = self._mapper.iterate(store)
+                if self._mode.is_given_up:
+                    break
             self._mapper.publish()
         self._due -= n
         self._iterations += n
@@ -138,7 +140,7 @@ class _MapperLoop:
         store = self._link.store()
         if store is None or self._mapper is None or self._parameters is None:
             return
-        if self._mode.localise_only:
+        if not self._mode.may_change:
             return
         n = self._slam.mapper.last_iterations * store.count
         if n == 0:
@@ -186,6 +188,7 @@ class _MapperLoop:
                 loss=report.loss,
                 keyframes=store.count,
                 mapping_ms=1e3 * (time.perf_counter() - start),
+                world=self._mode.world,
             )
         )
 

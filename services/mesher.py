@@ -14,6 +14,7 @@ from hsslam_node.proto import topics
 from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.model_view import ModelView
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
 
@@ -46,6 +47,7 @@ class _MesherLoop:
         self._worker = worker
         self._device = worker_device(worker)
         self._link = MapLink(worker.arena, worker.options.slam)
+        self._mode = RunMode(worker.run.arena_dir)
         self._meshes = worker.bus.publisher(topics.MESH)
         self._view = ModelView(worker.bus)
         self._mesher: BlockMesher | None = None
@@ -87,7 +89,8 @@ class _MesherLoop:
         if len(mesh.faces) == 0 or self._worker.should_stop():
             return
         colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
-        self._meshes.put(mesh_message(mesh.vertices, mesh.faces, colors, version))
+        world = self._mode.world
+        self._meshes.put(mesh_message(mesh.vertices, mesh.faces, colors, version, world=world))
         self._worker.count("meshes")
         self._worker.stage_ms["mesh"] = 1e3 * (time.perf_counter() - start)
 

@@ -51,6 +51,7 @@ class ModelView:
                 width_px=camera.width_px,
                 height_px=camera.height_px,
                 color=color.data.cast("B"),
+                world=pose.world,
             )
         )
 

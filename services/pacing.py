@@ -27,6 +27,8 @@ class Pace(Protocol):
 
     def held(self, seconds: float) -> None: ...
 
+    def begin_world(self) -> None: ...
+
 
 class Lockstep:
     """Sends frame k+1 when mapping and BA of frame k are done.
@@ -46,6 +48,9 @@ class Lockstep:
 
     def held(self, seconds: float) -> None:
         """Nothing to do: a step takes as long as it takes."""
+
+    def begin_world(self) -> None:
+        """Nothing to do: the next frame waits for its map anyway."""
 
     def send(self, frame: Frame) -> None:
         """Publish, and wait for the step `done` of this frame."""
@@ -98,6 +103,12 @@ class Realtime:
         if self._progress.pinned_wall_ns:
             self._progress.pinned_wall_ns += round(1e9 * seconds)
 
+    def begin_world(self) -> None:
+        """The map was thrown away: the clock stands still until there is another."""
+        self._progress.pinned_wall_ns = 0
+        self._maps.drain()
+        self._peers.restarted()  # known: they take work
+
     def _send_until_answered(self, frame: Frame) -> None:
         stamp_ns = time.time_ns()
         message = frame_message(frame, stamp_ns)
@@ -146,6 +157,9 @@ class Live:
 
     def held(self, seconds: float) -> None:
         """Nothing to do: what came meanwhile is gone."""
+
+    def begin_world(self) -> None:
+        """Nothing to do: a live camera waits for no map."""
 
     def send(self, frame: Frame) -> None:
         """Publish; the tracker takes the newest."""

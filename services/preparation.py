@@ -23,7 +23,7 @@ _OLD_RESULTS = (
     "run*.mcap*",
     "run*.rrd",
     "trajectory*.txt",
-    "keyframes.txt",
+    "keyframes*.txt",
     "mesh.ply",
     "map.safetensors",
     "summary.json",

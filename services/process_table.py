@@ -27,6 +27,11 @@ class ProcessSpec:
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
+    @property
+    def holds_map(self) -> bool:
+        """Whether its state is that of the map, so that it starts anew with each."""
+        return self.stop_stage in (TRACKER_STAGE, MAP_STAGE)
+
     def is_needed(self, pace: str) -> bool:
         """Whether the run cannot go on without it; in lockstep each step also waits for the BA."""
         return self.ends_run or (pace == "lockstep" and self.name == "global_ba")
@@ -42,10 +47,16 @@ def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
 
 
 WARM_UP = f"{_PACKAGE}.warm_up"
-SAVER, EVALUATOR, WATCHDOG, MAP_LOADER = (
-    f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog", "map_loader")
+SAVER, EVALUATOR, WATCHDOG, MAP_LOADER, WORLD_SAVER = (
+    f"{_PACKAGE}.{name}" for name in ("saver", "evaluator", "watchdog", "map_loader", "world_saver")
 )
-ONE_SHOT_TIMEOUT_S = {WARM_UP: 600.0, MAP_LOADER: 300.0, SAVER: 300.0, EVALUATOR: 300.0}
+ONE_SHOT_TIMEOUT_S = {
+    WARM_UP: 600.0,
+    MAP_LOADER: 300.0,
+    SAVER: 300.0,
+    EVALUATOR: 300.0,
+    WORLD_SAVER: 60.0,
+}
 
 PROCESSES: tuple[ProcessSpec, ...] = (
     _row("tracker", "poses and keyframes", nice=0, stop_stage=TRACKER_STAGE, ends_run=True),

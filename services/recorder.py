@@ -9,7 +9,7 @@ import cv2
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto.codec import encode
-from hsslam_node.proto.foxglove import viz_messages
+from hsslam_node.proto.foxglove import cleared_scene, viz_messages
 from hsslam_node.proto.messages import Frame, Mesh, Message
 from hsslam_node.proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
 from hsslam_node.services.bus import Bus
@@ -21,6 +21,7 @@ from hsslam_node.services.rerun_view import RerunView, Tell
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.subscription import Received, Subscription
 from hsslam_node.services.worker import Worker, run_worker
+from hsslam_node.services.world_order import WorldOrder
 
 SUMMARY_FILE = "recorder.json"
 _FRAME_DEPTH = 16
@@ -56,6 +57,7 @@ class Recorder:
         self._unusable = 0
         self._viz_mesh_s = float("-inf")
         self._earlier = EarlierParts(run_dir, tell)
+        self._worlds = WorldOrder()
         try:
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
@@ -158,6 +160,10 @@ class Recorder:
             self._view.show(message)
 
     def _write_viz(self, message: Message, stamp_ns: int) -> None:
+        if self._worlds.begins_with(message):
+            self._log.write_viz(cleared_scene(stamp_ns), stamp_ns)
+        elif self._worlds.is_past(message):
+            return
         if isinstance(message, Mesh):
             now_s = time.monotonic()
             if not message.final and now_s - self._viz_mesh_s < _VIZ_MESH_INTERVAL_S:

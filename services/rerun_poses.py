@@ -61,6 +61,11 @@ class RerunPoses:
             self._path.add(pose)
         self._path.draw()
 
+    def begin_path(self) -> None:
+        """Draw what waits; the next pose has nothing to do with those before."""
+        self.draw()
+        self._path = RerunPath(self._stream)
+
     def _plot(self, name: str, poses: Sequence[Pose], values: Sequence[float]) -> None:
         if poses:
             columns = rr.Scalars.columns(scalars=values)

@@ -11,11 +11,15 @@ from hsslam_node.proto import messages
 from hsslam_node.proto.mesh_codec import mesh_arrays
 from hsslam_node.services.frame_compression import jpeg
 from hsslam_node.services.rerun_poses import RerunPoses
+from hsslam_node.services.world_order import WorldOrder
 
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
 _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
 _KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
+_OF_MAP = (
+    *("world/trajectory", "world/lost", "world/keyframes", "world/loops", "world/mesh", "model"),
+)
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
 
@@ -24,12 +28,14 @@ class RerunScene:
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
     world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, model, plots/*, events.
-    Poses are drawn together, every `poses_every_s`.
+    Poses are drawn together, every `poses_every_s`. When the map is thrown away all of it but the
+    camera, plots and events is cleared.
     """
 
     def __init__(self, stream: rr.RecordingStream, poses_every_s: float) -> None:
         self._stream = stream
         self._poses = RerunPoses(stream, poses_every_s)
+        self._worlds = WorldOrder()
         self._loops: set[tuple[int, int]] = set()
         self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
         self._frustum: np.ndarray | None = None
@@ -41,6 +47,10 @@ class RerunScene:
 
     def draw(self, message: messages.Message) -> None:
         """Log one message at its own time; what has no sensor stamp goes to the newest one."""
+        if self._worlds.begins_with(message):
+            self._clear()
+        elif self._worlds.is_past(message):
+            return
         match message:
             case messages.Frame():
                 self._set_time(message.index, message.stamp_ns)
@@ -75,6 +85,15 @@ class RerunScene:
     def finish(self) -> None:
         """Draw the poses that wait."""
         self._poses.draw()
+
+    def _clear(self) -> None:
+        """Nothing of the old map remains: its coordinates say nothing in the new one."""
+        self._poses.begin_path()
+        self._restore_time()
+        for entity in _OF_MAP:
+            self._stream.log(entity, rr.Clear(recursive=True))
+        self._loops.clear()
+        self._keyframes.clear()
 
     def _set_time(self, index: int, stamp_ns: int) -> None:
         """Time comes before logging: what is logged earlier is absent from the timeline."""

@@ -1,11 +1,11 @@
-"""Whether the run may change its map, where every process can look it up at once (no torch)."""
+"""Whether the run may change its map, and which it is; every process can look it up (no torch)."""
 
 from pathlib import Path
 
 import numpy as np
 
 _FILE = "run_mode"
-_LOCALISE_ONLY = 0  # field
+_LOCALISE_ONLY, _WORLD, _IS_GIVEN_UP = 0, 1, 2  # fields
 
 
 class RunMode:
@@ -30,3 +30,26 @@ class RunMode:
     @localise_only.setter
     def localise_only(self, value: bool) -> None:
         self._row[_LOCALISE_ONLY] = value
+
+    @property
+    def world(self) -> int:
+        """Number of the map: how often one was thrown away."""
+        return int(self._row[_WORLD])
+
+    @world.setter
+    def world(self, value: int) -> None:
+        self._row[_WORLD] = value
+
+    @property
+    def is_given_up(self) -> bool:
+        """The map is about to be thrown away: no more work for it."""
+        return bool(self._row[_IS_GIVEN_UP])
+
+    @is_given_up.setter
+    def is_given_up(self, value: bool) -> None:
+        self._row[_IS_GIVEN_UP] = value
+
+    @property
+    def may_change(self) -> bool:
+        """Whether keyframe poses and parameters may be stepped now."""
+        return not (self.localise_only or self.is_given_up)

@@ -41,6 +41,11 @@ class RunState:
         """Median of the last latencies from sensor stamp to published pose."""
         return statistics.median(self.latencies_ms) if self.latencies_ms else 0.0
 
+    def forget_map(self) -> None:
+        """The map was thrown away; counts go on."""
+        self.pose = self.map = None
+        self.last_keyframe = -1
+
     def posed(self, pose: Pose) -> None:
         self.pose, self.last_pose_s = pose, time.monotonic()
         self.tracked += pose.status != "lost"

@@ -18,10 +18,16 @@ from hsslam_node.proto.mesh_codec import mesh_message
 from hsslam_node.services.arena import Arena
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.map_snapshot import map_checkpoint
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.services.summary import pose_section, update_summary
 from hsslam_node.services.worker import Worker, run_worker
 from hsslam_node.services.worker_device import worker_device
-from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, online_trajectory
+from hsslam_node.tracking.pose_log import (
+    PoseLog,
+    final_trajectory,
+    of_world,
+    online_trajectory,
+)
 
 
 def main() -> None:
@@ -32,7 +38,8 @@ def _run(worker: Worker) -> None:
     arena, run_dir = worker.arena, worker.run.path
     link = MapLink(arena, worker.options.slam)
     store, parameters = link.store(), link.parameters()
-    save_trajectories(run_dir, arena, store)
+    world = RunMode(worker.run.arena_dir).world
+    save_trajectories(run_dir, arena, store, world)
     if store is None or parameters is None or store.count == 0:
         return  # stopped before there was a map
     update_summary(
@@ -55,21 +62,29 @@ def _run(worker: Worker) -> None:
     if len(mesh.faces) == 0:
         worker.event("warning", "no mesh: the map has no observed surface")
         return
-    _publish(worker, mesh, parameters.version)
+    _publish(worker, mesh, parameters.version, world)
     mesh.export(run_dir / "mesh.ply")
     update_summary(run_dir, {"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
 
 
-def save_trajectories(run_dir: Path, arena: Arena, store: KeyframeStore | None) -> None:
-    """Write the three trajectory files and what the summary says of poses."""
+def save_trajectories(
+    run_dir: Path, arena: Arena, store: KeyframeStore | None, world: int, suffix: str = ""
+) -> None:
+    """Write the three trajectory files of a world, whose keyframes are those of the store, and what the
+    summary says of poses: of all, and where there is more than one world also of this."""
     rows = PoseLog(arena).rows()
+    here = of_world(rows, world)
     poses = store.poses() if store is not None else np.zeros((0, 4, 4))
     stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
-    write_tum(run_dir / "trajectory_online.txt", online_trajectory(rows))
-    write_tum(run_dir / "trajectory.txt", final_trajectory(rows, poses))
+    write_tum(run_dir / f"trajectory_online{suffix}.txt", online_trajectory(here))
+    write_tum(run_dir / f"trajectory{suffix}.txt", final_trajectory(here, poses))
     own = slice(store.inherited if store is not None else 0, len(poses))
-    write_tum(run_dir / "keyframes.txt", Trajectory(stamps[own], poses[own]))
-    update_summary(run_dir, pose_section(rows))
+    write_tum(run_dir / f"keyframes{suffix}.txt", Trajectory(stamps[own], poses[own]))
+    section = pose_section(rows)
+    if world > 0 or suffix:
+        counts = {**pose_section(here)["frames"], "keyframes": len(stamps[own])}
+        section["worlds"] = {str(world): {**counts, "trajectory": f"trajectory{suffix}.txt"}}
+    update_summary(run_dir, section)
 
 
 def final_mesh(
@@ -83,11 +98,11 @@ def final_mesh(
     )
 
 
-def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int) -> None:
+def _publish(worker: Worker, mesh: trimesh.Trimesh, version: int, world: int) -> None:
     """For the log and the viewer; a mesh above the topic's size limit is told and not sent."""
     visual: Any = mesh.visual
     colors = visual.vertex_colors[:, :3]
-    message = mesh_message(mesh.vertices, mesh.faces, colors, version, final=True)
+    message = mesh_message(mesh.vertices, mesh.faces, colors, version, final=True, world=world)
     try:
         worker.bus.publisher(topics.MESH).put(message)
     except ValueError as error:

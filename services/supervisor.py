@@ -1,40 +1,16 @@
 """The supervisor: router, arena and processes of one run, from the first to the orderly end."""
 
 import signal
-import time
 from types import FrameType
 
-from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
-from hsslam_node.proto import topics
-from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
-from hsslam_node.services.child import Child
-from hsslam_node.services.control.gateway import Gateway
 from hsslam_node.services.expect_source import expect_source
-from hsslam_node.services.memory_use import MemoryOfAll
-from hsslam_node.services.metrics.snapshot import take_snapshot
 from hsslam_node.services.nursery_link import NurseryLink
-from hsslam_node.services.one_shot import expect_end, run_one_shot, start_watchdog
+from hsslam_node.services.one_shot import expect_end, start_watchdog
 from hsslam_node.services.options import ServeOptions
-from hsslam_node.services.preparation import Prepared, prepare
-from hsslam_node.services.process_table import (
-    EVALUATOR,
-    MAP_LOADER,
-    PROCESSES,
-    RECORDER_STAGE,
-    SAVER,
-    TRACKER_STAGE,
-    WARM_UP,
-)
-from hsslam_node.services.run_state import Listener
-from hsslam_node.services.status_line import StatusLine
-from hsslam_node.services.summary import process_section, update_summary
-
-_TICK_S = 0.05
-_STARTING_TICK_S = 0.01
-_SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
-_LONGEST_SETTLE_S = 5.0
+from hsslam_node.services.preparation import prepare
+from hsslam_node.services.supervised_run import SupervisedRun
 
 
 class Supervisor:
@@ -64,7 +40,7 @@ class Supervisor:
         watchdog = start_watchdog(prepared.info)
         try:
             with Bus(prepared.info.endpoint, prepared.info.robot, "supervisor") as bus:
-                run = _Run(self, prepared, bus, nursery)
+                run = SupervisedRun(prepared, bus, nursery, lambda: self._signals)
                 try:
                     return run.to_the_end()
                 finally:
@@ -74,177 +50,5 @@ class Supervisor:
             prepared.close()
             expect_end(watchdog)
 
-    @property
-    def signals(self) -> int:
-        """How many stop signals have come."""
-        return self._signals
-
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
         self._signals += 1
-
-
-class _Run:
-    """The processes of a prepared run and what is heard from them."""
-
-    def __init__(
-        self, supervisor: Supervisor, prepared: Prepared, bus: Bus, nursery: NurseryLink
-    ) -> None:
-        self._supervisor = supervisor
-        self._info = prepared.info
-        self._notices = prepared.router.notices
-        self._bus = bus
-        self._nursery = nursery
-        self._events = bus.publisher(topics.EVENT)
-        self._listener = Listener(bus)
-        self._gateway = Gateway(bus, prepared.info, nursery.spawn)
-        self._status = StatusLine()
-        self._memory = MemoryOfAll()
-        self._metrics = prepared.metrics
-        self._children = {
-            spec.name: Child(spec, self._info.path, nursery.spawn)
-            for spec in PROCESSES
-            if spec.name != "camera" or self._info.options.has_camera_process
-        }
-
-    def to_the_end(self) -> int:
-        """Run, stop in order, save; returns the exit code."""
-        with self._status:
-            for text, level in self._notices:
-                self._status.say(text, level)
-            if not warm_stamp().exists():
-                self._status.say("compiling kernels for this machine: once, about 40 s")
-                self._one_shot(WARM_UP, patience=0)
-            self._nursery.start()
-            if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
-                raise UserError(error)
-            for child in self._children.values():
-                child.wanted = not child.spec.is_late
-            reason = self._until_stop()
-            self._status.say(f"stopping: {reason}")
-            self._bus.publisher(topics.STOP).put(Stop(reason=reason))
-            self._stop_in_order(reason)
-        return self._exit_code()
-
-    def kill_all(self) -> None:
-        """End every process that still runs."""
-        self._gateway.close()
-        for child in self._children.values():
-            child.kill()
-
-    def _until_stop(self) -> str:
-        """Tick until there is a reason to stop."""
-        while True:
-            self._tick()
-            self._want_late_ones()
-            if self._supervisor.signals:
-                return "interrupted"
-            if self._gateway.wants_stop:
-                return "asked to stop"
-            for child in self._children.values():
-                if child.state == "failed" and self._needs(child):
-                    return f"{child.spec.name} cannot be kept running"
-            camera = self._children.get("camera")
-            if camera is not None and camera.state == "failed":
-                return "the source cannot be read"
-            if self._listener.state.source_end is not None or (camera and camera.state == "ended"):
-                return "end of source"
-
-    def _want_late_ones(self) -> None:
-        """Once tracker and mapper take work; before that they would only slow the start."""
-        if all(c.state == "running" for c in self._children.values() if c.spec.ends_run):
-            for child in self._children.values():
-                child.wanted = True
-
-    def _tick(self) -> None:
-        """One turn of the restart loop: hear, act, show."""
-        heartbeats, events = self._listener.listen()
-        for health in heartbeats:
-            if health.process in self._children:
-                self._children[health.process].heard(health)
-        for child in self._children.values():
-            child.tick()
-            while child.news:
-                self._tell(child.news.pop(0))
-        self._nursery.tick()
-        while self._nursery.news:
-            self._tell(self._nursery.news.pop(0))
-        for event in events:
-            if event.process != "supervisor":
-                self._status.say(f"{event.process}: {event.text}", event.level)
-        heard_mb = {name: child.pss_mb for name, child in self._children.items()}
-        self._memory.look(heard_mb, self._nursery.pid)
-        state, memory_mb = self._listener.state, self._memory.total_mb
-        self._gateway.tick(state, self._children, memory_mb)
-        self._status.show(state, self._children, memory_mb)
-        self._metrics.tick(lambda: take_snapshot(self._gateway, state, self._children, memory_mb))
-        is_starting = any(child.state == "starting" for child in self._children.values())
-        time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
-
-    def _tell(self, text: str) -> None:
-        self._status.say(text, "warning")
-        now = time.time_ns()
-        self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
-
-    def _stop_in_order(self, reason: str) -> None:
-        """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
-        stop_ns = time.time_ns()
-        self._gateway.is_stopping = True
-        while self._gateway.is_busy and self._supervisor.signals < 2:
-            self._tick()
-        for stage in sorted({child.spec.stop_stage for child in self._children.values()}):
-            if stage == TRACKER_STAGE:
-                self._settle()
-            if stage == RECORDER_STAGE:
-                self._one_shot(SAVER)
-            self._stop_stage(stage)
-        if self._info.options.evaluate:
-            self._one_shot(EVALUATOR)
-        section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
-        section |= self._memory.section() | self._gateway.section(self._children)
-        update_summary(self._info.path, section)
-
-    def _stop_stage(self, stage: int) -> None:
-        of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]
-        for child in of_stage:
-            child.wanted = False
-        while any(child.is_alive for child in of_stage) and self._supervisor.signals < 2:
-            self._tick()
-        for child in of_stage:
-            child.kill()
-
-    def _settle(self) -> None:
-        """Let the tracker take the frames that are on their way."""
-        start = time.monotonic()
-        while time.monotonic() - start < _LONGEST_SETTLE_S and self._supervisor.signals < 2:
-            self._tick()
-            since_pose_s = time.monotonic() - max(self._listener.state.last_pose_s, start)
-            if since_pose_s > _SETTLED_S:
-                return
-
-    def _one_shot(self, module: str, patience: int = 1) -> None:
-        """Run a process to its end while the others are served, and tell if it fails."""
-        error = self._run_alone(module, patience)
-        if error and self._supervisor.signals <= patience:
-            self._tell(f"{module.rpartition('.')[2]}: {error}")
-
-    def _run_alone(self, module: str, patience: int) -> str:
-        """The same; returns "" or what went wrong. More signals than `patience` cancel it."""
-        is_cancelled = lambda: self._supervisor.signals > patience  # noqa: E731
-        return run_one_shot(module, self._info.path, self._tick, is_cancelled, self._nursery.spawn)
-
-    def _exit_code(self) -> int:
-        """What to tell the shell; says which processes were restarted."""
-        if self._supervisor.signals > 1:
-            return 1
-        for child in self._children.values():
-            if child.user_error and (self._needs(child) or child.spec.name == "camera"):
-                raise UserError(child.user_error)
-        for child in self._children.values():
-            if child.restarts:
-                self._status.say(f"{child.spec.name} was restarted {child.restarts} x", "warning")
-        self._status.say(f"results: {self._info.run_dir}")
-        failed = [c for c in self._children.values() if c.state == "failed" and self._needs(c)]
-        return 1 if failed else 0
-
-    def _needs(self, child: Child) -> bool:
-        return child.spec.is_needed(self._info.options.pace)

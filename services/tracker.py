@@ -95,6 +95,7 @@ class _TrackerLoop:
             T_keyframe_cam=result.T_keyframe_cam,
             quality=result.quality,
             map_version=result.map_version,
+            world=self._mode.world,
         )
         self._log.append(row)
         self._last_index = frame.index
@@ -145,6 +146,7 @@ class _TrackerLoop:
                 source_stamp_ns=message.source_stamp_ns,
                 t=t,
                 q=q,
+                world=self._mode.world,
             )
         )
 
@@ -181,6 +183,7 @@ def _pose_message(
         residual_mm=1e3 * residual_m if np.isfinite(residual_m) else 0.0,
         map_version=int(row["map_version"]),
         keyframe=int(row["keyframe"]),
+        world=int(row["world"]),
         stage_ms=stages_ms,
     )
 

@@ -5,7 +5,13 @@ from contextlib import nullcontext
 import numpy as np
 
 from hsslam_node.bundle_adjustment.loss_table import LossTable
-from hsslam_node.bundle_adjustment.report import BaReport, Lease
+from hsslam_node.bundle_adjustment.report import (
+    BaReport,
+    Lease,
+    MayStep,
+    always,
+    nothing_done,
+)
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
@@ -45,16 +51,17 @@ class GlobalBundleAdjustment:
         self,
         store: KeyframeStore,
         lease: Lease = nullcontext,
+        may_step: MayStep = always,
     ) -> BaReport:
         """Probe, select, refine. `lease()` is held for one iteration at a time, so that a mapper
-        beside this process never waits for a whole round."""
+        beside this process never waits for a whole round, and the round ends where `may_step()` says no."""
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
         with lease():
             chosen = self._select(store, generator)
         if len(chosen) == 0:
-            return BaReport(chosen, np.zeros((0, 4, 4)), 0.0, 0.0, False)
+            return nothing_done()
         measured = self._config.selection == "active"
         losses = [self._table.mean(chosen)] if measured else []
         all_poses = store.poses()
@@ -63,6 +70,8 @@ class GlobalBundleAdjustment:
         free = self._config.pose_rate > 0
         for _ in range(self._config.iterations):
             with lease():
+                if not may_step():
+                    return nothing_done()
                 report = self._optimiser.step(
                     store, chosen, counts, poses, generator, with_poses=free
                 )

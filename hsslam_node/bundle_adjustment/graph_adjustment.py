@@ -11,7 +11,7 @@ from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, 
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
 from hsslam_node.bundle_adjustment.pose_edges import PoseEdge, PoseEdges
 from hsslam_node.bundle_adjustment.pose_graph import solve_pose_graph
-from hsslam_node.bundle_adjustment.report import BaReport, Lease
+from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, always
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.field.parameters import FieldParameters
@@ -51,12 +51,21 @@ class GraphBundleAdjustment:
         """Whether enough keyframes have come since the last round."""
         return self._map.is_due(store)
 
-    def round(self, store: KeyframeStore, lease: Lease = nullcontext) -> BaReport:
-        """Measure, solve, refine the map. `lease()` is held while the map is stepped, not before."""
+    def round(
+        self, store: KeyframeStore, lease: Lease = nullcontext, may_step: MayStep = always
+    ) -> BaReport:
+        """Measure, solve, refine the map. `lease()` is held while the map is stepped, not before.
+
+        Where `may_step()` says no, the round ends, and what was solved for is left to the next.
+        """
         poses = store.poses()
         closed = self._measure(store, poses)
+        all_asked = self._all_at_next
         solved = self._solved(poses)
-        mapped = self._map.round(store, lease)
+        mapped = self._map.round(store, lease, may_step)
+        if not may_step():
+            self._all_at_next = all_asked
+            return replace(mapped, moved=False, loops=closed)
         shift_m = np.linalg.norm(solved[:, :3, 3] - poses[:, :3, 3], axis=1)
         if shift_m.max() < self._config.least_shift_m:
             return replace(mapped, moved=False, loops=closed)

@@ -10,6 +10,7 @@ import numpy as np
 from hsslam_node.keyframes.store import KeyframeStore
 
 Lease = Callable[[], AbstractContextManager[object]]
+MayStep = Callable[[], bool]
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,19 @@ class BundleAdjustment(Protocol):
         """Whether enough keyframes have come since the last round."""
         ...
 
-    def round(self, store: KeyframeStore, lease: Lease = ...) -> BaReport:
-        """One round. `lease()` is held while the map is stepped, for one iteration at a time."""
+    def round(self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ...) -> BaReport:
+        """One round. `lease()` is held while the map is stepped, for one iteration at a time.
+
+        Where `may_step()` says no, asked before each step, the round ends there and moves no pose.
+        """
         ...
+
+
+def always() -> bool:
+    """The map may be stepped at any time."""
+    return True
+
+
+def nothing_done() -> BaReport:
+    """A round in which nothing was to be done, or that was ended."""
+    return BaReport(np.zeros(0, int), np.zeros((0, 4, 4)), 0.0, 0.0, False)

@@ -7,6 +7,7 @@ from hsslam_node.keyframes.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096
 INITIAL, TRACKED, LOST = 0, 1, 2  # status
+_HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
 
 POSE_ROW = np.dtype(
     [
@@ -20,6 +21,10 @@ POSE_ROW = np.dtype(
         ("T_keyframe_cam", "<f8", (4, 4)),
         ("quality", "<f8"),  # 0 to 1
         ("map_version", "<i8"),
+        (
+            "world",
+            "<i8",
+        ),  # which map: each reset begins a new one, in a coordinate frame of its own
     ]
 )
 
@@ -27,12 +32,13 @@ POSE_ROW = np.dtype(
 class PoseLog:
     """Append-only rows of `POSE_ROW`. One writer; a reader sees only complete rows.
 
-    A restarted writer goes on behind the last complete row. Creating and attaching are the same.
+    A restarted writer goes on behind the last complete row. Creating and attaching are the same. The
+    log outlives a map that is thrown away: rows say of which world they are.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:
         self._arrays = arrays
-        self._header = arrays.create("pose_header", (16,), np.int64)  # [0] = rows
+        self._header = arrays.create(_HEADER, (16,), np.int64)  # [0] = rows
         self._slabs: list[np.ndarray] = []
 
     @property
@@ -57,9 +63,14 @@ class PoseLog:
         slabs = [self._slab(k) for k in range(-(-n // SLAB_ROWS))]
         return np.concatenate(slabs)[:n] if slabs else np.zeros(0, POSE_ROW)
 
+    @staticmethod
+    def owns(name: str) -> bool:
+        """Whether an array of this name belongs to a pose log."""
+        return name == _HEADER or name.startswith(_SLAB)
+
     def _slab(self, k: int) -> np.ndarray:
         while len(self._slabs) <= k:
-            name = f"pose_log.{len(self._slabs):03d}"
+            name = f"{_SLAB}{len(self._slabs):03d}"
             self._slabs.append(self._arrays.create(name, (SLAB_ROWS,), POSE_ROW))
         return self._slabs[k]
 
@@ -76,6 +87,7 @@ def pose_row(
     T_keyframe_cam: np.ndarray,  # [4, 4]
     quality: float,
     map_version: int,
+    world: int = 0,
 ) -> np.ndarray:
     """One row, [] of POSE_ROW."""
     row = np.zeros((), POSE_ROW)
@@ -83,8 +95,13 @@ def pose_row(
     row["stamp_ns"], row["publish_ns"] = stamp_ns, publish_ns
     row["status"], row["keyframe"] = status, keyframe
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
-    row["quality"], row["map_version"] = quality, map_version
+    row["quality"], row["map_version"], row["world"] = quality, map_version, world
     return row
+
+
+def of_world(rows: np.ndarray, world: int) -> np.ndarray:
+    """The rows of one world: only they have poses in one coordinate frame."""
+    return rows[rows["world"] == world]
 
 
 def online_trajectory(rows: np.ndarray) -> Trajectory:

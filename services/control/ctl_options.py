@@ -21,7 +21,7 @@ _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 @dataclass(frozen=True)
 class CtlOptions:
     """Asks a running service: status | mesh | trajectory | save NAME | pause | resume |
-    set-mode mapping|localise-only | stop.
+    set-mode mapping|localise-only | reset | stop.
 
     $ hsslam-ctl status
     $ hsslam-ctl mesh --out room.ply
@@ -32,8 +32,9 @@ class CtlOptions:
     status: frames, rate, latency, tracking, processes. mesh: the newest, as a PLY file (m, world).
     trajectory: poses as refined, in TUM format (s, m, unit quaternion; camera to world). save: keeps the
     map in the maps folder of the service. pause holds the camera, resume lets it go on; set-mode
-    localise-only: the map stays as it is from now on, mapping: it goes on. stop ends the run
-    in order. What is at work on this machine is found by itself.
+    localise-only: the map stays as it is from now on, mapping: it goes on. reset throws the map away
+    and starts a new one with the next frame, in a coordinate frame of its own. stop ends the run in
+    order. What is at work on this machine is found by itself.
 
     Exit code 0: done; 1: nobody there, refused, or no answer in time; 2: bad input. One line tells.
 

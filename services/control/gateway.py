@@ -7,11 +7,11 @@ from typing import Any
 import msgspec
 
 from hsslam_node.proto import requests as rpc
-from hsslam_node.proto import topics
-from hsslam_node.proto.messages import Hold
 from hsslam_node.proto.request_messages import Done, Status
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
+from hsslam_node.services.control.holding import Holding
+from hsslam_node.services.control.map_reset import MapReset
 from hsslam_node.services.control.map_saving import MapSaving
 from hsslam_node.services.control.mode_setting import ModeSetting
 from hsslam_node.services.control.newest_mesh import NewestMesh
@@ -39,16 +39,21 @@ class Gateway:
         self._run = run
         self._bus = bus
         self._requests = bus.requests()
-        self._holds = bus.publisher(topics.HOLD)
-        self._is_paused = False
+        self._holding = Holding(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
         self._saving = MapSaving(run, spawn)
+        self._reset = MapReset(bus, run, spawn, self._holding)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a map is being saved; the end of the run waits for it."""
-        return self._saving.is_busy
+        """Whether a map is being saved or thrown away; the end of the run waits for it."""
+        return self._saving.is_busy or self._reset.is_busy
+
+    @property
+    def is_resetting(self) -> bool:
+        """Whether tracker and mapper are being replaced; the others start after them."""
+        return self._reset.is_busy
 
     def tick(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> None:
         """Answer what was asked since the last time."""
@@ -60,16 +65,21 @@ class Gateway:
                 asked.answer(self.status(state, children, memory_mb))
             else:
                 self._mode.has_map |= state.map is not None
-                self._answer(asked)
+                self._answer(asked, state, children)
         self._mesh.tick()
         self._saving.tick()
+        world = self._reset.world
+        self._reset.tick()
+        if self._reset.world != world:
+            self._mode.has_map = False
+            self._mesh.forget(self._reset.world)
 
     def status(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> Status:
         """How the run goes."""
         phase = "stopping" if self.is_stopping else self._pace
         rejected = sum(self.rejected(children).values())
         status = run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
-        return msgspec.structs.replace(status, mode=self._mode.now)
+        return msgspec.structs.replace(status, mode=self._mode.now, world=self._reset.world)
 
     def rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
         """Messages that could not be read, by topic."""
@@ -85,12 +95,13 @@ class Gateway:
     def close(self) -> None:
         """End what is still being done."""
         self._saving.close()
+        self._reset.close()
 
     @property
     def _pace(self) -> Any:
-        return "paused" if self._is_paused else "running"
+        return "paused" if self._holding.is_paused else "running"
 
-    def _answer(self, asked: Asked) -> None:
+    def _answer(self, asked: Asked, state: RunState, children: Mapping[str, Child]) -> None:
         match asked.request:
             case rpc.MESH:
                 self._mesh.ask(asked)
@@ -102,29 +113,26 @@ class Gateway:
                 asked.answer(Done(text="was stopping already" if again else "stopping"))
             case _ if self.is_stopping:
                 asked.refuse("not_now", f"{asked.request.name}: the run is ending")
+            case _ if self._reset.is_busy and asked.request is not rpc.RESET:
+                asked.refuse("busy", f"{asked.request.name}: the map is being thrown away")
             case rpc.SAVE:
                 self._saving.ask(asked)
             case rpc.PAUSE:
-                self._hold(asked, True)
+                self._holding.set(asked, True)
             case rpc.RESUME:
-                self._hold(asked, False)
+                self._holding.set(asked, False)
             case rpc.SET_MODE:
                 self._mode.set(asked)
+            case rpc.RESET if self._saving.is_busy:
+                asked.refuse("busy", "reset: a map is being saved")
+            case rpc.RESET:
+                has_map = self._mode.has_map
+                self._reset.ask(asked, has_map=has_map, state=state, children=children)
 
     def _answer_trajectory(self, asked: Asked) -> None:
-        trajectory = trajectory_so_far(Path(self._run.arena_dir))
+        world = self._reset.world
+        trajectory = trajectory_so_far(Path(self._run.arena_dir), world)
         if trajectory is None:
             asked.refuse("not_now", "trajectory: there is no pose yet")
         else:
-            asked.answer(rows_of(trajectory))
-
-    def _hold(self, asked: Asked, paused: bool) -> None:
-        if not self._run.options.has_camera_process:
-            name = asked.request.name
-            asked.refuse("not_now", f"{name}: frames come from outside: hold that camera itself")
-            return
-        word = "paused" if paused else "running"
-        again = self._is_paused == paused
-        self._is_paused = paused
-        self._holds.put(Hold(paused=paused))
-        asked.answer(Done(text=f"was {word} already" if again else word))
+            asked.answer(rows_of(trajectory, world))

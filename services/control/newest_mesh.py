@@ -17,6 +17,7 @@ class NewestMesh:
         self._bus = bus
         self._meshes: Subscription | None = None
         self._newest: Received | None = None
+        self._world = 0
         self._waiting: list[tuple[Asked, float]] = []
 
     def ask(self, asked: Asked) -> None:
@@ -25,12 +26,17 @@ class NewestMesh:
             self._meshes = self._bus.subscribe(topics.MESH, 1, history=True)
         self._waiting.append((asked, time.monotonic() + _PATIENCE_S))
 
+    def forget(self, world: int) -> None:
+        """The map was thrown away: answer with meshes of the next world only."""
+        self._newest, self._world = None, world
+
     def tick(self) -> None:
         """Take in what has come, and answer; never blocks."""
         if self._meshes is None:
             return
         while (received := self._meshes.poll_received()) is not None:
-            self._newest = received
+            if received.message.world >= self._world:
+                self._newest = received
         still: list[tuple[Asked, float]] = []
         for asked, until_s in self._waiting:
             if self._newest is not None:

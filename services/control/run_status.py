@@ -20,7 +20,7 @@ def run_status(
     memory_mb: int,
     rejected: int = 0,
 ) -> Status:
-    """The run in numbers; `phase` is refined to starting before the first pose."""
+    """The run in numbers; `phase` is refined to starting before the first pose in a map."""
     pose = state.pose
     is_starting = pose is None and phase == "running"
     return Status(

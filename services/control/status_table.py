@@ -17,6 +17,7 @@ def print_status(status: Status) -> None:
 
 
 def _rows(status: Status) -> list[tuple[str, str]]:
+    resets = f", thrown away {status.world} x" if status.world else ""
     processes = "  ".join(f"{name}:{state}" for name, state in status.processes.items())
     restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
     return [
@@ -33,7 +34,7 @@ def _rows(status: Status) -> list[tuple[str, str]]:
         (
             "map",
             f"version {status.map_version}, {status.keyframes} keyframes, "
-            f"{status.ba_rounds} rounds of bundle adjustment",
+            f"{status.ba_rounds} rounds of bundle adjustment{resets}",
         ),
         ("memory", f"{status.memory_mb} MB"),
         ("requests", f"{status.requests}, {status.requests_refused} refused"),

@@ -9,20 +9,20 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.proto.request_messages import TrajectoryRows
 from hsslam_node.services.control.arena_view import ArenaView
-from hsslam_node.tracking.pose_log import PoseLog, final_trajectory
+from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world
 
 
-def trajectory_so_far(arena_dir: Path) -> Trajectory | None:
-    """All poses but those of lost frames, as refined; None before there is one."""
+def trajectory_so_far(arena_dir: Path, world: int = 0) -> Trajectory | None:
+    """All poses in a world but those of lost frames, as refined; None before there is one."""
     arrays = ArenaView(arena_dir)
     try:
         keyframe_poses = KeyframeStore(arrays).poses()
-        return final_trajectory(PoseLog(arrays).rows(), keyframe_poses)
+        return final_trajectory(of_world(PoseLog(arrays).rows(), world), keyframe_poses)
     except KeyError:
         return None
 
 
-def rows_of(trajectory: Trajectory) -> TrajectoryRows:
+def rows_of(trajectory: Trajectory, world: int = 0) -> TrajectoryRows:
     """The trajectory as a message."""
     poses = np.empty((len(trajectory), 7), "<f8")
     poses[:, :3] = trajectory.positions
@@ -32,6 +32,7 @@ def rows_of(trajectory: Trajectory) -> TrajectoryRows:
         count=len(trajectory),
         stamps_ns=trajectory.stamps_ns.astype("<i8").tobytes(),  # type: ignore[arg-type]
         poses=poses.tobytes(),  # type: ignore[arg-type]
+        world=world,
     )
 
 

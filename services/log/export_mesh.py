@@ -13,7 +13,7 @@ _UP = np.diag([1.0, -1.0, -1.0, 1.0])  # from x right, y down, z forward to glTF
 
 def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """mesh.ply in the world of the poses, and mesh.glb turned to y up; vertex colours, m. Yields what
-    it wrote."""
+    it wrote; nothing where there is none of the last map."""
     mesh = newest_mesh(files)
     if mesh is None:
         say("no mesh: the log holds none")

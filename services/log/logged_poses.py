@@ -28,21 +28,27 @@ class LoggedPoses:
 
 
 def logged_poses(files: list[Path]) -> LoggedPoses:
-    """Read them from the files of one log, in order.
+    """Read them from the files of one log, in order; those of the last world.
 
     Raises:
         UserError: a file is damaged, or of a version that cannot be read.
     """
-    found = _Found()
+    worlds = logged_worlds(files)
+    return worlds[max(worlds)]
+
+
+def logged_worlds(files: list[Path]) -> dict[int, LoggedPoses]:
+    """The same of all worlds, by number: one more each time that the map was thrown away."""
+    worlds: dict[int, _Found] = {}
     for logged in bus_messages(files, {POSE.name, KEYFRAME.name, CORRECTION.name}):
         match logged.message():
             case messages.Pose() as pose:
-                found.add_pose(pose)
+                worlds.setdefault(pose.world, _Found()).add_pose(pose)
             case messages.Keyframe() as keyframe:
-                found.add_keyframe(keyframe)
+                worlds.setdefault(keyframe.world, _Found()).add_keyframe(keyframe)
             case messages.Correction() as moved:
-                found.correct(moved)
-    return found.all()
+                worlds.setdefault(moved.world, _Found()).correct(moved)
+    return {world: found.all() for world, found in sorted(worlds.items())} or {0: _Found().all()}
 
 
 @dataclass

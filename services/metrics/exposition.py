@@ -66,6 +66,7 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
     yield _gauge("tracking_quality", "Share of depth within 2 cm of the map, 0 to 1", run.quality)
     yield _gauge("keyframes", "Keyframes", run.keyframes)
     yield _gauge("map_version", "Version of the map", run.map_version)
+    yield _counter("resets", "How often the map was thrown away", run.world)
     yield _counter("map_iterations", "Iterations of the map", snapshot.iterations)
     yield _counter("ba_rounds", "Rounds of global bundle adjustment", run.ba_rounds)
     yield _gauge("memory_bytes", "Memory of all processes (PSS)", 1e6 * run.memory_mb)

@@ -24,6 +24,9 @@ from hsslam_node.services.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM
 from tests.services.test_wire_client import EXAMPLE
 
+_OF_MAP = ("tracker", "mapper", "global_ba", "mesher")
+_OF_RUN = ("camera", "recorder")
+
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
@@ -135,13 +138,17 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert _expect("set-mode", "localise-only", *me) == "localise-only\n"
     assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"
     held = _status(me)
+    refused = _ctl("reset", *me)
+    assert refused.returncode == 1 and "refused: reset: in localise-only no map" in refused.stderr
     assert _expect("resume", *me) == "running\n"
-    run.wait_for_poses(9)  # a keyframe comes at the latest after four
+    # a keyframe would come at the latest after four
+    run.wait_until(lambda: _frames(me) > held["frames_tracked"] + 8, 60)
     now = _status(me)
-    assert now["mode"] == "localise-only" and now["frames_tracked"] > held["frames_tracked"]
+    assert now["mode"] == "localise-only"
     assert (now["keyframes"], now["map_version"]) == (held["keyframes"], held["map_version"])
     assert _expect("set-mode", "mapping", *me) == "mapping\n"
     assert _status(me)["mode"] == "mapping"
+    _expect_new_world(run, me)
     assert _expect("stop", *me) == "stopping\n"
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
@@ -149,7 +156,44 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert summary["stop_reason"] == "asked to stop"
     assert summary["requests"]["received"] > summary["requests"]["refused"] >= 1
     assert "clock moved" not in run.stderr
+    assert summary["processes"]["recorder"]["restarts"] == 0
+    _expect_two_trajectories(run, summary)
     assert _ctl("status", *me).stderr.startswith("nobody there: ")
+
+
+def _expect_new_world(run, me: tuple[str, ...]) -> None:
+    """A reset replaces whoever holds the map, and nobody else; poses begin anew at the origin."""
+    old = {name: run.pid_of(name) for name in (*_OF_MAP, *_OF_RUN)}
+    assert _expect("pause", *me) == "paused\n"
+    assert _expect("reset", *me) == "the map was thrown away: world 1 begins\n"
+    assert "refused: reset: there is no map yet" in _ctl("reset", *me).stderr
+    assert "refused: trajectory: there is no pose yet" in _ctl("trajectory", *me).stderr
+    now = _status(me)
+    assert (now["state"], now["world"], now["keyframes"], now["map_version"]) == ("paused", 1, 0, 0)
+    assert _expect("resume", *me) == "running\n"
+    run.wait_until(lambda: all(run.pid_of(name) not in (None, old[name]) for name in _OF_MAP), 60)
+    run.wait_until(lambda: _frames(me) > now["frames_tracked"] + 8, 60)
+    run.wait_for_poses(1)
+    assert all(run.pid_of(name) == old[name] for name in _OF_RUN)
+    first = next(pose for pose in run.poses if pose.world == 1)
+    assert first.status == "initial" and first.t == (0.0, 0.0, 0.0)
+    assert all(pose.world == (pose.index >= first.index) for pose in run.poses)
+    held, now = now, _status(me)
+    assert now["keyframes"] > 0 and now["restarts"] == {}
+    so_far = [line for line in _expect("trajectory", *me).splitlines() if line[0] != "#"]
+    assert 8 < len(so_far) <= now["frames_tracked"] + 5 - held["frames_tracked"]
+
+
+def _expect_two_trajectories(run, summary: dict) -> None:
+    """What was tracked before the reset lies in files of its own."""
+    counts = [summary["worlds"][world] for world in ("0", "1")]
+    times = [read_tum(run.out / of_world["trajectory"]).stamps_ns for of_world in counts]
+    assert [len(stamps) for stamps in times] == [of_world["tracked"] for of_world in counts]
+    assert times[0].max() < times[1].min()
+    assert counts[1]["trajectory"] == "trajectory.txt"
+    for key in ("tracked", "lost"):
+        assert sum(of_world[key] for of_world in counts) == summary["frames"][key]
+    assert len(read_tum(run.out / "keyframes.world0.txt")) == counts[0]["keyframes"]
 
 
 def _expect_foreign_client(endpoint: str) -> None:
