@@ -19,6 +19,7 @@ from hsslam_node.services.run_state import RunState
 from hsslam_node.services.spawn import Spawn, last_error, log_path
 from hsslam_node.tracking.pose_log import PoseLog
 
+_PATIENCE_S = 5.0  # for an orderly end; what they are at work on is thrown away anyway
 _Steps = Generator[None, None, None]
 
 
@@ -85,8 +86,7 @@ class MapReset:
         self._mode.is_given_up = True
         for child in children:
             child.wanted = False
-        while any(child.is_alive for child in children):
-            yield
+        yield from _ended(children)
         error = yield from self._save_trajectories()
         if not error:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
@@ -135,3 +135,13 @@ class MapReset:
     def _tell(self, text: str) -> None:
         now = time.time_ns()
         self._events.put(Event(process="control", level="warning", text=text, stamp_ns=now))
+
+
+def _ended(children: list[Child]) -> _Steps:
+    """Wait until all have ended, some by force."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while any(child.is_alive for child in children):
+        if time.monotonic() > deadline_s:
+            for child in children:
+                child.kill()
+        yield

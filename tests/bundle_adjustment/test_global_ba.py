@@ -176,3 +176,13 @@ def test_the_same_seed_gives_the_same_correction_to_the_bit():
         reports.append(_ba(room).round(room.store))
     np.testing.assert_array_equal(reports[0].keyframes, reports[1].keyframes)
     np.testing.assert_array_equal(reports[0].T_world_cam, reports[1].T_world_cam)
+
+
+def test_a_round_ends_at_the_step_before_which_it_is_told_to():
+    room = _room(displaced_keyframe=6, iterations=10)
+    poses, step = room.store.poses(), room.parameters.step
+    left = iter([True, True, True, False])
+    report = _ba(room).round(room.store, may_step=lambda: next(left))
+    assert room.parameters.step == step + 3 and list(left) == []
+    assert not report.moved and len(report.keyframes) == 0
+    np.testing.assert_array_equal(room.store.poses(), poses)

@@ -146,3 +146,19 @@ def test_twice_the_same_to_the_bit():
         room, _truth = _drifted_return(_config(), 0.03)
         poses.append(_adjusted(room))
     np.testing.assert_array_equal(poses[0], poses[1])
+
+
+def test_a_round_that_is_ended_moves_nothing_and_leaves_its_work_to_the_next():
+    config = _config(loop_gap=5)
+    room, truth = _drifted_return(config, 0.04)
+    ba = GraphBundleAdjustment(
+        replace(config, ba=replace(config.ba, loss_threshold=1e-9)), room.parameters, 0
+    )
+    step = room.parameters.step
+    ended = ba.round(room.store, may_step=lambda: False)
+    assert not ended.moved and ended.loops
+    assert room.parameters.step == step
+    report = ba.round(room.store)
+    assert report.moved
+    room.store.correct_poses(report.keyframes, report.T_world_cam)
+    assert _errors(room.store.poses(), truth)[:, 0].max() < 0.02

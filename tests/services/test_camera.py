@@ -13,6 +13,7 @@ from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.run_mode import RunMode
 from hsslam_node.sources.source import SynthOptions
 
 _ROOM = SynthOptions(width_px=64, height_px=48)
@@ -29,6 +30,7 @@ class _OtherEnd:
         self.steps = self.bus.publisher(topics.STEP)
         self.maps = self.bus.publisher(topics.MAP)
         self._health = self.bus.publisher(topics.HEALTH)
+        self.arena_dir = run.arena_dir
         self.camera = Child(_CAMERA, run.path)
         self.camera.wanted = True
         self.camera.tick()
@@ -143,3 +145,22 @@ def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
     assert [frame.index for frame in after] == [last.index + k for k in range(1, 5)]
     assert after[0].stamp_ns - last.stamp_ns > 1.5e9
     np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)
+
+
+def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
+    end = other_end(frames=40, rate_hz=20.0)
+    holds, version = end.bus.publisher(topics.HOLD), 1
+    assert end.next_frame().index == 0
+    first_map = MapVersion(version=version, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0)
+    end.maps.put(first_map)
+    assert end.frames.wait(5).index == 1
+    holds.put(Hold(paused=True))
+    while (frame := end.frames.wait(0.6)) is not None:
+        last = frame
+    RunMode(end.arena_dir).world = 1
+    holds.put(Hold(paused=False))
+    assert end.frames.wait(5).index == last.index + 1
+    assert end.frames.wait(0.6) is None  # until there is a map
+    end.maps.put(first_map)
+    after = [end.frames.wait(5) for _ in range(3)]
+    assert [frame.index for frame in after] == [last.index + k for k in range(2, 5)]

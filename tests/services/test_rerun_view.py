@@ -59,6 +59,24 @@ def test_the_file_has_the_whole_scene(tmp_path):
     assert _rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
 
 
+def test_a_new_world_clears_what_was_drawn_of_the_old(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    _show_a_run(view)
+    view.show(msgspec.structs.replace(pose(101), world=1))
+    view.show(pose(102))  # a straggler of the old world is not drawn
+    view.show(msgspec.structs.replace(pose(103), world=1))
+    view.close()
+    printed = subprocess.run(
+        [RERUN, "rrd", "print", "-vvv", tmp_path / "run.rrd"],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    assert printed.count("Clear:is_recursive") >= 6
+    rows = re.findall(r"with (\d+) rows .* - /world/trajectory/0 ", printed)
+    assert rows[-1] == "1"  # from pose 101 to pose 103
+
+
 def test_show_does_not_wait_for_the_drawing(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     begin = time.monotonic()

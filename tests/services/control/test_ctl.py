@@ -181,7 +181,7 @@ def _expect_new_world(run, me: tuple[str, ...]) -> None:
     held, now = now, _status(me)
     assert now["keyframes"] > 0 and now["restarts"] == {}
     so_far = [line for line in _expect("trajectory", *me).splitlines() if line[0] != "#"]
-    assert 8 < len(so_far) <= now["frames_tracked"] + 5 - held["frames_tracked"]
+    assert 8 < len(so_far) <= _frames(me) - held["frames_tracked"]
 
 
 def _expect_two_trajectories(run, summary: dict) -> None:

@@ -7,6 +7,7 @@ from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.proto.codec import decode, encode, encoding_of
 from hsslam_node.proto.requests import TRAJECTORY
 from hsslam_node.services.arena import Arena
+from hsslam_node.services.arena_folder import remove_arrays
 from hsslam_node.services.control.arena_view import ArenaView
 from hsslam_node.services.control.trajectory_rows import (
     rows_of,
@@ -40,6 +41,22 @@ def test_poses_are_read_without_the_arena_and_cross_the_wire(tmp_path):
     np.testing.assert_allclose(back.T_world_cam, [_T, _T], atol=1e-12)
 
 
+def test_poses_of_two_worlds_are_never_told_together(tmp_path):
+    arena = Arena(tmp_path)
+    KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
+    log = PoseLog(arena)
+    for k, world in enumerate((0, 0, 1)):
+        log.append(_row(k, TRACKED, world))
+    told = {world: trajectory_so_far(tmp_path, world) for world in (0, 1)}
+    assert [len(poses) for poses in told.values() if poses is not None] == [2, 1]
+    remove_arrays(tmp_path, PoseLog.owns)
+    assert sorted(file.stem for file in tmp_path.glob("*.bin")) == ["pose_header", "pose_log.000"]
+    assert trajectory_so_far(tmp_path, 1) is None  # no keyframe of the new world is there yet
+    KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
+    again = trajectory_so_far(tmp_path, 1)
+    assert again is not None and len(again) == 1
+
+
 def test_a_view_changes_nothing(tmp_path):
     Arena(tmp_path).create("a", (3,), np.int64)
     view = ArenaView(tmp_path)
@@ -54,7 +71,7 @@ def test_a_view_changes_nothing(tmp_path):
         view.create("b", (4,), np.int64)
 
 
-def _row(index: int, status: int) -> np.ndarray:
+def _row(index: int, status: int, world: int = 0) -> np.ndarray:
     return pose_row(
         index=index,
         source_stamp_ns=1_700_000_000_000_000_001 + index,
@@ -66,4 +83,5 @@ def _row(index: int, status: int) -> np.ndarray:
         T_keyframe_cam=np.eye(4),
         quality=1.0,
         map_version=1,
+        world=world,
     )

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from hsslam_node.proto import messages, topics
@@ -11,15 +12,20 @@ from hsslam_node.services.frame_compression import compress_frame
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog
 from tests.services.wire_samples import frame, keyframe, mesh, pose
 
+_OF_MAP = (topics.POSE, topics.KEYFRAME)
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
 
 
-def write_log(folder: Path, count: int = 20, color="png", **settings) -> Path:
-    """`count` frames and poses 0.1 s apart, a keyframe every 5, one correction, two meshes, one event."""
+def write_log(folder: Path, count: int = 20, color="png", second_world_at=None, **settings) -> Path:
+    """`count` frames and poses 0.1 s apart, a keyframe every 5, one correction, two meshes, one event.
+
+    `second_world_at`: from this frame on poses and keyframes are of another map."""
     log = PartedLog(folder, "r", LogSettings(color, **settings))
 
     def put(topic, message, index):
+        if second_world_at is not None and index >= second_world_at and topic in _OF_MAP:
+            message = msgspec.structs.replace(message, world=1)
         at = START_NS + PERIOD_NS * index
         log.write(topic, encode(topic, message), at, at - 1000, index)
         for viz in viz_messages(message, at):
