@@ -9,7 +9,14 @@ from hsslam_node.checkpoint import save_checkpoint
 from hsslam_node.errors import UserError
 from hsslam_node.services.map_snapshot import map_snapshot
 from hsslam_node.slam import Slam
-from tests.small_room import SMALL, mapped_room, pose_error, room_frames, room_poses
+from tests.small_room import (
+    SMALL,
+    mapped_room,
+    pose_error,
+    room_frames,
+    room_poses,
+    with_black,
+)
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +67,23 @@ def test_tracking_by_rendering_cannot_find_its_place(path):
     config = replace(SMALL, tracker=replace(SMALL.tracker, method="rendering"))
     with pytest.raises(UserError, match=r"tracker.method = rendering: .*expected alignment"):
         Slam(config, saved_map=path)
+
+
+def test_a_camera_that_is_lost_when_mapping_goes_on_is_found_as_when_localising(path):
+    found = {}
+    for localise_only in (True, False):
+        slam = Slam(SMALL, saved_map=path, localise_only=True)
+        assert slam.store
+        keyframes = slam.store.count
+        for k in (2, 3, 5):
+            assert slam.process(room_frames()[k]).status == "tracked"
+        assert [slam.process(with_black(room_frames()[k])).status for k in (6, 7, 8)] == [
+            "lost"
+        ] * 3
+        slam.localise_only = localise_only
+        results = [slam.process(room_frames()[k]) for k in range(30, 40)]
+        found[localise_only] = [r.status for r in results]
+        first = next(k for k, r in enumerate(results) if r.status == "tracked")
+        assert pose_error(results[first].T_world_cam, room_poses()[30 + first])[0] < 0.02
+        assert (slam.store.count > keyframes) != localise_only
+    assert found[True] == found[False] and found[False][-1] == "tracked"
