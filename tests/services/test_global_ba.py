@@ -41,11 +41,10 @@ def test_a_round_at_work_ends_when_the_map_may_not_change_any_more(
     with Bus(run.endpoint, run.robot, "test") as bus, Worker("global_ba", run) as worker:
         corrections = bus.subscribe(topics.CORRECTION, 4)
         maps = bus.publisher(topics.MAP)
-        loop = threading.Thread(target=global_ba._run, args=(worker,))
+        loop = threading.Thread(target=global_ba._run, args=(worker,), daemon=True)
         loop.start()
-        while parameters.step < before[0] + 3:
-            maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=3, mapping_ms=0.0))
-            time.sleep(0.05)
+        maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=3, mapping_ms=0.0))
+        _wait_for(lambda: parameters.step > before[0] + 3)
         mode.localise_only = True
         _wait_for(lambda: worker.counters.get("rounds", 0) == 1)
         step = parameters.step
