@@ -18,7 +18,12 @@ _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
 _KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
 _OF_MAP = (
-    *("world/trajectory", "world/lost", "world/keyframes", "world/loops", "world/mesh", "model"),
+    "world/trajectory",
+    "world/lost",
+    "world/keyframes",
+    "world/loops",
+    "world/mesh",
+    "model",
 )
 _LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}
 
