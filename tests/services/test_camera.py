@@ -143,7 +143,7 @@ def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
     holds.put(Hold(paused=False))
     after = [end.frames.wait(5) for _ in range(4)]
     assert [frame.index for frame in after] == [last.index + k for k in range(1, 5)]
-    assert after[0].stamp_ns - last.stamp_ns > 1.5e9
+    assert after[0].stamp_ns - last.stamp_ns > 1e9  # what the hold took to arrive is not in it
     np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)
 
 
