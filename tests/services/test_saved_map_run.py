@@ -1,12 +1,9 @@
 """A map is saved by one run; the next ones localise in it, or are told why they cannot."""
 
 import numpy as np
-import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
 from tests.services.serve_process import SMALL_ROOM
-
-pytestmark = pytest.mark.e2e
 
 
 def test_localise_only_finds_its_place_and_changes_no_byte(serve):

@@ -13,7 +13,6 @@ from hsslam_node.services.bench.tables.command import table_command
 _TINY = ("mapper.first_iterations=20", "mapper.rays=256", "mesher.final_voxel_m=0.1")
 
 
-@pytest.mark.e2e
 def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: Path, capsys):
     (tmp_path / "house").mkdir()  # there, but empty
     out = tmp_path / "out/table.json"
