@@ -5,14 +5,11 @@ import subprocess
 import sys
 
 import psutil
-import pytest
 
 from hsslam_node.proto import messages
 from hsslam_node.services.log.log_file import bus_messages, log_parts
 from hsslam_node.services.open_any_source import open_any_source
 from tests.services.serve_process import SMALL_ROOM
-
-pytestmark = pytest.mark.e2e
 
 _SMALL = [option for option in SMALL_ROOM if option not in ("--source", "synth:room")]
 _LATEST_LOSS = 25  # frames at 15 Hz: a second, and what was on its way
