@@ -10,6 +10,7 @@ from hsslam_node.proto import messages
 from hsslam_node.proto.topics import FRAME
 from hsslam_node.services.frame_compression import compress_frame
 from hsslam_node.services.log.log_file import Say, bus_messages
+from hsslam_node.services.log.log_progress import log_progress
 
 _LISTS = {"rgb": "timestamp file", "depth": "timestamp file", "associations": "colour, depth"}
 
@@ -24,8 +25,8 @@ def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """
     camera: dict[str, object] = {}
     newest, count = -1, 0
-    with _Lists(folder) as lists:
-        for logged in bus_messages(files, {FRAME.name}):
+    with _Lists(folder) as lists, log_progress("frames", files) as progress:
+        for logged in progress.over(bus_messages(files, {FRAME.name})):
             frame = logged.message()
             assert isinstance(frame, messages.Frame)
             if frame.index <= newest:

@@ -7,6 +7,7 @@ import rerun as rr
 
 from hsslam_node.proto.topics import TOPICS
 from hsslam_node.services.log.log_file import bus_messages
+from hsslam_node.services.log.log_progress import log_progress
 from hsslam_node.services.rerun_scene import RerunScene, blueprint
 
 
@@ -15,8 +16,10 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
     stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
     scene = RerunScene(stream, poses_every_s=1.0)
-    for logged in bus_messages(files, {topic.name for topic in TOPICS if topic.drawn}):
-        scene.draw(logged.message())
+    with log_progress("rrd", files) as progress:
+        drawn = bus_messages(files, {topic.name for topic in TOPICS if topic.drawn})
+        for logged in progress.over(drawn):
+            scene.draw(logged.message())
     scene.finish()
     stream.flush()
     stream.disconnect()

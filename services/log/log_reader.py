@@ -42,5 +42,12 @@ def start_ns(reader: McapReader) -> int:
     return statistics.message_start_time if statistics else 0
 
 
+def end_ns(reader: McapReader) -> int:
+    """Wall clock of the last message, ns; 0 where there is none."""
+    summary = reader.get_summary()
+    statistics = summary.statistics if summary else None
+    return statistics.message_end_time if statistics else 0
+
+
 def _damaged(path: Path, error: Exception) -> UserError:
     return UserError(f"{path}: damaged ({error!s:.120}): expected a whole MCAP file")

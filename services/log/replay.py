@@ -17,6 +17,7 @@ from hsslam_node.proto.topics import FRAME, POSE, TOPICS
 from hsslam_node.services.bus import Bus, open_router
 from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.log.log_file import Logged, bus_messages, log_parts
+from hsslam_node.services.log.log_progress import log_progress
 from hsslam_node.services.log.replay_options import ReplayOptions
 from hsslam_node.services.log.replay_step import StepByStep
 from hsslam_node.services.log.restamp import restamped
@@ -52,11 +53,14 @@ def _replay(args: Sequence[str]) -> None:
             stack.callback(open_router(endpoint).close)
             _say(f"router at {endpoint}, keys hsslam/{robot}/...")
         bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
-        if options.step:
-            sent = StepByStep(bus, _say).replay(bus_messages(files, names))
-        else:
+        if not options.step:
             time.sleep(options.delay)
-            sent = publish(bus, bus_messages(files, names), options.rate, POSE.name not in names)
+        progress = stack.enter_context(log_progress("replayed", files))
+        logged = progress.over(bus_messages(files, names))
+        if options.step:
+            sent = StepByStep(bus, _say).replay(logged)
+        else:
+            sent = publish(bus, logged, options.rate, POSE.name not in names)
         time.sleep(_FLUSH_S)
     _show(sent)
 

@@ -7,6 +7,7 @@ from mcap.writer import CompressionType, Writer
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
+from hsslam_node.services.log.log_progress import LogProgress, log_progress
 from hsslam_node.services.log.log_reader import log_reader, start_ns
 
 
@@ -47,6 +48,14 @@ class _Trimmed:
 
     def copy(self, files: list[Path], start_s: float, end_s: float | None) -> int:
         self._writer.start(library=f"hsslam-node {__version__}")
+        with log_progress("trimmed", files) as progress:
+            count = self._copy(files, start_s, end_s, progress)
+        self._writer.finish()
+        return count
+
+    def _copy(
+        self, files: list[Path], start_s: float, end_s: float | None, progress: LogProgress
+    ) -> int:
         count = 0
         first_ns: int | None = None
         for path in files:
@@ -67,8 +76,8 @@ class _Trimmed:
                         message.publish_time,
                         message.sequence,
                     )
+                    progress.move(message.log_time)
                     count += 1
-        self._writer.finish()
         return count
 
     def _channel(self, channel: Channel, schema: Schema | None) -> int:

@@ -1,7 +1,10 @@
 """`hsslam-log` as a user runs it; what it writes is read by others' readers."""
 
 import csv
+import os
+import pty
 import subprocess
+import sys
 from pathlib import Path
 
 import msgspec
@@ -47,6 +50,18 @@ def test_a_torn_log_is_recovered_by_whatever_opens_it(tmp_path, capsys):
     path.write_bytes(whole[: len(whole) // 2])
     assert main(["recover", str(path)]) == 0
     assert "recovered" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [("trim", "LOG", "OUT"), ("export", "LOG", "--only", "frames")])
+def test_on_a_terminal_a_bar_shows_how_much_of_the_log_is_done(tmp_path, command):
+    places = {"LOG": str(write_log(tmp_path)), "OUT": str(tmp_path / "short.mcap")}
+    words = [places.get(word, word) for word in command]
+    ours, theirs = pty.openpty()
+    run = [sys.executable, "-m", "hsslam_node.services.log", *words]
+    subprocess.run(run, stderr=theirs, check=True, timeout=60)
+    os.close(theirs)
+    shown = os.read(ours, 1 << 16).decode()
+    assert "of 1.9 s" in shown
 
 
 def test_trim_copies_what_lies_between(tmp_path, capsys):
