@@ -57,6 +57,14 @@ RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "throw the map away and start a n
 STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
 
 REQUESTS: tuple[Request, ...] = (
-    *(STATUS, MESH, TRAJECTORY, SAVE, PAUSE, RESUME, SET_MODE, RESET, STOP),
+    STATUS,
+    MESH,
+    TRAJECTORY,
+    SAVE,
+    PAUSE,
+    RESUME,
+    SET_MODE,
+    RESET,
+    STOP,
 )
 REFUSAL: Payload[r.Refusal] = Payload("rpc", r.Refusal, 16 * _KIB)

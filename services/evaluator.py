@@ -3,10 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.services.camera_progress import CameraProgress
 from hsslam_node.services.evaluation_line import evaluation_line
+from hsslam_node.services.log.recorded_source import recorded_source
 from hsslam_node.services.summary import update_summary
 from hsslam_node.services.worker import Worker, run_worker
 
@@ -21,19 +21,9 @@ def _run(worker: Worker) -> None:
     if not options.has_camera_process or not options.evaluate or read == 0:
         return
     until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
-    spec = options.source
     worker.event("info", "comparing with ground truth, if the source has it")
-    if spec.startswith("mcap:"):
-        from hsslam_node.services.log.recorded_source import recorded_source
-
-        try:
-            source = recorded_source(spec, until_now, lambda text: worker.event("info", text))
-            found = evaluate_run(worker.run.path, source.spec, source.options)
-        except UserError as error:  # a log may come from anywhere
-            worker.event("info", f"not evaluated: {error}")
-            return
-    else:
-        found = evaluate_run(worker.run.path, spec, until_now)
+    source = recorded_source(options.source, until_now, lambda text: worker.event("info", text))
+    found = evaluate_run(worker.run.path, source.spec, source.options)
     if found:
         update_summary(worker.run.path, {"evaluation": found})
         worker.event("info", evaluation_line(found))

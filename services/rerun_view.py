@@ -140,7 +140,7 @@ class _Drawing(threading.Thread):
         self,
         sink: rr.FileSink | rr.GrpcSink,
         recording_id: str,
-        intervals: "_Intervals",
+        intervals: _Intervals,
         watch: _Watch | None = None,
     ) -> None:
         super().__init__(name="rerun", daemon=True)

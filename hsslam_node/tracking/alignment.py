@@ -20,8 +20,8 @@ from hsslam_node.tracking.sdf_term import open_sdf_term
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
-# of a step (m, rad, grey levels, gain): where nothing else says anything, stay
 _LOWER = np.tril_indices(8, -1)
+# of a step (m, rad, grey levels, gain): where nothing else says anything, stay
 _PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
 
 

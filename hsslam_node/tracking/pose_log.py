@@ -21,10 +21,7 @@ POSE_ROW = np.dtype(
         ("T_keyframe_cam", "<f8", (4, 4)),
         ("quality", "<f8"),  # 0 to 1
         ("map_version", "<i8"),
-        (
-            "world",
-            "<i8",
-        ),  # which map: each reset begins a new one, in a coordinate frame of its own
+        ("world", "<i8"),  # which map, in a coordinate frame of its own: each reset begins one
     ]
 )
 

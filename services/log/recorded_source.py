@@ -39,16 +39,14 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
             raise UserError(f"source {spec}: does not tell what it was recorded from")
         count = McapSource(place, options).frame_count
         inner = run.source_options
-        spec, options = (
-            run.source,
-            replace(
-                inner,
-                noise=options.noise if inner.noise == "none" else inner.noise,
-                start=inner.start + inner.stride * options.start,
-                stride=inner.stride * options.stride,
-                frames=count,
-                downscale=inner.downscale * options.downscale,
-            ),
+        spec = run.source
+        options = replace(
+            inner,
+            noise=options.noise if inner.noise == "none" else inner.noise,
+            start=inner.start + inner.stride * options.start,
+            stride=inner.stride * options.stride,
+            frames=count,
+            downscale=inner.downscale * options.downscale,
         )
     raise UserError(
         f"source {spec}: expected at most {_MOST_LOGS} logs, each recorded from the next"

@@ -27,13 +27,8 @@ def test_the_file_has_the_whole_scene(tmp_path):
     view.close()
     assert events == []
     assert view.dropped == 0
-    subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
-    printed = subprocess.run(
-        [RERUN, "rrd", "print", "-vv", tmp_path / "run.rrd"],
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
+    _rrd("verify", tmp_path / "run.rrd")
+    printed = _rrd("print", "-vv", tmp_path / "run.rrd")
     for entity in (
         "/world",
         "/world/camera",
@@ -66,12 +61,7 @@ def test_a_new_world_clears_what_was_drawn_of_the_old(tmp_path):
     view.show(pose(102))  # a straggler of the old world is not drawn
     view.show(msgspec.structs.replace(pose(103), world=1))
     view.close()
-    printed = subprocess.run(
-        [RERUN, "rrd", "print", "-vvv", tmp_path / "run.rrd"],
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
+    printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
     assert printed.count("Clear:is_recursive") >= 6
     rows = re.findall(r"with (\d+) rows .* - /world/trajectory/0 ", printed)
     assert rows[-1] == "1"  # from pose 101 to pose 103
@@ -183,11 +173,14 @@ def _status(page, patience_s=10.0) -> int:
 
 
 def _rows(rrd: Path, entity: str) -> int:
-    printed = subprocess.run(
-        [RERUN, "rrd", "print", rrd], check=True, capture_output=True, text=True
-    ).stdout
-    chunks = re.findall(rf"with (\d+) rows .* {entity} ", printed)
+    chunks = re.findall(rf"with (\d+) rows .* {entity} ", _rrd("print", rrd))
     return sum(int(rows) for rows in chunks)
+
+
+def _rrd(*command: str | Path) -> str:
+    """What `rerun rrd ...` prints."""
+    whole = [RERUN, "rrd", *command]
+    return subprocess.run(whole, check=True, capture_output=True, text=True).stdout
 
 
 def _show_a_run(view: RerunView) -> None:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto.messages import Message
-from hsslam_node.proto.request_messages import Ask
+from hsslam_node.proto.request_messages import Ask, Status
 from hsslam_node.proto.requests import PAUSE, RESUME, STATUS, Request
 from hsslam_node.services.bench.fuzz.sender import FuzzSender
 from hsslam_node.services.control.ask import NotDoneError, ask
@@ -37,8 +37,9 @@ class Attacker:
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
         self._run: RunInfo | None = None
-        self._looked_s = 0.0
-        self._is_paused = False
+        self._look_again_s = 0.0
+        self._give_up_s: float | None = None
+        self._is_paused = self._is_resumed = False
 
     def poll(self) -> None:
         """Begin when all processes that a step needs take work: when there is a pose."""
@@ -70,32 +71,29 @@ class Attacker:
         }
 
     def _keep_going(self, run: RunInfo) -> None:
-        """Pause the run before it is over, once."""
-        is_sending = self._thread is not None and self._thread.is_alive()
-        if self._is_paused or not is_sending or time.monotonic() < self._looked_s + _LOOK_S:
+        """Pause the run before it is over, once, and resume it when all is counted."""
+        if time.monotonic() < self._look_again_s:
             return
-        self._looked_s = time.monotonic()
+        self._look_again_s = time.monotonic() + _LOOK_S
         status = _ask(run, STATUS)
-        if status is None or status.frames_sent < _frames(run) / 2:
+        if status is None or self._is_resumed:
             return
-        self._is_paused = _ask(run, PAUSE) is not None
-        if self._is_paused:
-            threading.Thread(target=self._resume_when_counted, args=(run,), daemon=True).start()
+        if not self._is_paused:
+            is_late = self._is_sending() and status.frames_sent >= _frames(run) / 2
+            self._is_paused = is_late and _ask(run, PAUSE) is not None
+        elif self._is_counted(status):
+            self._is_resumed = _ask(run, RESUME) is not None
 
-    def _resume_when_counted(self, run: RunInfo) -> None:
-        assert self._thread is not None and self._sender is not None
-        self._thread.join()
-        give_up_s = time.monotonic() + _COUNTED_S
-        while time.monotonic() < give_up_s:
-            status = _ask(run, STATUS)
-            if (
-                status is not None
-                and status.messages_rejected >= self._sender.sent.messages.total()
-            ):
-                break
-            time.sleep(_LOOK_S)
-        while _ask(run, RESUME) is None and not self._stopped.is_set():
-            time.sleep(_LOOK_S)
+    def _is_sending(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def _is_counted(self, status: Status) -> bool:
+        """Whether all that was sent is; after a while it is taken for lost."""
+        if self._is_sending() or self._sender is None:
+            return False
+        self._give_up_s = self._give_up_s or time.monotonic() + _COUNTED_S
+        counted = status.messages_rejected >= self._sender.sent.messages.total()
+        return counted or time.monotonic() > self._give_up_s
 
     def _send(self, run: RunInfo) -> None:
         with open_client(run.endpoint, settings=_PATIENT) as session:
