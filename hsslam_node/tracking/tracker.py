@@ -27,7 +27,12 @@ from hsslam_node.tracking.reference_keyframe import (
 from hsslam_node.tracking.reference_wear import is_left_behind, is_outworn, reference_overlap
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.track_result import TrackResult
-from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
+from hsslam_node.tracking.tracked_frame import (
+    TrackedFrame,
+    is_foreseen,
+    orthonormal,
+    predicted_pose,
+)
 from hsslam_node.tracking.unexpected_motion import is_borne_out
 
 _FEWEST_POINTS = 100
@@ -91,16 +96,17 @@ class Tracker:
             return self._start(frame, levels, len(points))
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         best = self._try(points, levels, prediction, view)
+        expected = prediction if self._is_foreseen(frame.stamp_ns) else None
         good = self._is_good(best, prediction, frame.stamp_ns) and self._is_borne_out(
-            best, prediction, frame
+            best, expected, frame
         )
         before = self._reference, self._exposure, self._coverage
         if not good:
-            for guess in self._other_guesses(frame):
+            for guess in self._other_guesses(frame, after_gap=expected is None):
                 best = self._try(points, levels, guess, view)
                 good = self._is_good(best, guess, frame.stamp_ns)
                 if good and self._reference is before[0]:  # else a place, which has been checked
-                    good = self._is_borne_out(best, prediction, frame)
+                    good = self._is_borne_out(best, expected, frame)
                 if good:
                     break
         if good:
@@ -124,16 +130,21 @@ class Tracker:
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
 
-    def _other_guesses(self, frame: Frame) -> Iterator[np.ndarray]:
-        """At rest; by OpenCV's RGB-D odometry from the last good frame; at a place seen before."""
+    def _other_guesses(self, frame: Frame, *, after_gap: bool) -> Iterator[np.ndarray]:
+        """After a gap, as far on as it is long; at rest; by OpenCV's RGB-D odometry from the last good
+        frame; after a gap, or when lost, at a place seen before."""
         assert self._last is not None
         T_last = self._last.pose(self._store)
+        if after_gap and self._before_last is not None:
+            yield predicted_pose(
+                self._last, self._before_last, self._store, frame.stamp_ns, longest=np.inf
+            )
         yield T_last
         if self._lost_frames < _FOLLOWED_FRAMES:
             T_last_cam = rgbd_odometry(self._last.frame, frame)
             if T_last_cam is not None:
                 yield T_last @ T_last_cam
-        if self._lost_frames == 0:
+        if not after_gap:
             return
         for place in self._relocalisation.places(frame):
             self._exposure, self._coverage = Exposure(), 0.0
@@ -160,10 +171,16 @@ class Tracker:
         after_gap = self._lost_frames > 0 or gap_s > self._config.longest_gap_s
         return is_acceptable(alignment, prediction, after_gap=after_gap, config=self._config)
 
-    def _is_borne_out(self, best: Alignment | None, prediction: np.ndarray, frame: Frame) -> bool:
+    def _is_foreseen(self, stamp_ns: int) -> bool:
+        assert self._last is not None
+        return self._lost_frames == 0 and is_foreseen(self._last, self._before_last, stamp_ns)
+
+    def _is_borne_out(
+        self, best: Alignment | None, expected: np.ndarray | None, frame: Frame
+    ) -> bool:
         assert best is not None and self._last is not None
         T_world_last = self._last.pose(self._store)
-        return is_borne_out(best.T_world_cam, prediction, frame, self._last, T_world_last)
+        return is_borne_out(best.T_world_cam, expected, frame, self._last, T_world_last)
 
     def _accept(
         self,

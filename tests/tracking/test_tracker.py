@@ -216,3 +216,9 @@ def test_what_is_settled_early_changes_no_pose():
         first = eager.track(frame, None)
         eager.settle()
         np.testing.assert_array_equal(first.T_world_cam, lazy.track(frame, None).T_world_cam)
+
+
+@pytest.mark.parametrize("gap", [14, 20])
+def test_after_a_gap_the_next_frame_is_tracked_where_it_is(gap):
+    _, results = _tracked(_store(), [*room_frames()[:16], *room_frames()[15 + gap : 19 + gap]])
+    assert all(map(_is_right, results[1:]))

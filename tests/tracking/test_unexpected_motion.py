@@ -28,3 +28,10 @@ def test_a_pose_that_the_images_contradict_is_not():
     for frame, wrong in ((room_frames()[6], displaced(T, 0.14, 8.0)), (room_frames()[39], T)):
         assert not _is_borne_out(wrong, displaced(wrong, 0.1, 6.0), frame)
     assert not _is_borne_out(T, displaced(T, 0.1, 6.0), with_black(room_frames()[6]))
+
+
+def test_after_a_gap_nothing_is_expected_and_the_images_must_agree():
+    T = room_poses()[6]
+    assert _is_borne_out(T, None, room_frames()[6])
+    assert not _is_borne_out(T, None, with_black(room_frames()[6]))
+    assert not _is_borne_out(displaced(T, 0.1, 2.0), None, room_frames()[6])
