@@ -103,6 +103,8 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a map that a run has saved")
     try:
+        if not _looks_like_safetensors(path):
+            raise UserError(f"{path}: not a map: expected a file such as map.safetensors of a run")
         with safe_open(path, "numpy") as file:
             metadata = file.metadata() or {}
             _check_format(path, metadata)
@@ -122,6 +124,12 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         text = " ".join(str(error).split())
         raise UserError(f"{path}: damaged map: {text or type(error).__name__}") from None
+
+
+def _looks_like_safetensors(path: Path) -> bool:
+    """Whether a JSON object follows the length that such a file begins with."""
+    with path.open("rb") as stream:
+        return stream.read(9)[8:] == b"{"
 
 
 def _check_format(path: Path, metadata: dict[str, str]) -> None:

@@ -13,8 +13,8 @@ def selected_live(
     """Every `stride`-th after the first `start`, at most `frames` of them, numbered from 0."""
     used = 0
     for number, item in enumerate(items):
-        if options.frames is not None and used >= options.frames:
-            return
         if number >= options.start and (number - options.start) % options.stride == 0:
             yield replace(item, index=used)
             used += 1
+            if used == options.frames:
+                return

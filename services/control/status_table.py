@@ -22,7 +22,7 @@ def _rows(status: Status) -> list[tuple[str, str]]:
     restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
     return [
         ("state", f"{status.state}, {status.mode}"),
-        ("run", f"{status.run_id}, {status.source}, {status.preset}, {status.pace}"),
+        ("run", f"{status.run_id}, {status.source}, preset {status.preset}, pace {status.pace}"),
         ("time", f"{status.seconds:.0f} s"),
         (
             "frames",

@@ -101,7 +101,7 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
     [
         ("missing", "no such file"),
         ("cut", "damaged map"),
-        ("garbage", "damaged map"),
+        ("garbage", "not a map: expected a file such as map.safetensors"),
         ("version", "map version 9: expected 1 to 3"),
         ("camera", "damaged map"),
     ],
