@@ -5,6 +5,7 @@ from hsslam_node.services.bench.check import Check
 from hsslam_node.services.bench.faithful_checks import faithful_checks
 from hsslam_node.services.bench.frozen_checks import frozen_checks
 from hsslam_node.services.bench.fuzz_checks import fuzz_checks
+from hsslam_node.services.bench.gap_checks import gap_checks
 from hsslam_node.services.bench.gpu_checks import gpu_checks
 from hsslam_node.services.bench.growth_checks import growth_checks
 from hsslam_node.services.bench.kernel_checks import kernel_checks
@@ -27,6 +28,7 @@ def catalogue() -> list[Check]:
         *robustness_checks(),
         *stride_checks(),
         *map_checks(),
+        *gap_checks(),
         *kidnapping_checks(),
         *localise_checks(),
         *faithful_checks(),

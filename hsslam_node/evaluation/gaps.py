@@ -1,0 +1,78 @@
+"""A camera whose frames are missing for a while: which, and where it takes itself to be afterwards."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse, so3_log
+
+WRONG_M, WRONG_DEG = 0.1, 5.0
+_LENGTHS = (4, 6, 9, 14, 20, 30)  # frames from the last before a gap to the first after it
+_BETWEEN = (8, 16)  # frames from gap to gap, from and to before
+
+
+@dataclass(frozen=True)
+class GapPlan:
+    """Which frames of a sequence are shown."""
+
+    order: tuple[int, ...]
+    ends: tuple[int, ...]  # steps that show the first frame after a gap
+
+
+@dataclass(frozen=True)
+class GapScore:
+    """How a camera fared."""
+
+    gaps: int
+    at_once: int  # tracked, at the right place, with the first frame after the gap
+    found: int  # or with a later one, before the next gap
+    wrong: int  # frames more than 10 cm or 5 degrees off, as seen from the last pose before the gap
+    worst_m: float
+    worst_deg: float
+
+
+def gap_plan(frames: int, seed: int) -> GapPlan:
+    """Stretches of a sequence of so many frames, with gaps of 0.1 to 1 s (at 30 Hz) between them."""
+    rng = np.random.default_rng((seed, frames))
+    order, ends = list(range(int(rng.integers(*_BETWEEN)))), []
+    while True:
+        start = order[-1] + int(rng.choice(_LENGTHS))
+        end = start + int(rng.integers(*_BETWEEN))
+        if end > frames:
+            return GapPlan(tuple(order), tuple(ends))
+        ends.append(len(order))
+        order += range(start, end)
+
+
+def gap_score(
+    plan: GapPlan, tracked: np.ndarray, T_estimate: np.ndarray, T_truth: np.ndarray
+) -> GapScore:
+    """Compare the motion since the last pose before each gap with the true one.
+
+    Args:
+        tracked: [n] bool, steps with a pose.
+        T_estimate: [n, 4, 4] poses as they were published at the time, camera to world.
+        T_truth: [N, 4, 4] true poses of the sequence.
+    """
+    truth = T_truth[list(plan.order)]
+    at_once = found = wrong = 0
+    worst_m = worst_deg = 0.0
+    for start, end in zip(plan.ends, (*plan.ends[1:], len(plan.order)), strict=True):
+        last = int(np.flatnonzero(tracked[:start])[-1])
+        steps = start + np.flatnonzero(tracked[start:end])
+        away = _motion(truth, last, steps)
+        error = np.linalg.inv(away) @ _motion(T_estimate, last, steps)
+        distance_m = np.linalg.norm(error[:, :3, 3], axis=1)
+        angle_deg = np.rad2deg([np.linalg.norm(so3_log(T[:3, :3])) for T in error])
+        right = (distance_m <= WRONG_M) & (angle_deg <= WRONG_DEG)
+        at_once += bool(len(steps) and steps[0] == start and right[0])
+        found += bool(right.any())
+        wrong += int((~right).sum())
+        worst_m = max(worst_m, *distance_m, 0.0)
+        worst_deg = max(worst_deg, *angle_deg, 0.0)
+    return GapScore(len(plan.ends), at_once, found, wrong, worst_m, worst_deg)
+
+
+def _motion(T_world_cam: np.ndarray, last: int, steps: np.ndarray) -> np.ndarray:
+    """[m, 4, 4] from each of the steps to the last before them."""
+    return inverse(T_world_cam[last]) @ T_world_cam[steps]
