@@ -61,6 +61,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("tracker", "reference_coverage", 1.1, 1.0),
     ("tracker", "relocalisation_coverage", 1.1, 1.0),
     ("tracker", "lag_coverage", 1.1, 1.0),
+    ("tracker", "localise_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
     ("tracker", "reference_image_agreement", 1.1, 1.0),
     ("tracker", "method", "guess", "alignment"),

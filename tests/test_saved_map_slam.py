@@ -38,8 +38,10 @@ def test_localising_finds_the_place_and_changes_nothing(path):
         distance_m, angle_deg = pose_error(result.T_world_cam, room_poses()[k])
         assert distance_m < 0.02 and angle_deg < 1.0
         assert not result.is_keyframe and 0 <= result.keyframe < keyframes
-    carried = [slam.process(room_frames()[k]).status for k in (37, 38)]
-    assert carried == ["lost", "tracked"]
+    for k in (37, 38):  # carried on
+        result = slam.process(room_frames()[k])
+        assert result.status == "tracked"
+        assert pose_error(result.T_world_cam, room_poses()[k])[0] < 0.02
     slam.finish()
     assert slam.store.count == keyframes and slam.parameters.version == 1
     np.testing.assert_array_equal(slam.parameters.params, params)

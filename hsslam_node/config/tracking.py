@@ -67,6 +67,9 @@ class TrackerConfig:
     """After a longer gap, and when lost, a pose must also fit the reference keyframe, s."""
     relocalisation_coverage: float = 0.3
     """Then this share of the depth points must meet the keyframe's surface."""
+    localise_coverage: float = 0.12
+    """In a saved map that stays as it is, a camera with a smaller share of its points on the keyframe's
+    surface has left the map and is lost."""
     lag_coverage: float = 0.5
     """Where the map does not fit, as it lags behind, a pose that fits the reference keyframe is good
     if this share of the depth points meets the keyframe's surface."""
@@ -87,6 +90,7 @@ class TrackerConfig:
         expect_in_range(self, "tracker", "min_inlier_ratio", 0.0, 1.0)
         expect_positive(self, "tracker", "longest_gap_s", "weak_direction_m")
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
+        expect_in_range(self, "tracker", "localise_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
         for name in ("overlap", "coverage", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)

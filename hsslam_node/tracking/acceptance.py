@@ -12,18 +12,22 @@ def is_acceptable(
     prediction: np.ndarray,
     *,
     after_gap: bool,
+    localise_only: bool,
     config: TrackerConfig,
 ) -> bool:
     """Whether the pose fits map or keyframe and is near `prediction` [4, 4] (camera to world).
 
     `after_gap`: the camera was lost or unseen for long, so the pose must also fit the reference
-    keyframe: in a place that the map says nothing of, few points contradict it.
+    keyframe: in a place that the map says nothing of, few points contradict it. `localise_only`: the map
+    does not grow with what the camera sees, so some of that must be on a keyframe.
     """
     if alignment is None or not np.isfinite(alignment.T_world_cam).all():
         return False
     if not _fits(alignment, after_gap, config):
         return False
     if after_gap and not _fits_reference(alignment, config.relocalisation_coverage, config):
+        return False
+    if localise_only and alignment.surface_coverage < config.localise_coverage:
         return False
     step = se3_log(inverse(prediction) @ alignment.T_world_cam)
     return bool(

@@ -169,7 +169,13 @@ class Tracker:
         assert self._last is not None
         gap_s = 1e-9 * (stamp_ns - self._last.frame.stamp_ns)
         after_gap = self._lost_frames > 0 or gap_s > self._config.longest_gap_s
-        return is_acceptable(alignment, prediction, after_gap=after_gap, config=self._config)
+        return is_acceptable(
+            alignment,
+            prediction,
+            after_gap=after_gap,
+            localise_only=self._localise_only,
+            config=self._config,
+        )
 
     def _is_foreseen(self, stamp_ns: int) -> bool:
         assert self._last is not None

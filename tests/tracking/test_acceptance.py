@@ -24,8 +24,12 @@ _GOOD = Alignment(
 _NAN = float("nan")
 
 
-def _ok(alignment: Alignment | None, *, after_gap: bool = False) -> bool:
-    return is_acceptable(alignment, np.eye(4), after_gap=after_gap, config=_CONFIG)
+def _ok(
+    alignment: Alignment | None, *, after_gap: bool = False, localise_only: bool = False
+) -> bool:
+    return is_acceptable(
+        alignment, np.eye(4), after_gap=after_gap, localise_only=localise_only, config=_CONFIG
+    )
 
 
 def test_a_pose_that_fits_everything_is_accepted():
@@ -67,3 +71,10 @@ def test_a_jump_is_refused(twist):
     jumped = replace(_GOOD, T_world_cam=se3_exp(np.array(twist, float)))
     assert not _ok(jumped)
     assert _ok(replace(_GOOD, T_world_cam=se3_exp(0.5 * np.array(twist, float))))
+
+
+def test_who_only_localises_is_lost_beyond_the_map():
+    beyond = replace(_GOOD, surface_coverage=0.11)
+    assert _ok(beyond) and not _ok(beyond, localise_only=True)
+    assert _ok(replace(_GOOD, surface_coverage=0.13), localise_only=True)
+    assert _ok(replace(_GOOD, surface_coverage=_NAN), localise_only=True)  # without the term
