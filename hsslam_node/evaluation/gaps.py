@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hsslam_node.evaluation.kidnapping import WRONG_DEG, WRONG_M, is_far
 from hsslam_node.geometry.se3 import inverse, so3_log
 
-WRONG_M, WRONG_DEG = 0.1, 5.0
 _LENGTHS = (4, 6, 9, 14, 20, 30)  # frames from the last before a gap to the first after it
 _BETWEEN = (8, 16)  # frames from gap to gap, from and to before
 
@@ -31,14 +31,21 @@ class GapScore:
     worst_deg: float
 
 
-def gap_plan(frames: int, seed: int) -> GapPlan:
-    """Stretches of a sequence of so many frames, with gaps of 0.1 to 1 s (at 30 Hz) between them."""
-    rng = np.random.default_rng((seed, frames))
+def gap_plan(T_world_cam: np.ndarray, seed: int) -> GapPlan:
+    """Stretches of a sequence with gaps of 0.1 to 1 s (at 30 Hz) between them.
+
+    A gap ends before the camera has moved by more than 75 cm or 40 degrees: behind a door there may be
+    nothing left of what it saw. T_world_cam [N, 4, 4]: true poses.
+    """
+    rng = np.random.default_rng((seed, len(T_world_cam)))
     order, ends = list(range(int(rng.integers(*_BETWEEN)))), []
     while True:
-        start = order[-1] + int(rng.choice(_LENGTHS))
+        last = order[-1]
+        start = last + int(rng.choice(_LENGTHS))
+        while start < len(T_world_cam) and is_far(T_world_cam[last], T_world_cam[start]):
+            start -= 1
         end = start + int(rng.integers(*_BETWEEN))
-        if end > frames:
+        if end > len(T_world_cam):
             return GapPlan(tuple(order), tuple(ends))
         ends.append(len(order))
         order += range(start, end)

@@ -55,7 +55,7 @@ def kidnapping_plan(
     starts = np.arange(1, len(T_world_cam) - 2 * (played - 1), 2)
     at = []
     for _ in range(jumps):
-        far = [k for k in starts if _is_far(T_world_cam[order[-1]], T_world_cam[k])]
+        far = [k for k in starts if is_far(T_world_cam[order[-1]], T_world_cam[k])]
         if not far:
             raise UserError(f"{len(T_world_cam)} frames: expected views 75 cm or 40 degrees apart")
         start = int(rng.choice(far))
@@ -100,7 +100,8 @@ def kidnapping_score(
     )
 
 
-def _is_far(T_world_cam: np.ndarray, T_world_other: np.ndarray) -> bool:
+def is_far(T_world_cam: np.ndarray, T_world_other: np.ndarray) -> bool:
+    """Whether two views [4, 4] are more than 75 cm or 40 degrees apart."""
     step = inverse(T_world_cam) @ T_world_other
     angle_deg = np.rad2deg(np.linalg.norm(so3_log(step[:3, :3])))
     return bool(np.linalg.norm(step[:3, 3]) > _FAR_M or angle_deg > _FAR_DEG)

@@ -20,7 +20,7 @@ from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe, stored_re
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
 _OBSERVED_EVERY = 8  # frames; what was begun has long been done by then
-_LIMITS = LoopLimits(overlap=0.25)
+_LIMITS = LoopLimits(overlap=0.2)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
 _CLEARLY = 2.0  # times the inliers of another place
 _TURN_M_PER_RAD = 1.0  # what a turn counts when the nearest keyframe is looked for

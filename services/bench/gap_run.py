@@ -48,7 +48,7 @@ def gap_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, 
     source = open_source(spec, options)
     if truth is None or source.frame_count is None or len(truth.T_world_cam) != source.frame_count:
         raise UserError(f"source {spec}: expected a true pose for every frame")
-    plan = gap_plan(source.frame_count, options.seed)
+    plan = gap_plan(truth.T_world_cam, options.seed)
     shown = frozenset(plan.order)
     slam = Slam(config, options.seed)
     results = []

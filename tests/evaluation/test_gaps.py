@@ -10,17 +10,18 @@ POSES = np.stack([se3_exp(np.array([0.03 * k, 0, 0, 0, np.pi / 400 * k, 0])) for
 
 
 def test_the_plan_leaves_frames_out_between_stretches():
-    plan = gap_plan(200, seed=3)
+    plan = gap_plan(POSES, seed=3)
     steps = np.diff(plan.order)
     assert len(plan.ends) >= 5 and max(plan.order) < 200
     assert [at for at in range(1, len(plan.order)) if steps[at - 1] > 1] == list(plan.ends)
-    assert set(steps[np.array(plan.ends) - 1]) <= {4, 6, 9, 14, 20, 30}
+    # at 3 cm a frame 26 are too far
+    assert {4, 25} <= set(steps) <= {1, 4, 6, 9, 14, 20, 25}
     assert min(np.diff(plan.ends)) >= 8
-    assert gap_plan(200, seed=3) == plan != gap_plan(200, seed=4)
+    assert gap_plan(POSES, seed=3) == plan != gap_plan(POSES, seed=4)
 
 
 def _case() -> tuple:
-    plan = gap_plan(200, seed=0)
+    plan = gap_plan(POSES, seed=0)
     world = se3_exp(np.array([1.0, -2.0, 0.5, 0.3, 0.2, 1.0]))
     return plan, np.ones(len(plan.order), bool), world @ POSES[list(plan.order)]
 
