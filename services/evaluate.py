@@ -52,7 +52,8 @@ def _evaluate(options: EvalOptions) -> None:
         tsdf=options.tsdf if options.against == "tsdf" else None,
         seed=options.seed,
     )
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    shown_on = Console(stderr=True)
+    with Progress(console=shown_on, transient=True, disable=not shown_on.is_terminal) as progress:
         found = Evaluator(subject, wanted, progress.track).evaluate()
     figures: dict[str, Any] = scores_as_json({**about, **found.figures})
     console = Console(emoji=False, highlight=False, markup=False)

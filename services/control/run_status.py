@@ -30,7 +30,7 @@ def run_status(
         preset=run.options.preset,
         pace=run.options.pace,
         seconds=(time.time_ns() - run.started_ns) / 1e9,
-        frames_sent=_counter(children, "camera", "sent"),
+        frames_sent=_sent(children, state),
         frames_tracked=state.tracked,
         frames_lost=state.lost,
         frames_dropped=_counter(children, "tracker", "dropped in/frame"),
@@ -48,6 +48,13 @@ def run_status(
         processes={name: child.state for name, child in children.items()},
         restarts={name: child.restarts for name, child in children.items() if child.restarts},
     )
+
+
+def _sent(children: Mapping[str, Child], state: RunState) -> int:
+    """By the camera's last heartbeat, which is older than the last pose; 0 without a camera of ours."""
+    if "camera" not in children:
+        return 0
+    return max(_counter(children, "camera", "sent"), state.tracked + state.lost)
 
 
 def _counter(children: Mapping[str, Child], process: str, name: str) -> int:

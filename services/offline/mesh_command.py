@@ -59,7 +59,8 @@ def _views(saved: SavedMap) -> tuple[Camera, DepthViews]:
         camera = camera.scaled(_VIEW_PX / camera.width_px)
     views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
     console = Console(stderr=True)
-    for k in track(range(len(views)), "views", console=console, transient=True):
+    hidden = not console.is_terminal
+    for k in track(range(len(views)), "views", console=console, transient=True, disable=hidden):
         views[k]
     return camera, views
 

@@ -46,8 +46,11 @@ def _render(options: RenderOptions) -> None:
         raise UserError(f"--out {options.out}: {error.strerror}: expected a folder") from None
     video = _open_video(options, camera)
     console = Console(stderr=True)
+    hidden = not console.is_terminal
     try:
-        for k in track(range(len(poses)), "images", console=console, transient=True):
+        for k in track(
+            range(len(poses)), "images", console=console, transient=True, disable=hidden
+        ):
             depth_m = saved.rays.depth(camera, poses[k])
             color, _ = renderer.render(depth_m, camera, poses[k])
             image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
