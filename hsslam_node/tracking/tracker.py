@@ -95,22 +95,15 @@ class Tracker:
         if self._last is None:
             return self._start(frame, levels, len(points))
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
-        best = self._try(points, levels, prediction, view)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
-        good = self._is_good(best, prediction, frame.stamp_ns) and self._is_borne_out(
-            best, expected, frame
-        )
         before = self._reference, self._exposure, self._coverage
-        if not good:
-            for guess in self._other_guesses(frame, after_gap=expected is None):
-                best = self._try(points, levels, guess, view)
-                good = self._is_good(best, guess, frame.stamp_ns)
-                if good and self._reference is before[0]:  # else a place, which has been checked
-                    good = self._is_borne_out(best, expected, frame)
-                if good:
-                    break
-        if good:
-            return self._accept(frame, levels, best, view)
+        for guess in self._guesses(frame, prediction, after_gap=expected is None):
+            best = self._try(points, levels, guess, view)
+            good = self._is_good(best, guess, frame.stamp_ns)
+            if good and self._reference is before[0]:  # else a place, which has been checked
+                good = self._is_borne_out(best, expected, frame)
+            if good:
+                return self._accept(frame, levels, best, view)
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
 
@@ -130,16 +123,20 @@ class Tracker:
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
 
-    def _other_guesses(self, frame: Frame, *, after_gap: bool) -> Iterator[np.ndarray]:
-        """After a gap, as far on as it is long; at rest; by OpenCV's RGB-D odometry from the last good
-        frame; after a gap, or when lost, at a place seen before."""
+    def _guesses(
+        self, frame: Frame, prediction: np.ndarray, *, after_gap: bool
+    ) -> Iterator[np.ndarray]:
+        """After a gap, as far on as it is long; as predicted; at rest; by OpenCV's RGB-D odometry from the
+        last good frame; after a gap, or when lost, at a place seen before."""
         assert self._last is not None
         T_last = self._last.pose(self._store)
         if after_gap and self._before_last is not None:
             yield predicted_pose(
                 self._last, self._before_last, self._store, frame.stamp_ns, longest=np.inf
             )
-        yield T_last
+        yield prediction
+        if self._before_last is not None:
+            yield T_last
         if self._lost_frames < _FOLLOWED_FRAMES:
             T_last_cam = rgbd_odometry(self._last.frame, frame)
             if T_last_cam is not None:
