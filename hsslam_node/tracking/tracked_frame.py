@@ -8,7 +8,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.keyframes.store import KeyframeStore
 
-LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
+_LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def predicted_pose(
     before: TrackedFrame | None,
     store: KeyframeStore,
     stamp_ns: int,
-    longest: float = LONGEST_EXTRAPOLATION,
+    longest: float = _LONGEST_EXTRAPOLATION,
 ) -> np.ndarray:
     """T_world_cam [4, 4] at stamp_ns by constant SE(3) velocity; at rest without a frame before.
 
@@ -44,7 +44,7 @@ def predicted_pose(
 
 def is_foreseen(last: TrackedFrame, before: TrackedFrame | None, stamp_ns: int) -> bool:
     """Whether the last motion tells where the camera is at stamp_ns: not after a gap."""
-    return before is not None and _reach(last, before, stamp_ns) <= LONGEST_EXTRAPOLATION
+    return before is not None and _reach(last, before, stamp_ns) <= _LONGEST_EXTRAPOLATION
 
 
 def _reach(last: TrackedFrame, before: TrackedFrame, stamp_ns: int) -> float:

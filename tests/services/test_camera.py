@@ -153,7 +153,8 @@ def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
     assert end.next_frame().index == 0
     first_map = MapVersion(version=version, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0)
     end.maps.put(first_map)
-    assert end.frames.wait(5).index == 1
+    last = end.frames.wait(5)
+    assert last.index == 1
     holds.put(Hold(paused=True))
     while (frame := end.frames.wait(0.6)) is not None:
         last = frame
