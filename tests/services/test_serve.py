@@ -1,6 +1,7 @@
 """The main job end to end: what a run leaves, and what it leaves nothing of."""
 
 import signal
+import time
 from pathlib import Path
 
 import psutil
@@ -9,7 +10,10 @@ from mcap.reader import make_reader
 
 from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.proto.request_messages import Ask
+from hsslam_node.proto.requests import PAUSE, RESUME, STATUS
 from hsslam_node.services.bench.fuzz.sender import FuzzSender
+from hsslam_node.services.control.ask import ask
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.zenoh_session import open_client
 from tests.services.serve_process import SMALL_ROOM
@@ -99,8 +103,15 @@ def test_lockstep_is_reproducible_bit_for_bit(serve):
     options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "20", "--noise", "kinect")
     runs = [serve(*options, "--seed", "3") for _ in range(2)]
     runs[1].wait_for_poses(1)
+    ask(runs[1].endpoint, "robot", PAUSE, Ask())  # who has ended counts nothing
     with open_client(runs[1].endpoint) as outside:  # what nobody can read changes nothing
         sent = FuzzSender(outside, "robot", seed=0, rate_hz=200).send(100)
+    give_up_s = time.monotonic() + 30
+    while time.monotonic() < give_up_s and (
+        ask(runs[1].endpoint, "robot", STATUS, Ask()).messages_rejected < sent.messages.total()
+    ):
+        time.sleep(0.5)
+    ask(runs[1].endpoint, "robot", RESUME, Ask())
     for run in runs:
         assert run.finish(timeout_s=150) == 0, run.stderr
         assert run.summary()["frames"] == {**run.summary()["frames"], "in": 20, "dropped": 0}
