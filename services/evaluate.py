@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
@@ -23,6 +22,7 @@ from hsslam_node.services.log.recorded_source import RecordedSource, recorded_so
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.run_subject import run_subject
+from hsslam_node.services.terminal_progress import terminal_progress
 from hsslam_node.sources.source import SourceOptions
 
 _PROG = "hsslam-eval"
@@ -52,8 +52,7 @@ def _evaluate(options: EvalOptions) -> None:
         tsdf=options.tsdf if options.against == "tsdf" else None,
         seed=options.seed,
     )
-    shown_on = Console(stderr=True)
-    with Progress(console=shown_on, transient=True, disable=not shown_on.is_terminal) as progress:
+    with terminal_progress() as progress:
         found = Evaluator(subject, wanted, progress.track).evaluate()
     figures: dict[str, Any] = scores_as_json({**about, **found.figures})
     console = Console(emoji=False, highlight=False, markup=False)

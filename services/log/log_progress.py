@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
 from hsslam_node.services.log.log_file import Logged
 from hsslam_node.services.log.log_reader import end_ns, log_reader, start_ns
+from hsslam_node.services.terminal_progress import terminal_progress
 
 
 @contextmanager
@@ -26,9 +26,7 @@ def log_progress(what: str, files: list[Path]) -> Iterator["LogProgress"]:
         TextColumn("{task.completed:.1f} of {task.total:.1f} s"),
         TimeRemainingColumn(),
     )
-    console = Console(stderr=True)
-    hidden = not console.is_terminal  # even an empty bar leaves a line in a file
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    with terminal_progress(*columns) as progress:
         task = progress.add_task(what, total=max(1e-9, (end - start) / 1e9))
         yield LogProgress(lambda ns: progress.update(task, completed=(ns - start) / 1e9))
 

@@ -5,9 +5,6 @@ from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.meshing.depth_views import DepthViews
@@ -16,6 +13,7 @@ from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.offline.mesh_options import MeshOptions
 from hsslam_node.services.offline.saved_map import SavedMap
 from hsslam_node.services.parse_options import parse_options
+from hsslam_node.services.terminal_progress import terminal_progress
 
 _PROG = "hsslam-mesh"
 _VIEW_PX = 320  # width of the views of maps without images
@@ -58,10 +56,9 @@ def _views(saved: SavedMap) -> tuple[Camera, DepthViews]:
     if camera.width_px > _VIEW_PX:
         camera = camera.scaled(_VIEW_PX / camera.width_px)
     views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
-    console = Console(stderr=True)
-    hidden = not console.is_terminal
-    for k in track(range(len(views)), "views", console=console, transient=True, disable=hidden):
-        views[k]
+    with terminal_progress() as progress:
+        for k in progress.track(range(len(views)), description="views"):
+            views[k]
     return camera, views
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.progress import track
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
@@ -20,6 +18,7 @@ from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.offline.render_options import RenderOptions
 from hsslam_node.services.offline.saved_map import SavedMap
 from hsslam_node.services.parse_options import parse_options
+from hsslam_node.services.terminal_progress import terminal_progress
 
 _PROG = "hsslam-render"
 _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
@@ -45,20 +44,17 @@ def _render(options: RenderOptions) -> None:
     except OSError as error:
         raise UserError(f"--out {options.out}: {error.strerror}: expected a folder") from None
     video = _open_video(options, camera)
-    console = Console(stderr=True)
-    hidden = not console.is_terminal
     try:
-        for k in track(
-            range(len(poses)), "images", console=console, transient=True, disable=hidden
-        ):
-            depth_m = saved.rays.depth(camera, poses[k])
-            color, _ = renderer.render(depth_m, camera, poses[k])
-            image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
-            path = options.out / f"{k:06d}.png"
-            if not cv2.imwrite(str(path), image):
-                raise UserError(f"{path}: cannot be written: expected room and permission")
-            if video is not None:
-                video.write(image)
+        with terminal_progress() as progress:
+            for k in progress.track(range(len(poses)), description="images"):
+                depth_m = saved.rays.depth(camera, poses[k])
+                color, _ = renderer.render(depth_m, camera, poses[k])
+                image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
+                path = options.out / f"{k:06d}.png"
+                if not cv2.imwrite(str(path), image):
+                    raise UserError(f"{path}: cannot be written: expected room and permission")
+                if video is not None:
+                    video.write(image)
     finally:
         if video is not None:
             video.release()
