@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.evaluation.kidnapping import WRONG_DEG, WRONG_M, is_far
-from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.evaluation.view_difference import is_far, is_wrong, view_difference
+from hsslam_node.geometry.se3 import inverse
 
 _LENGTHS = (4, 6, 9, 14, 20, 30)  # frames from the last before a gap to the first after it
 _BETWEEN = (8, 16)  # frames from gap to gap, from and to before
@@ -67,11 +67,10 @@ def gap_score(
     for start, end in zip(plan.ends, (*plan.ends[1:], len(plan.order)), strict=True):
         last = int(np.flatnonzero(tracked[:start])[-1])
         steps = start + np.flatnonzero(tracked[start:end])
-        away = _motion(truth, last, steps)
-        error = np.linalg.inv(away) @ _motion(T_estimate, last, steps)
-        distance_m = np.linalg.norm(error[:, :3, 3], axis=1)
-        angle_deg = np.rad2deg([np.linalg.norm(so3_log(T[:3, :3])) for T in error])
-        right = (distance_m <= WRONG_M) & (angle_deg <= WRONG_DEG)
+        distance_m, angle_deg = view_difference(
+            _motion(truth, last, steps), _motion(T_estimate, last, steps)
+        )
+        right = ~is_wrong(distance_m, angle_deg)
         at_once += bool(len(steps) and steps[0] == start and right[0])
         found += bool(right.any())
         wrong += int((~right).sum())

@@ -6,11 +6,10 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.mean_transform import mean_transform
-from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.evaluation.view_difference import is_far, is_wrong, view_difference
+from hsslam_node.geometry.se3 import inverse
 
 WITHIN_FRAMES = 10
-WRONG_M, WRONG_DEG = 0.1, 5.0
-_FAR_M, _FAR_DEG = 0.75, 40.0  # one of them between the last view and the next
 
 
 @dataclass(frozen=True)
@@ -79,29 +78,19 @@ def kidnapping_score(
     truth = T_truth[list(plan.order)]
     built = np.arange(len(tracked)) < plan.before
     T = mean_transform(T_estimate[built & tracked], truth[built & tracked])
-    away = inverse(T) @ truth
-    distance_m = np.linalg.norm(T_estimate[:, :3, 3] - away[:, :3, 3], axis=1)
-    turned = [so3_log(a[:3, :3].T @ b[:3, :3]) for a, b in zip(away, T_estimate, strict=True)]
-    angle_deg = np.rad2deg(np.linalg.norm(turned, axis=1))
-    is_wrong = tracked & ((distance_m > WRONG_M) | (angle_deg > WRONG_DEG))
+    distance_m, angle_deg = view_difference(inverse(T) @ truth, T_estimate)
+    wrong = tracked & is_wrong(distance_m, angle_deg)
     needed = []
     for start, end in zip(plan.jumps, (*plan.jumps[1:], len(tracked)), strict=True):
         found = np.flatnonzero(tracked[start:end])
-        right = len(found) > 0 and not is_wrong[start + found[0]]
+        right = len(found) > 0 and not wrong[start + found[0]]
         needed.append(int(found[0]) + 1 if right else 0)
     return KidnappingScore(
         jumps=len(plan.jumps),
         relocalised=sum(0 < n <= WITHIN_FRAMES for n in needed),
         frames_needed=tuple(needed),
         lost_before=int((built & ~tracked).sum()),
-        wrong=int(is_wrong.sum()),
+        wrong=int(wrong.sum()),
         worst_m=float(distance_m[tracked].max()),
         worst_deg=float(angle_deg[tracked].max()),
     )
-
-
-def is_far(T_world_cam: np.ndarray, T_world_other: np.ndarray) -> bool:
-    """Whether two views [4, 4] are more than 75 cm or 40 degrees apart."""
-    step = inverse(T_world_cam) @ T_world_other
-    angle_deg = np.rad2deg(np.linalg.norm(so3_log(step[:3, :3])))
-    return bool(np.linalg.norm(step[:3, 3]) > _FAR_M or angle_deg > _FAR_DEG)

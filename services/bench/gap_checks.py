@@ -1,8 +1,6 @@
 """A camera whose frames are missing now and then: a loaded machine, a weak cable."""
 
-import json
-from typing import Any
-
+from hsslam_node.services.bench.camera_scores import Scores, camera_scores, wrong_poses
 from hsslam_node.services.bench.check import Check, Measured
 from hsslam_node.services.bench.session import Session
 
@@ -17,8 +15,13 @@ def gap_checks() -> list[Check]:
 
 
 def _checks(sequence: str) -> list[Check]:
+    frames = ("--frames", _MOST_FRAMES) if sequence.startswith("apartment") else ()
+
+    def scored(session: Session) -> Scores:
+        return camera_scores(session, "gap_run", sequence, *frames)
+
     def found(session: Session) -> Measured:
-        scores = _scores(session, sequence)
+        scores = scored(session)
         gaps, at_once, found = (
             sum(score[name] for score in scores) for name in ("gaps", "at_once", "found")
         )
@@ -26,29 +29,9 @@ def _checks(sequence: str) -> list[Check]:
         text = f"{at_once} of {gaps} at once, {found} before the next gap"
         return Measured(text, share >= _FEWEST, {"scores": scores}, share, "higher")
 
-    def wrong(session: Session) -> Measured:
-        scores = _scores(session, sequence)
-        count = sum(score["wrong"] for score in scores)
-        worst_m = max(score["worst_m"] for score in scores)
-        worst_deg = max(score["worst_deg"] for score in scores)
-        text = f"{count}; worst frame {100 * worst_m:.1f} cm, {worst_deg:.1f} degrees"
-        return Measured(text, count == 0, {"scores": scores}, float(count), "lower")
-
     of = f"{sequence}, up to 30 frames (75 cm, 40 degrees) missing after every 8 to 15, all seeds"
     name = f"gaps:{sequence}"
     return [
         Check(f"{name}:found", f"{of}: tracked with the first frame after", "90 %", found),
-        Check(f"{name}:wrong", f"{of}: poses accepted that are 10 cm or 5 degrees off", "0", wrong),
-    ]
-
-
-def _scores(session: Session, sequence: str) -> list[dict[str, Any]]:
-    place, _, noise = sequence.partition("-")
-    options = ("--noise", noise) if noise else ()
-    if place == "apartment":
-        options += ("--frames", _MOST_FRAMES)
-    module = f"{__package__}.gap_run"
-    source = session.source(place)
-    return [
-        json.loads(session.python(module, source, str(seed), *options)) for seed in session.seeds
+        wrong_poses(name, of, scored),
     ]

@@ -6,23 +6,19 @@
 
 import argparse
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import torch
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.errors import UserError
 from hsslam_node.evaluation.gaps import gap_plan, gap_score
-from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.frame import Frame
 from hsslam_node.presets import PRESETS
+from hsslam_node.services.bench.known_source import known_source, published, with_poor_first_map
 from hsslam_node.slam import Slam
-from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions
 
-_QUICK_FRAMES, _QUICK_ITERATIONS = 60, 3
+_QUICK_FRAMES = 60
 
 
 def main() -> None:
@@ -35,8 +31,7 @@ def main() -> None:
     arguments = parser.parse_args()
     config, frames = PRESETS["realtime"], arguments.frames
     if arguments.quick:
-        config = replace(config, mapper=replace(config.mapper, first_iterations=_QUICK_ITERATIONS))
-        frames = _QUICK_FRAMES
+        config, frames = with_poor_first_map(config), _QUICK_FRAMES
     options = SourceOptions(noise=arguments.noise, seed=arguments.seed, frames=frames)
     print(json.dumps(gap_run(config, arguments.source, options)))
 
@@ -44,23 +39,12 @@ def main() -> None:
 def gap_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:
     """The score of one seed, that of the options."""
     torch.set_num_threads(1)
-    truth = open_ground_truth(spec, options)
-    source = open_source(spec, options)
-    if truth is None or source.frame_count is None or len(truth.T_world_cam) != source.frame_count:
-        raise UserError(f"source {spec}: expected a true pose for every frame")
+    source, truth = known_source(spec, options)
     plan = gap_plan(truth.T_world_cam, options.seed)
     shown = frozenset(plan.order)
-    slam = Slam(config, options.seed)
-    results = []
-    for at, frame in enumerate(source.frames()):
-        if at not in shown:
-            continue
-        if not isinstance(frame, Frame):
-            raise UserError(f"source {spec}: {frame.reason}")
-        results.append(slam.process(frame))
-    tracked = np.array([r.status != "lost" for r in results])
-    T_estimate = np.stack([r.T_world_cam for r in results])
-    return asdict(gap_score(plan, tracked, T_estimate, truth.T_world_cam))
+    frames = (frame for at, frame in enumerate(source.frames()) if at in shown)
+    poses = published(Slam(config, options.seed), frames)
+    return asdict(gap_score(plan, poses.tracked, poses.T_world_cam, truth.T_world_cam))
 
 
 if __name__ == "__main__":

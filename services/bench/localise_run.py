@@ -16,19 +16,18 @@ import torch
 
 from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.config import SlamConfig
-from hsslam_node.errors import UserError
-from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.localisation import localisation_score, map_in_truth, overlaps
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS
+from hsslam_node.services.bench.known_source import known_source, with_poor_first_map
 from hsslam_node.services.map_snapshot import map_snapshot
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions
 
-_QUICK_FRAMES, _QUICK_ITERATIONS = 24, 3
+_QUICK_FRAMES = 24
 
 
 def main() -> None:
@@ -39,8 +38,7 @@ def main() -> None:
     arguments = parser.parse_args()
     config, options = PRESETS["realtime"], SourceOptions(seed=arguments.seed)
     if arguments.quick:
-        config = replace(config, mapper=replace(config.mapper, first_iterations=_QUICK_ITERATIONS))
-        options = replace(options, frames=_QUICK_FRAMES)
+        config, options = with_poor_first_map(config), replace(options, frames=_QUICK_FRAMES)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map.safetensors"
         print(json.dumps(localise_run(config, arguments.source, options, path)))
@@ -51,10 +49,8 @@ def localise_run(
 ) -> dict[str, Any]:
     """The score of one seed (that of the options), and what of the map has changed; it is left at `path`."""
     torch.set_num_threads(1)
-    count = open_source(spec, options).frame_count
-    truth = open_ground_truth(spec, options)
-    if truth is None or count is None or len(truth.T_world_cam) != count:
-        raise UserError(f"source {spec}: expected a true pose for every frame")
+    _, truth = known_source(spec, options)
+    count = len(truth.T_world_cam)
     half = count // 2
     _map(config, spec, replace(options, frames=half), path)
     before, saved = path.read_bytes(), load_checkpoint(path)

@@ -7,7 +7,6 @@ tracking and mapping of a frame one after the other, so that no preset gains by 
 import argparse
 import json
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +22,12 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS
 from hsslam_node.rehearsal import rehearse
+from hsslam_node.services.bench.known_source import with_poor_first_map
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions
 
-_QUICK_FRAMES, _QUICK_ITERATIONS = 3, 3
+_QUICK_FRAMES = 3
 _GPU_SETTLING = 30  # frames
 
 
@@ -42,8 +42,7 @@ def main() -> None:
     config = _preset(arguments.preset)
     frames = arguments.frames
     if arguments.quick:
-        config = replace(config, mapper=replace(config.mapper, first_iterations=_QUICK_ITERATIONS))
-        frames = min(frames, _QUICK_FRAMES)
+        config, frames = with_poor_first_map(config), min(frames, _QUICK_FRAMES)
     device = choose_device(arguments.device)
     print(json.dumps(preset_speed(config, arguments.source, frames, device)))
 
