@@ -95,7 +95,7 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
     height, width = level.grey.shape
     gx = cv2.Sobel(level.grey, cv2.CV_32F, 1, 0, scale=1 / 8)
     gy = cv2.Sobel(level.grey, cv2.CV_32F, 0, 1, scale=1 / 8)
-    strength = cv2.magnitude(gx, gy)
+    strength = gx * gx + gy * gy  # cv2.magnitude rounds by the address of its result
     low = cv2.erode(level.depth, np.ones((3, 3), np.uint8))
     high = cv2.dilate(level.depth, np.ones((3, 3), np.uint8))
     strength[(low <= 0) | (high - low > 0.05 * high)] = 0
@@ -109,7 +109,7 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
         .reshape(rows * columns, cell * cell)
     )
     best = blocks.argmax(axis=1)
-    keep = blocks[np.arange(len(best)), best] > _SMALLEST_GRADIENT
+    keep = blocks[np.arange(len(best)), best] > _SMALLEST_GRADIENT**2
     index = np.flatnonzero(keep)
     v = (index // columns) * cell + best[index] // cell
     u = (index % columns) * cell + best[index] % cell

@@ -100,3 +100,17 @@ def test_salient_pixels_of_the_room():
     reference = reference_keyframe(0, frame, levels, 500)
     assert all(len(p) > 20 for p in reference.points[1:])
     assert all((p[:, 2] > 0.1).all() for p in reference.points)
+
+
+def test_salient_pixels_do_not_depend_on_where_in_memory_the_images_lie():
+    """Of few grey levels, so that gradients (5, 0) and (3, 4) compete: rounding must not choose."""
+    frame = _plane(480, 360)
+    rng = np.random.default_rng(0)
+    grey = 10 * rng.integers(0, 5, (360, 480)).astype(np.float32)
+    level = replace(grey_pyramid(frame)[-1], grey=grey)
+    chosen, kept = set(), []
+    np.empty(30_000_000, np.uint8)  # freed: from now on large arrays come from the heap
+    for _ in range(50):
+        kept.append(np.empty(int(rng.integers(1, 100_000)), np.uint8))  # shifts what comes next
+        chosen.add(reference_keyframe(0, frame, (level,), 4000).points[0].tobytes())
+    assert len(chosen) == 1
