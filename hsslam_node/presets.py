@@ -39,6 +39,7 @@ REALTIME: Final = replace(
         plane_rate=0.02,
         hash_rate=0.03,
         decoder_rate=0.002,
+        depth_window_px=5,
         patch_repeats=4,
         smoothness_every=8,
         smoothness_vertices=8,

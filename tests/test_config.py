@@ -41,6 +41,7 @@ ZERO_OR_MORE = {
     "mesher": "every_s",
 }
 OTHERS = [  # value, and the nearest one that is good
+    ("mapper", "depth_window_px", 0, 1),
     ("field", "hash_table_log2", 7, 8),
     ("field", "hash_table_log2", 25, 24),
     ("field", "plane_channels", 24, 32),

@@ -68,6 +68,8 @@ class MapperConfig:
     """Adam step of decoders and beta."""
     depth_noise_m: float = 0.0
     """Depth noise at 1 m, growing with z^2: depth and SDF terms weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
+    depth_window_px: int = 1
+    """Of a noisy sensor, a ray's depth is the mean over a square of so many pixels; 1: as measured."""
     max_depth_m: float = 12.0
     """Farther measurements are ignored, m."""
     least_color_weight: float = 1e-3
@@ -96,6 +98,7 @@ class MapperConfig:
         expect_not_negative(self, "mapper", "iterations", "first_iterations", "depth_noise_m")
         expect_not_negative(self, "mapper", "last_iterations")
         expect_not_negative(self, "mapper", "patch_repeats")
+        expect_in_range(self, "mapper", "depth_window_px", 1, 15)
         expect_in_range(self, "mapper", "newest_share", 0.0, 1.0)
         expect_in_range(self, "mapper", "least_color_weight", 0.0, 0.1)
         expect_in_range(self, "mapper", "smoothness_vertices", 2, 64)

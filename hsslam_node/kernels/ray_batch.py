@@ -6,15 +6,16 @@ from numba import njit
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_pixels(
-    color, depth_raw, metres_per_unit, max_depth_m, K, uv, reach_m, slot, rays, first, wanted
+    color, depth_raw, metres_per_unit, max_depth_m, K, uv, radius_px, same_surface, slot, rays, first,
+    wanted,
 ):  # fmt: skip
     """Take the first `wanted` candidates that have depth; returns how many were found.
 
-    uv [N, 2] px; reach_m [N]: a candidate farther than its reach is always taken, a nearer one not.
-
-    color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy. Writes into `rays`
-    (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R]) from
-    row `first` on.
+    color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy, uv [N, 2] px. Writes into
+    `rays` (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R])
+    from row `first` on. The depth is the mean inverse depth, inverted, of the pixel and of the pairs
+    opposite each other, at most `radius_px` away, whose mean differs by less than `same_surface`, 1/m
+    (0: the pixel's own).
     """
     found = 0
     for k in range(uv.shape[0]):
@@ -23,18 +24,42 @@ def gather_pixels(
         u = uv[k, 0]
         v = uv[k, 1]
         d = np.float32(depth_raw[v, u]) * np.float32(metres_per_unit)
-        if d <= 0.0 or d > max_depth_m or d < reach_m[k]:
+        if d <= 0.0 or d > max_depth_m:
             continue
         r = first + found
         rays.direction[r, 0] = (np.float32(u) - K[2]) / K[0]
         rays.direction[r, 1] = (np.float32(v) - K[3]) / K[1]
         rays.direction[r, 2] = np.float32(1.0)
+        if same_surface > 0.0:
+            d = _averaged(depth_raw, u, v, metres_per_unit, radius_px, same_surface)
         rays.depth[r] = d
         for c in range(3):
             rays.color[r, c] = np.float32(color[v, u, c]) * np.float32(1.0 / 255.0)
         rays.slot[r] = slot
         found += 1
     return found
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _averaged(depth_raw, u, v, metres_per_unit, radius_px, same_surface):
+    """Over pairs on opposite sides of the pixel: on a plane their mean is its own, however steep."""
+    height, width = depth_raw.shape
+    scale = np.float32(metres_per_unit)
+    own = np.float32(1.0) / (np.float32(depth_raw[v, u]) * scale)
+    total = own
+    count = 1
+    for dy in range(min(radius_px, v, height - 1 - v) + 1):
+        reach = min(radius_px, u, width - 1 - u)
+        for dx in range(-reach if dy > 0 else 1, reach + 1):
+            one, other = depth_raw[v + dy, u + dx], depth_raw[v - dy, u - dx]
+            if one == 0 or other == 0:
+                continue
+            pair = np.float32(1.0) / (np.float32(one) * scale)
+            pair += np.float32(1.0) / (np.float32(other) * scale)
+            if abs(np.float32(0.5) * pair - own) < same_surface:
+                total += pair
+                count += 2
+    return np.float32(count) / total
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

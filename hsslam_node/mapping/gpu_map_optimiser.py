@@ -22,6 +22,7 @@ from hsslam_node.gpu_kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.losses.smoothness import smoothness_cube
+from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
 from hsslam_node.mapping.ray_batch import draw_rays
@@ -43,6 +44,7 @@ class GpuMapOptimiser:
         self._config = config
         self._parameters = parameters
         self._rays = rays
+        self._averaging = DepthAveraging(config.mapper.depth_window_px)
         self._device = device
         self._open()
 
@@ -72,7 +74,16 @@ class GpuMapOptimiser:
         if self._field is not self._parameters.layout:  # the map has grown
             self._open()
         s, m, n = self._space, self._config.mapper, len(keyframes)
-        R = draw_rays(s.host_rays, store, keyframes, counts, m.max_depth_m, generator, need=need)
+        R = draw_rays(
+            s.host_rays,
+            store,
+            keyframes,
+            counts,
+            m.max_depth_m,
+            generator,
+            self._averaging,
+            need=need,
+        )
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
         self._send_rays(R, poses, generator)

@@ -6,6 +6,7 @@ import numpy as np
 
 from hsslam_node.kernels.ray_batch import gather_pixels
 from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.ray_need import RayNeed
 
 
@@ -35,6 +36,7 @@ def draw_rays(
     counts: np.ndarray,
     max_depth_m: float,
     generator: np.random.Generator,
+    averaging: DepthAveraging,
     *,
     need: RayNeed | None = None,
 ) -> int:
@@ -43,6 +45,7 @@ def draw_rays(
     Args:
         keyframes: [n] ids; the rays of keyframes[k] get slot k.
         counts: [n] rays wanted of each; a keyframe of holes may give fewer.
+        averaging: of the depth that a ray is given.
     """
     camera = store.camera
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
@@ -56,13 +59,12 @@ def draw_rays(
     else:
         wanted = zip(keyframes, candidates, strict=True)
         uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
-    reach_m = np.zeros(total)
     filled = 0
     for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
         color, depth_raw = store.pixels(int(k))
         mine = slice(last[slot] - candidates[slot], last[slot])
         filled += gather_pixels(
-            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv[mine], reach_m[mine],
-            slot, batch, filled, int(wanted),
+            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv[mine],
+            averaging.radius_px, averaging.same_surface(store, int(k)), slot, batch, filled, int(wanted),
         )  # fmt: skip
     return filled

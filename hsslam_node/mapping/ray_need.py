@@ -6,23 +6,22 @@ from hsslam_node.keyframes.store import KeyframeStore
 
 _STRIDE_PX = 8
 _CELL_M = 0.12
-_POWER = 0.75  # of the number of pixels that saw a cell; 1: all cells get the same number of rays
 _BITS = 21  # of a cell's number along an axis
 
 
 class RayNeed:
     """Draws keyframes and pixels so that rays spread over the surface, not over the images.
 
-    Space is cut into cells of 12 cm. A pixel's weight falls with the number of pixels, of all
-    keyframes, that measured in its cell: far, grazing and seldom seen surfaces would else get hardly
-    a ray, and those seen from near in all keyframes nearly all of them.
+    Space is cut into cells of 12 cm. A pixel's weight is one over the number of pixels, of all
+    keyframes, that measured in its cell, so all cells get as many rays: far, grazing and seldom seen
+    surfaces would else get hardly a ray, and those seen from near in all keyframes nearly all.
     """
 
     def __init__(self, store: KeyframeStore, max_depth_m: float) -> None:
         poses = store.poses()
         cells = [_cells(store, k, poses[k], max_depth_m) for k in range(len(poses))]
         _, cell, seen = np.unique(np.concatenate(cells), return_inverse=True, return_counts=True)
-        weight = np.where(np.concatenate(cells) >= 0, seen[cell] ** -_POWER, 0.0)
+        weight = np.where(np.concatenate(cells) >= 0, 1.0 / seen[cell], 0.0)
         per_keyframe = weight.reshape(len(poses), -1)
         camera = store.camera
         self._columns = -(-camera.width_px // _STRIDE_PX)

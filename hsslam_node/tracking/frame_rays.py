@@ -39,6 +39,6 @@ class FrameRays:
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         self.count = gather_pixels(
             frame.color, frame.depth_raw, 1.0 / frame.depth_units_per_m, self._max_depth_m, K, uv,
-            np.zeros(len(uv)), 0, self.rays, 0, c.pixels,
+            0, 0.0, 0, self.rays, 0, c.pixels,
         )  # fmt: skip
         self._generator.random(out=self.jitter[: self.count], dtype=np.float32)

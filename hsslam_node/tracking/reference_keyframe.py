@@ -8,12 +8,11 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.depth_points import halve_depth
 from hsslam_node.kernels.keyframe_surface import surface_of_depth
+from hsslam_node.keyframes.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.tracking.depth_noise import depth_noise
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
-_EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
 def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and normals where the depth is continuous: of all pixels as they are if it is exact, else
     at half resolution and smoothed, as inverse depth."""
-    is_exact = noise < _EXACT_NOISE
+    is_exact = noise < EXACT_NOISE
     camera = frame.camera if is_exact else frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     depth = frame.depth_m() if is_exact else _halved_depth(frame.depth_m())

@@ -87,7 +87,7 @@ def test_pixels_without_depth_are_passed_over():
     uv = np.stack([rng.integers(0, 30, 200), rng.integers(0, 20, 200)], axis=1)
     rays = ray_batch(40)
     K = np.array([25.0, 26.0, 14.5, 9.5], np.float32)
-    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, np.zeros(len(uv)), 3, rays, 10, 25)
+    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, 0, 0.0, 3, rays, 10, 25)
     assert found == 25 and (rays.slot[10:35] == 3).all() and not rays.depth[35:].any()
     d = rays.direction[10:35]
     u = np.rint(d[:, 0] * 25 + 14.5).astype(int)
@@ -95,3 +95,30 @@ def test_pixels_without_depth_are_passed_over():
     assert (u % 2 == 1).all() and (u != 1).all() and (d[:, 2] == 1).all()
     np.testing.assert_allclose(rays.depth[10:35], depth[v, u] / 1000, rtol=1e-5)
     np.testing.assert_allclose(rays.color[10:35], color[v, u] / 255, rtol=1e-5)
+
+
+def test_depth_is_the_mean_of_the_inverse_depth_of_pairs_on_the_same_surface():
+    rng = np.random.default_rng(1)
+    height, width, radius_px, same = 14, 18, 2, 0.01
+    inverse = rng.normal(0.5, 0.003, (height, width))
+    inverse[:, 9:] += 0.1  # a nearer surface beside it
+    depth = np.rint(1e4 / inverse).astype(np.uint16)
+    depth[rng.random(depth.shape) < 0.2] = 0
+    color = np.zeros((height, width, 3), np.uint8)
+    v, u = np.nonzero(depth)
+    rays = ray_batch(len(u))
+    K = np.array([25.0, 26.0, 8.5, 6.5], np.float32)
+    uv = np.stack([u, v], axis=1)
+    found = gather_pixels(color, depth, 1e-4, 6.0, K, uv, radius_px, same, 0, rays, 0, len(u))
+    assert found == len(u)
+    measured = np.divide(1e4, depth, out=np.zeros(depth.shape), where=depth > 0)
+    for k in range(found):
+        own, wanted = measured[v[k], u[k]], [measured[v[k], u[k]]]
+        for dy, dx in [(0, 1), (0, 2), *((y, x) for y in (1, 2) for x in range(-2, 3))]:
+            rows, columns = (v[k] - dy, v[k] + dy), (u[k] - dx, u[k] + dx)
+            if min(rows + columns) < 0 or max(rows) >= height or max(columns) >= width:
+                continue
+            pair = measured[list(rows), list(columns)]
+            if (pair > 0).all() and abs(pair.mean() - own) < same:
+                wanted += [*pair]
+        assert rays.depth[k] == pytest.approx(1 / np.mean(wanted), rel=1e-5)

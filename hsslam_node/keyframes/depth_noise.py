@@ -9,6 +9,8 @@ _EVERY = 4  # rows and columns looked at
 _FEWEST = 100
 _UNKNOWN = 1.8e-3  # of a Kinect
 
+EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
+
 
 def depth_noise(frame: Frame) -> float:
     """Standard deviation of the inverse depth, 1/m: that of the depth is this times z^2.
