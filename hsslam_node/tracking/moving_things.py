@@ -1,5 +1,6 @@
 """Things that stand where keyframes have seen free space: they have moved, and are left out."""
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,12 +9,32 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.keyframes.store import KeyframeStore
 
 _CELLS = 80  # across the image
 _MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # in front of what was seen by so much, with its depth
 _FEWEST_CELLS = 12  # of a thing
 _LARGEST_SHARE = 0.6  # of the image; more is a wrong pose
 _STEP = 0.05  # cells of one thing differ by less, of their depth
+_SPACES, _EVERY = 8, 2  # keyframes that tell what has moved, one of so many
+
+
+class MovingThings:
+    """Takes out of each keyframe what stands where those before it saw free space."""
+
+    def __init__(self, store: KeyframeStore) -> None:
+        self._store = store
+        self._seen: deque[SeenSpace] = deque(maxlen=_SPACES)
+
+    def observe(self, keyframe: int, frame: Frame) -> None:
+        """Remember what a keyframe of the store has seen."""
+        if not self._seen or keyframe - self._seen[-1].keyframe >= _EVERY:
+            self._seen.append(seen_space(keyframe, frame))
+
+    def left_out(self, frame: Frame, T_world_cam: np.ndarray) -> Frame:
+        """The frame, seen from T_world_cam [4, 4], without depth on what has moved."""
+        seen = [(space, self._store.pose(space.keyframe)) for space in self._seen]
+        return without_moving_things(frame, T_world_cam, seen)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The tracker: one frame in, one pose with its quality out."""
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 
@@ -15,7 +14,7 @@ from hsslam_node.tracking.alignment import Alignment, Exposure, align
 from hsslam_node.tracking.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.moving_things import SeenSpace, seen_space, without_moving_things
+from hsslam_node.tracking.moving_things import MovingThings
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
@@ -37,7 +36,6 @@ from hsslam_node.tracking.unexpected_motion import is_borne_out
 
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
-_SEEN_SPACES, _SEEN_EVERY = 8, 2  # keyframes that tell what has moved, one of so many
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
 
@@ -58,7 +56,7 @@ class Tracker:
         self._reference: ReferenceKeyframe | None = None
         self._relocalisation = Relocalisation(config.tracker, store, seed)
         self._exposure = Exposure()  # of the last good frame against the reference
-        self._seen: deque[SeenSpace] = deque(maxlen=_SEEN_SPACES)
+        self._moving = MovingThings(store)
         self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
         self._since_keyframe = 0
         self._lost_frames = 0
@@ -118,7 +116,7 @@ class Tracker:
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
         k = self._store.append(frame, np.eye(4))
-        self._seen.append(seen_space(k, frame))
+        self._moving.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
@@ -205,12 +203,9 @@ class Tracker:
         )
         if is_keyframe:
             self._since_keyframe = 0
-            still = without_moving_things(
-                frame, T, [(space, self._store.pose(space.keyframe)) for space in self._seen]
-            )
+            still = self._moving.left_out(frame, T)
             k = self._store.append(still, T)
-            if not self._seen or k - self._seen[-1].keyframe >= _SEEN_EVERY:
-                self._seen.append(seen_space(k, still))
+            self._moving.observe(k, still)
             T_keyframe_cam = np.eye(4)
         else:
             still = frame
