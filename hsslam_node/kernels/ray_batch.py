@@ -44,22 +44,22 @@ def gather_pixels(
 def _averaged(depth_raw, u, v, metres_per_unit, radius_px, same_surface):
     """Over pairs on opposite sides of the pixel: on a plane their mean is its own, however steep."""
     height, width = depth_raw.shape
-    scale = np.float32(metres_per_unit)
-    own = np.float32(1.0) / (np.float32(depth_raw[v, u]) * scale)
+    own = np.float32(1.0) / np.float32(depth_raw[v, u])  # one over sensor units, as all here
+    limit = np.float32(2.0 * same_surface * metres_per_unit)
     total = own
     count = 1
     for dy in range(min(radius_px, v, height - 1 - v) + 1):
         reach = min(radius_px, u, width - 1 - u)
         for dx in range(-reach if dy > 0 else 1, reach + 1):
-            one, other = depth_raw[v + dy, u + dx], depth_raw[v - dy, u - dx]
-            if one == 0 or other == 0:
-                continue
-            pair = np.float32(1.0) / (np.float32(one) * scale)
-            pair += np.float32(1.0) / (np.float32(other) * scale)
-            if abs(np.float32(0.5) * pair - own) < same_surface:
-                total += pair
-                count += 2
-    return np.float32(count) / total
+            one = np.float32(depth_raw[v + dy, u + dx])
+            other = np.float32(depth_raw[v - dy, u - dx])
+            product = one * other
+            if product > 0.0:
+                pair = (one + other) / product
+                if abs(pair - np.float32(2.0) * own) < limit:
+                    total += pair
+                    count += 2
+    return np.float32(count) / total * np.float32(metres_per_unit)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
