@@ -100,7 +100,7 @@ def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
 
 
 def test_lockstep_is_reproducible_bit_for_bit(serve):
-    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "20", "--noise", "kinect")
+    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "60", "--noise", "kinect")
     runs = [serve(*options, "--seed", "3") for _ in range(2)]
     runs[1].wait_for_poses(1)
     ask(runs[1].endpoint, "robot", PAUSE, Ask())  # who has ended counts nothing
@@ -114,7 +114,7 @@ def test_lockstep_is_reproducible_bit_for_bit(serve):
     ask(runs[1].endpoint, "robot", RESUME, Ask())
     for run in runs:
         assert run.finish(timeout_s=150) == 0, run.stderr
-        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 20, "dropped": 0}
+        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 60, "dropped": 0}
     for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
         assert (runs[0].out / name).read_bytes() == (runs[1].out / name).read_bytes()
     summary = runs[1].summary()

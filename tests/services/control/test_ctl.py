@@ -172,7 +172,7 @@ def _expect_new_world(run, me: tuple[str, ...]) -> None:
     assert (now["state"], now["world"], now["keyframes"], now["map_version"]) == ("paused", 1, 0, 0)
     assert _expect("resume", *me) == "running\n"
     run.wait_until(lambda: all(run.pid_of(name) not in (None, old[name]) for name in _OF_MAP), 60)
-    run.wait_until(lambda: _frames(me) > now["frames_tracked"] + 8, 60)
+    run.wait_until(lambda: len(_trajectory(me)) > 8, 60)
     run.wait_for_poses(1)
     assert all(run.pid_of(name) == old[name] for name in _OF_RUN)
     first = next(pose for pose in run.poses if pose.world == 1)
@@ -180,8 +180,7 @@ def _expect_new_world(run, me: tuple[str, ...]) -> None:
     assert all(pose.world == (pose.index >= first.index) for pose in run.poses)
     held, now = now, _status(me)
     assert now["keyframes"] > 0 and now["restarts"] == {}
-    so_far = [line for line in _expect("trajectory", *me).splitlines() if line[0] != "#"]
-    assert 8 < len(so_far) <= _frames(me) - held["frames_tracked"]
+    assert 8 < len(_trajectory(me)) <= _frames(me) - held["frames_tracked"]
 
 
 def _expect_two_trajectories(run, summary: dict) -> None:
@@ -224,6 +223,12 @@ def _expect(*arguments: str) -> str:
     done = _ctl(*arguments)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def _trajectory(me: tuple[str, ...]) -> list[str]:
+    """Its rows; none where there is no pose yet."""
+    answer = _ctl("trajectory", *me)
+    return [line for line in answer.stdout.splitlines() if line[0] != "#"]
 
 
 def _frames(me: tuple[str, ...]) -> int:
