@@ -69,7 +69,7 @@ class MapperConfig:
     depth_noise_m: float = 0.0
     """Depth noise at 1 m, growing with z^2: depth and SDF terms weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
     depth_window_px: int = 1
-    """Of a noisy sensor, a ray's depth is the mean over a square of so many pixels; 1: as measured."""
+    """Of a noisy sensor, a ray has the mean depth of a square of so many px (even: next); 1: as measured."""
     max_depth_m: float = 12.0
     """Farther measurements are ignored, m."""
     least_color_weight: float = 1e-3

@@ -22,10 +22,9 @@ from hsslam_node.gpu_kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.losses.smoothness import smoothness_cube
-from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
-from hsslam_node.mapping.ray_batch import draw_rays
+from hsslam_node.mapping.ray_batch import RayDraw
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
 
@@ -44,7 +43,7 @@ class GpuMapOptimiser:
         self._config = config
         self._parameters = parameters
         self._rays = rays
-        self._averaging = DepthAveraging(config.mapper.depth_window_px)
+        self._draw = RayDraw(config.mapper)
         self._device = device
         self._open()
 
@@ -73,17 +72,8 @@ class GpuMapOptimiser:
         self._parameters.follow()
         if self._field is not self._parameters.layout:  # the map has grown
             self._open()
-        s, m, n = self._space, self._config.mapper, len(keyframes)
-        R = draw_rays(
-            s.host_rays,
-            store,
-            keyframes,
-            counts,
-            m.max_depth_m,
-            generator,
-            self._averaging,
-            need=need,
-        )
+        s, n = self._space, len(keyframes)
+        R = self._draw.fill(s.host_rays, store, keyframes, counts, generator, need)
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(n), np.zeros((n, 6)))
         self._send_rays(R, poses, generator)

@@ -24,8 +24,7 @@ from hsslam_node.kernels.touched import gradient, touch_range
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.losses.patch import window_weights
 from hsslam_node.losses.smoothness import smoothness_cube
-from hsslam_node.mapping.depth_averaging import DepthAveraging
-from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
 
@@ -55,7 +54,7 @@ class MapOptimiser:
         self._layout = kernel_layout(self._field)
         self._gradient = gradient(self._layout)
         self._rays = rays
-        self._averaging = DepthAveraging(config.mapper.depth_window_px)
+        self._draw = RayDraw(config.mapper)
         S = config.sampling.count
         self._batch = ray_batch(rays)
         self._acts = field_activations(self._layout, rays * S)
@@ -97,16 +96,7 @@ class MapOptimiser:
         """
         self._follow()
         m, sampling = self._config.mapper, self._config.sampling
-        R = draw_rays(
-            self._batch,
-            store,
-            keyframes,
-            counts,
-            m.max_depth_m,
-            generator,
-            self._averaging,
-            need=need,
-        )
+        R = self._draw.fill(self._batch, store, keyframes, counts, generator, need)
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
         S = sampling.count

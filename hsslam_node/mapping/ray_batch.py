@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.kernels.ray_batch import gather_pixels
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.depth_averaging import DepthAveraging
@@ -29,42 +30,47 @@ def ray_batch(rays: int) -> RayBatch:
     )
 
 
-def draw_rays(
-    batch: RayBatch,
-    store: KeyframeStore,
-    keyframes: np.ndarray,
-    counts: np.ndarray,
-    max_depth_m: float,
-    generator: np.random.Generator,
-    averaging: DepthAveraging,
-    *,
-    need: RayNeed | None = None,
-) -> int:
-    """Fill the batch with random pixels that have depth, uniform or by `need`; returns the number of rays.
+class RayDraw:
+    """How pixels become rays: which have depth, and which depth they are given."""
 
-    Args:
-        keyframes: [n] ids; the rays of keyframes[k] get slot k.
-        counts: [n] rays wanted of each; a keyframe of holes may give fewer.
-        averaging: of the depth that a ray is given.
-    """
-    camera = store.camera
-    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-    candidates = 2 * np.asarray(counts, np.int64) + 16
-    last = np.cumsum(candidates)
-    total = int(last[-1])
-    uv = np.empty((total, 2), np.int64)
-    if need is None:
-        uv[:, 0] = generator.integers(0, camera.width_px, total, np.int32)
-        uv[:, 1] = generator.integers(0, camera.height_px, total, np.int32)
-    else:
-        wanted = zip(keyframes, candidates, strict=True)
-        uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
-    filled = 0
-    for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
-        color, depth_raw = store.pixels(int(k))
-        mine = slice(last[slot] - candidates[slot], last[slot])
-        filled += gather_pixels(
-            color, depth_raw, 1.0 / store.depth_units_per_m, max_depth_m, K, uv[mine],
-            averaging.radius_px, averaging.same_surface(store, int(k)), slot, batch, filled, int(wanted),
-        )  # fmt: skip
-    return filled
+    def __init__(self, config: MapperConfig) -> None:
+        self._max_depth_m = config.max_depth_m
+        self._averaging = DepthAveraging(config.depth_window_px)
+
+    def fill(
+        self,
+        batch: RayBatch,
+        store: KeyframeStore,
+        keyframes: np.ndarray,
+        counts: np.ndarray,
+        generator: np.random.Generator,
+        need: RayNeed | None = None,
+    ) -> int:
+        """Fill the batch with random pixels that have depth, uniform or by `need`; returns how many rays.
+
+        Args:
+            keyframes: [n] ids; the rays of keyframes[k] get slot k.
+            counts: [n] rays wanted of each; a keyframe of holes may give fewer.
+        """
+        camera, averaging = store.camera, self._averaging
+        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        candidates = 2 * np.asarray(counts, np.int64) + 16
+        last = np.cumsum(candidates)
+        total = int(last[-1])
+        uv = np.empty((total, 2), np.int64)
+        if need is None:
+            uv[:, 0] = generator.integers(0, camera.width_px, total, np.int32)
+            uv[:, 1] = generator.integers(0, camera.height_px, total, np.int32)
+        else:
+            wanted = zip(keyframes, candidates, strict=True)
+            uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
+        filled = 0
+        for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
+            color, depth_raw = store.pixels(int(k))
+            mine = slice(last[slot] - candidates[slot], last[slot])
+            filled += gather_pixels(
+                color, depth_raw, 1.0 / store.depth_units_per_m, self._max_depth_m, K, uv[mine],
+                averaging.radius_px, averaging.same_surface(store, int(k)), slot, batch, filled,
+                int(wanted),
+            )  # fmt: skip
+        return filled

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.keyframes.allocator import MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.mapping.depth_averaging import DepthAveraging
-from hsslam_node.mapping.ray_batch import RayBatch, draw_rays, ray_batch
+from hsslam_node.mapping.ray_batch import RayBatch, RayDraw, ray_batch
 
 _CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 _UNITS_PER_M = 10_000.0
@@ -39,10 +40,8 @@ def _error(batch: RayBatch, depth_m: np.ndarray) -> np.ndarray:
 
 def _rays(store: KeyframeStore, window_px: int) -> RayBatch:
     batch = ray_batch(2000)
-    n = draw_rays(
-        batch, store, np.array([0]), np.array([2000]), 12.0, np.random.default_rng(0),
-        DepthAveraging(window_px),
-    )  # fmt: skip
+    draw = RayDraw(MapperConfig(depth_window_px=window_px))
+    n = draw.fill(batch, store, np.array([0]), np.array([2000]), np.random.default_rng(0))
     assert n == 2000
     return batch
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.kernels.sdf_query import query_sdf
-from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from tests.small_room import SMALL, MappedRoom, empty_room, mapped_room
 
 
@@ -100,10 +99,8 @@ def test_any_number_of_keyframes_makes_a_window():
 def test_rays_are_drawn_where_there_is_depth():
     store = empty_room().store
     batch = ray_batch(300)
-    n = draw_rays(
-        batch, store, np.array([3, 7]), np.array([100, 200]), 8.0, np.random.default_rng(0),
-        DepthAveraging(1),
-    )  # fmt: skip
+    draw = RayDraw(replace(SMALL.mapper, max_depth_m=8.0))
+    n = draw.fill(batch, store, np.array([3, 7]), np.array([100, 200]), np.random.default_rng(0))
     assert n == 300 and np.bincount(batch.slot).tolist() == [100, 200]
     camera = store.camera
     u = np.rint(batch.direction[:, 0] * camera.fx + camera.cx).astype(int)

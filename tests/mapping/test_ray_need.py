@@ -6,9 +6,8 @@ import numpy as np
 
 from hsslam_node.keyframes.allocator import MemoryAllocator
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.mapping.ray_batch import draw_rays, ray_batch
+from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
 from tests.small_room import SMALL, empty_room, mapped_room, room_frames, room_poses
 
@@ -57,16 +56,13 @@ def test_holes_and_what_is_too_far_get_no_rays():
 def test_draws_repeat_and_fill_the_batch():
     store = mapped_room().store
     need = RayNeed(store, 12.0)
-    batches, as_measured = [], DepthAveraging(1)
+    batches, draw = [], RayDraw(SMALL.mapper)
     for _ in range(2):
         batch = ray_batch(600)
         rng = np.random.default_rng(3)
         keyframes = need.keyframes(6, rng)
         assert len(set(keyframes.tolist())) == 6
-        assert (
-            draw_rays(batch, store, keyframes, np.full(6, 100), 12.0, rng, as_measured, need=need)
-            == 600
-        )
+        assert draw.fill(batch, store, keyframes, np.full(6, 100), rng, need) == 600
         batches.append(batch)
     np.testing.assert_array_equal(batches[0].direction, batches[1].direction)
     assert (batches[0].depth > 0).all()
