@@ -1,7 +1,7 @@
 """`hsslam-bench`: run the service, measure the table, print and store it.
 
-`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... compare A.json B.json`
-and `... plots FILE.json` look at results; see `result_commands`.
+`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... compare A.json B.json`,
+`... plots FILE.json` and `... keep FILE.json` take results; see `result_commands`.
 """
 
 import argparse
@@ -59,9 +59,9 @@ def _arguments(args: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
         prog="hsslam-bench",
         description="Measure what the README claims. A bound that is not met gives exit code 1.",
         epilog="Options after -- are added to every hsslam-serve; the figures are then not those "
-        "of the protocol. With --docs nothing is measured. Two commands look at results: "
-        "compare A.json B.json, and plots FILE.json --to FOLDER. Four measure the paper's tables: "
-        f"{', '.join(TABLES)}; each has its own --help.",
+        "of the protocol. With --docs nothing is measured. Three commands take results: compare A.json "
+        "B.json, plots FILE.json --to FOLDER, and keep FILE.json --to FOLDER. Four measure the paper's "
+        f"tables: {', '.join(TABLES)}; each has its own --help.",
     )
     data = os.environ.get("HSSLAM_TEST_DATA", "../shared/data")
     out = Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"

@@ -8,15 +8,14 @@ A table stands between a marker that says what it holds and `<!-- bench:end -->`
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from hsslam_node.errors import UserError
-from hsslam_node.services.bench.catalogue import catalogue
-from hsslam_node.services.bench.check import Check, Row, select, unmeasured
-from hsslam_node.services.bench.report import Report, read_report
+from hsslam_node.services.bench.check import Check, Row, select
+from hsslam_node.services.bench.newest_rows import NewestRows, read_for_documents
+from hsslam_node.services.bench.report import Report
 
 BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
 _BLOCK = re.compile(
@@ -34,7 +33,7 @@ def fill_document(document: Path, results: Sequence[Path]) -> None:
     Raises:
         UserError: no markers, not a result file, or one that did not follow the protocol.
     """
-    reports = [_full(path) for path in results]
+    reports = [read_for_documents(path) for path in results]
     try:
         old = document.read_text()
         document.write_text(with_tables(old, str(document), reports))
@@ -48,13 +47,13 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
     Raises:
         UserError: the markers are not there, or name rows that are not.
     """
-    measured = _Measured.of(reports)
+    newest = NewestRows.of(reports)
 
     def renewed(block: re.Match) -> str:
         marker = block.group(0).partition("\n")[0]
-        checks = select(measured.checks, block["names"].split())
+        checks = select(newest.checks, block["names"].split())
         table = _columns if block["kind"] == "columns" else _table
-        lines = [*table([measured.rows[c.name] for c in checks]), *measured.origins(checks)]
+        lines = [*table([newest.rows[c.name] for c in checks]), *_origins(newest, checks)]
         return "\n".join((marker, *lines, END))
 
     filled, count = _BLOCK.subn(renewed, text)
@@ -63,50 +62,18 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
     return filled
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """The newest of every row, and which report it is from."""
-
-    checks: Sequence[Check]
-    rows: Mapping[str, Row]
-    origin: Mapping[str, Report] = field(default_factory=dict)
-
-    @staticmethod
-    def of(reports: Sequence[Report]) -> "_Measured":
-        """A row that was measured as something else, or against another bound, does not count."""
-        checks = {check.name: check for check in catalogue()}
-        rows = {name: unmeasured(check) for name, check in checks.items()}
-        origin: dict[str, Report] = {}
-        for found in reports:
-            for row in found.rows:
-                check = checks.get(row.name)
-                if check is None or (row.what, row.bound) != (check.what, check.bound):
-                    continue
-                if row.verdict == "not measured" and row.name not in origin:
-                    rows[row.name] = row
-                elif row.verdict not in ("skipped", "not measured"):
-                    rows[row.name], origin[row.name] = row, found
-        return _Measured(list(checks.values()), rows, origin)
-
-    def origins(self, checks: Sequence[Check]) -> list[str]:
-        """Lines that say when and where these rows were measured."""
-        names: dict[int, list[str]] = {}
-        reports = {id(found): found for found in self.origin.values()}
-        for check in checks:
-            if check.name in self.origin:
-                names.setdefault(id(self.origin[check.name]), []).append(f"`{check.name}`")
-        lines = []
-        for key, its in names.items():
-            which = "All" if len(names) == 1 else ", ".join(its)
-            lines += ["", f"{which}: {_circumstances(reports[key])}"]
-        return lines
-
-
-def _full(path: Path) -> Report:
-    found = read_report(path)
-    if found.protocol.get("quick") or found.protocol.get("extra_options"):
-        raise UserError(f"--from {path}: measured with --quick or extra options: expected neither")
-    return found
+def _origins(newest: NewestRows, checks: Sequence[Check]) -> list[str]:
+    """Lines that say when and where these rows were measured."""
+    names: dict[int, list[str]] = {}
+    reports = {id(found): found for found in newest.origin.values()}
+    for check in checks:
+        if newest.rows[check.name].verdict != "not measured":
+            names.setdefault(id(newest.origin[check.name]), []).append(f"`{check.name}`")
+    lines = []
+    for key, its in names.items():
+        which = "All" if len(names) == 1 else ", ".join(its)
+        lines += ["", f"{which}: {_circumstances(reports[key])}"]
+    return lines
 
 
 def _table(rows: Sequence[Row]) -> list[str]:

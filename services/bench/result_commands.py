@@ -1,4 +1,4 @@
-"""`compare` and `plots`: what can be done with result files."""
+"""`compare`, `plots` and `keep`: what can be done with result files."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -8,6 +8,7 @@ from types import MappingProxyType
 from rich.console import Console
 
 from hsslam_node.services.bench.compare import circumstances, comparison
+from hsslam_node.services.bench.kept_figures import keep
 from hsslam_node.services.bench.report import read_report
 
 
@@ -40,6 +41,19 @@ def _plots(args: Sequence[str]) -> None:
         print(path)
 
 
+def _keep(args: Sequence[str]) -> None:
+    """Take the files' rows in among the figures that the documents show."""
+    parser = argparse.ArgumentParser(
+        prog="bench keep",
+        description="Keep the newest of every row, without the runs, for the tables of the documents.",
+    )
+    parser.add_argument("results", type=Path, nargs="+", metavar="FILE.json")
+    parser.add_argument("--to", type=Path, default=Path("docs/figures"), help="(%(default)s)")
+    arguments = parser.parse_args(args)
+    for path in keep(arguments.to, arguments.results):
+        print(path)
+
+
 RESULT_COMMANDS: Mapping[str, Callable[[Sequence[str]], None]] = MappingProxyType(
-    {"compare": _compare, "plots": _plots}
+    {"compare": _compare, "plots": _plots, "keep": _keep}
 )

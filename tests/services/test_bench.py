@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from hsslam_node.errors import UserError
@@ -13,6 +14,8 @@ from hsslam_node.services.bench.catalogue import catalogue
 from hsslam_node.services.bench.check import Row, select
 from hsslam_node.services.bench.compare import circumstances, pairs
 from hsslam_node.services.bench.document import BEGIN, END, fill_document, with_tables
+from hsslam_node.services.bench.kept_figures import keep
+from hsslam_node.services.bench.newest_rows import read_for_documents
 from hsslam_node.services.bench.report import machine, read_report, report, write_report
 from hsslam_node.services.bench.session import Session
 
@@ -121,11 +124,29 @@ def test_every_row_stands_in_the_results():
     ]
 
 
-def test_tables_of_the_performance_document_name_rows_that_are_there():
-    path = Path(__file__).parents[2] / "docs/performance.md"
-    filled = with_tables(path.read_text(), path.name, [])
-    for name in ("budget", "viewer:room:latency", "memory", "growth:room:time", "gpu:kernels"):
-        assert f"| `{name}` |" in filled
+@pytest.mark.parametrize("name", ["results.md", "performance.md"])
+def test_tables_of_the_documents_show_the_figures_that_are_kept(name: str):
+    docs = Path(__file__).parents[2] / "docs"
+    reports = [read_for_documents(path) for path in sorted((docs / "figures").glob("*.json"))]
+    text = (docs / name).read_text()
+    assert with_tables(text, name, reports) == text
+
+
+def test_only_the_newest_figure_of_a_row_is_kept(tmp_path: Path):
+    first = _stored(tmp_path / "1.json", _row("ate:house", "0.70 cm"), _row("memory", "3 GB"))
+    gone = dataclasses.replace(_row("budget"), name="of:old")
+    second = _stored(tmp_path / "2.json", _row("ate:house", "0.41 cm"), gone)
+    earlier = msgspec.structs.replace(read_report(first), time="2026-01-02T03:04:05Z")
+    write_report(first, earlier)
+    folder = tmp_path / "figures"
+    assert [path.name for path in keep(folder, [first])] == ["2026-01-02T030405Z.json"]
+    old, new = map(read_report, keep(folder, [second]))
+    assert [(row.name, row.measured) for row in old.rows] == [("memory", "3 GB")]
+    assert [(row.name, row.measured) for row in new.rows] == [("ate:house", "0.41 cm")]
+    renewed = msgspec.structs.replace(earlier, time="2027-01-02T03:04:05Z")
+    write_report(first, renewed)
+    assert [path.name for path in keep(folder, [first])] == ["2027-01-02T030405Z.json"]
+    assert keep(folder, [second]) == sorted(folder.iterdir())  # older than what is there
 
 
 def test_document_holds_what_was_measured_last(tmp_path: Path):

@@ -1,0 +1,30 @@
+"""The newest figure of every row, kept beside the documents as result files without their runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.bench.newest_rows import NewestRows, read_for_documents
+from hsslam_node.services.bench.report import write_report
+
+
+def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
+    """Take in the rows of `results`; what they replace goes, and what the catalogue no longer has.
+
+    Returns the files that `folder` then has, oldest first: one for each benchmark, named by its time.
+
+    Raises:
+        UserError: not a result file, or one that did not follow the protocol; `folder` cannot be written.
+    """
+    before = sorted(folder.glob("*.json"))
+    reports = [read_for_documents(path) for path in (*before, *results)]
+    newest = NewestRows.of(sorted(reports, key=lambda found: found.time))
+    after = {folder / f"{found.time.replace(':', '')}.json": found for found in newest.reports()}
+    for path, found in after.items():
+        write_report(path, found)
+    for path in set(before) - set(after):
+        try:
+            path.unlink()
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}: expected a file to replace") from None
+    return sorted(after)

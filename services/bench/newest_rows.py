@@ -1,0 +1,63 @@
+"""Of many result files, the newest of every row."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from hsslam_node.errors import UserError
+from hsslam_node.services.bench.catalogue import catalogue
+from hsslam_node.services.bench.check import Check, Row, unmeasured
+from hsslam_node.services.bench.report import Report, read_report
+
+
+@dataclass(frozen=True)
+class NewestRows:
+    """A row for every check of the catalogue, and which report it is from, if any."""
+
+    checks: Sequence[Check]
+    rows: Mapping[str, Row]
+    origin: Mapping[str, Report]
+
+    @staticmethod
+    def of(reports: Sequence[Report]) -> "NewestRows":
+        """A row comes from the last report that measured it; without one, the last that says why not.
+
+        A row that was measured as something else, or against another bound, does not count.
+        """
+        checks = {check.name: check for check in catalogue()}
+        rows = {name: unmeasured(check) for name, check in checks.items()}
+        origin: dict[str, Report] = {}
+        for found in reports:
+            for row in found.rows:
+                check = checks.get(row.name)
+                if check is None or (row.what, row.bound) != (check.what, check.bound):
+                    continue
+                is_measured = row.verdict not in ("skipped", "not measured")
+                if is_measured or row.verdict == rows[row.name].verdict == "not measured":
+                    rows[row.name], origin[row.name] = row, found
+        return NewestRows(list(checks.values()), rows, origin)
+
+    def reports(self) -> list[Report]:
+        """The reports that rows are from, with these rows alone and without their runs."""
+        rows: dict[int, list[Row]] = {}
+        for name, found in self.origin.items():
+            rows.setdefault(id(found), []).append(self.rows[name])
+        found = {id(report): report for report in self.origin.values()}
+        return [
+            msgspec.structs.replace(found[key], rows=tuple(its), runs=[])
+            for key, its in rows.items()
+        ]
+
+
+def read_for_documents(path: Path) -> Report:
+    """A result file that followed the protocol.
+
+    Raises:
+        UserError: not a result file, or measured otherwise.
+    """
+    found = read_report(path)
+    if found.protocol.get("quick") or found.protocol.get("extra_options"):
+        raise UserError(f"--from {path}: measured with --quick or extra options: expected neither")
+    return found
