@@ -123,12 +123,20 @@ class _Version(msgspec.Struct):
 
 
 def _cpu_model() -> str:
+    """Its name, and its family and model: virtual machines go by one name on several generations."""
     info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    if not info.exists():
+        return platform.processor() or platform.machine()
+    first = dict(_named(line) for line in info.read_text().partition("\n\n")[0].splitlines())
+    name = first.get("model name", platform.machine())
+    if "cpu family" not in first:
+        return name
+    return f"{name} (family {first['cpu family']}, model {first.get('model', '?')})"
+
+
+def _named(line: str) -> tuple[str, str]:
+    name, _, value = line.partition(":")
+    return name.strip(), value.strip()
 
 
 def source_commit() -> str:
