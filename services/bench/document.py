@@ -64,15 +64,12 @@ def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
 
 def _origins(newest: NewestRows, checks: Sequence[Check]) -> list[str]:
     """Lines that say when and where these rows were measured."""
-    names: dict[int, list[str]] = {}
-    reports = {id(found): found for found in newest.origin.values()}
-    for check in checks:
-        if newest.rows[check.name].verdict != "not measured":
-            names.setdefault(id(newest.origin[check.name]), []).append(f"`{check.name}`")
+    rows = [newest.rows[check.name] for check in checks]
+    groups = newest.by_report(row for row in rows if row.verdict != "not measured")
     lines = []
-    for key, its in names.items():
-        which = "All" if len(names) == 1 else ", ".join(its)
-        lines += ["", f"{which}: {_circumstances(reports[key])}"]
+    for found, its in groups:
+        which = "All" if len(groups) == 1 else ", ".join(f"`{row.name}`" for row in its)
+        lines += ["", f"{which}: {_circumstances(found)}"]
     return lines
 
 

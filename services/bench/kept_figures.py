@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.newest_rows import NewestRows, read_for_documents
 from hsslam_node.services.bench.report import write_report
@@ -19,9 +21,10 @@ def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
     before = sorted(folder.glob("*.json"))
     reports = [read_for_documents(path) for path in (*before, *results)]
     newest = NewestRows.of(sorted(reports, key=lambda found: found.time))
-    after = {folder / f"{found.time.replace(':', '')}.json": found for found in newest.reports()}
-    for path, found in after.items():
-        write_report(path, found)
+    after: list[Path] = []
+    for found, rows in newest.by_report(newest.rows.values()):
+        after.append(folder / f"{found.time.replace(':', '')}.json")
+        write_report(after[-1], msgspec.structs.replace(found, rows=tuple(rows), runs=[]))
     for path in set(before) - set(after):
         try:
             path.unlink()

@@ -1,10 +1,8 @@
 """Of many result files, the newest of every row."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import msgspec
 
 from hsslam_node.errors import UserError
 from hsslam_node.services.bench.catalogue import catalogue
@@ -39,16 +37,13 @@ class NewestRows:
                     rows[row.name], origin[row.name] = row, found
         return NewestRows(list(checks.values()), rows, origin)
 
-    def reports(self) -> list[Report]:
-        """The reports that rows are from, with these rows alone and without their runs."""
-        rows: dict[int, list[Row]] = {}
-        for name, found in self.origin.items():
-            rows.setdefault(id(found), []).append(self.rows[name])
-        found = {id(report): report for report in self.origin.values()}
-        return [
-            msgspec.structs.replace(found[key], rows=tuple(its), runs=[])
-            for key, its in rows.items()
-        ]
+    def by_report(self, rows: Iterable[Row]) -> list[tuple[Report, list[Row]]]:
+        """These rows by the report that each is from; a row of none is left out."""
+        groups: dict[int, tuple[Report, list[Row]]] = {}
+        for row in rows:
+            if (found := self.origin.get(row.name)) is not None:
+                groups.setdefault(id(found), (found, []))[1].append(row)
+        return list(groups.values())
 
 
 def read_for_documents(path: Path) -> Report:
@@ -59,5 +54,5 @@ def read_for_documents(path: Path) -> Report:
     """
     found = read_report(path)
     if found.protocol.get("quick") or found.protocol.get("extra_options"):
-        raise UserError(f"--from {path}: measured with --quick or extra options: expected neither")
+        raise UserError(f"{path}: measured with --quick or extra options: expected neither")
     return found

@@ -24,6 +24,13 @@ def test_every_row_stands_in_the_results():
     ]
 
 
+def test_tables_of_the_performance_document_name_rows_that_are_there():
+    path = Path(__file__).parents[3] / "docs/performance.md"
+    filled = with_tables(path.read_text(), path.name, [])
+    for name in ("budget", "viewer:room:latency", "memory", "growth:room:time", "gpu:kernels"):
+        assert f"| `{name}` |" in filled
+
+
 @pytest.mark.parametrize("name", ["results.md", "performance.md"])
 def test_tables_of_the_documents_show_the_figures_that_are_kept(name: str):
     docs = Path(__file__).parents[3] / "docs"
