@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.errors import UserError
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from hsslam_node.services.arena import Arena
 
 _HEARTBEAT_S = 0.5
+_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 _PR_SET_PDEATHSIG = 1
 _EMA = 0.1  # weight of a new stage time
 _TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
@@ -58,8 +60,8 @@ class Worker:
         self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
     def __enter__(self) -> "Worker":
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: self._stop.set())
+        for number in _STOP_SIGNALS:
+            signal.signal(number, self._signalled)
         self._heartbeat.start()
         return self
 
@@ -109,6 +111,12 @@ class Worker:
         self._events.put(
             Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
         )
+
+    def _signalled(self, _number: int, _frame: FrameType | None) -> None:
+        """Once is enough: a second one within `set` would wait for ever for the first one's lock."""
+        for number in _STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        self._stop.set()
 
     def _beat(self) -> None:
         while True:

@@ -116,3 +116,13 @@ def test_deaf_process_is_killed(watch):
     child.wanted = False
     until(lambda: child.state == "ended")
     assert "did not end" in child.news[-1]
+
+
+def test_ends_in_order_however_many_signals_come(watch, run_info: RunInfo):
+    """As when its parent's death, the watchdog and Ctrl-C tell it within a microsecond."""
+    start, until = watch
+    child = start("obedient")
+    until((run_info.path / "at_work").exists)
+    for number in (signal.SIGTERM, signal.SIGINT) * 2000:
+        os.kill(child.pid, number)
+    until((run_info.path / "ended").exists)
