@@ -19,7 +19,7 @@ def kernel_cache_folder() -> Path:
     for part in (str(package), version("numba"), sys.version, processor()):
         digest.update(part.encode())
     for source in sorted(package.rglob("*.py")):
-        if "njit" in (text := source.read_text(encoding="utf-8")):
+        if "numba" in (text := source.read_text(encoding="utf-8")):
             digest.update(text.encode())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 

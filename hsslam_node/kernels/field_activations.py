@@ -12,8 +12,7 @@ from hsslam_node.kernels.kernel_layout import KernelLayout
 class FieldActivations(NamedTuple):
     """For up to N points; C channels, L hash levels. Colour rows are compact: see `color_row`."""
 
-    position: np.ndarray  # [N, 3] m, from the origin of the layout
-    axes: np.ndarray  # [3, N] the same
+    axes: np.ndarray  # [3, N] m, positions from the origin of the layout
     inside: np.ndarray  # [N] uint8, 1 where the point is in the bound
     hash_feature: np.ndarray  # [L, N, 2], overwritten by its gradient in the backward pass
     geometry_in: np.ndarray  # [N, 2 L + 2 C]
@@ -21,7 +20,7 @@ class FieldActivations(NamedTuple):
     geometry_out: np.ndarray  # [N, 16], column 0 before tanh
     color_rows: np.ndarray  # [1] int64, number of points with colour
     color_row: np.ndarray  # [N] int64, those points, ascending
-    color_position: np.ndarray  # [N, 3] m, position of those points
+    color_axes: np.ndarray  # [3, N] m, positions of those points
     color_in: np.ndarray  # [N, 2 C + 16], the last 16 are geometry_out (column 0 has zero weight)
     color_hidden: np.ndarray  # [N, 32], after ReLU
     sdf: np.ndarray  # [N] in units of the truncation
@@ -33,7 +32,6 @@ def field_activations(layout: KernelLayout, point_count: int) -> FieldActivation
     """Allocate work space for `point_count` points."""
     N, L, C2 = point_count, len(layout.hash_offset), 2 * layout.channels
     return FieldActivations(
-        position=aligned_zeros(N, 3),
         axes=aligned_zeros(3, N),
         inside=np.zeros(N, np.uint8),
         hash_feature=aligned_zeros(L, N, 2),
@@ -42,7 +40,7 @@ def field_activations(layout: KernelLayout, point_count: int) -> FieldActivation
         geometry_out=aligned_zeros(N, 16),
         color_rows=np.zeros(1, np.int64),
         color_row=np.zeros(N, np.int64),
-        color_position=aligned_zeros(N, 3),
+        color_axes=aligned_zeros(3, N),
         color_in=aligned_zeros(N, C2 + 16),
         color_hidden=aligned_zeros(N, HIDDEN),
         sdf=aligned_zeros(N),

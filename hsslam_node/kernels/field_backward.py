@@ -14,9 +14,11 @@ from hsslam_node.kernels.field_forward import split_hash_gradient
 from hsslam_node.kernels.hash_grid import hash_position_gradient, scatter_hash
 from hsslam_node.kernels.one_blob import (
     BLOCK,
+    add_blob_gradient,
     one_blob,
     one_blob_position_gradient,
     one_blob_space,
+    padded_blob_rows,
     scatter_one_blob,
 )
 from hsslam_node.kernels.planes import plane_position_gradient, scatter_planes
@@ -56,34 +58,35 @@ def _color_backward(params, layout, acts, d_rgb, grad, d_points, want_points):
     d_V2_T = np.zeros((3, HIDDEN), np.float32)
     product = aligned_rows(2 * C + 16, HIDDEN)
     d_position = aligned_rows(BLOCK, 3)
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_V1)
+    d_blob_rows = np.zeros_like(blob_rows)
     rows = acts.color_rows[0]
     for start in range(0, rows, BLOCK):
         stop = min(start + BLOCK, rows)
         m = stop - start
-        position, hidden = acts.color_position[start:stop], acts.color_hidden[start:stop]
-        point = acts.color_row[start:stop]
+        hidden, point = acts.color_hidden[start:stop], acts.color_row[start:stop]
         color_logit_gradient(acts.inside, acts.rgb, point, d_rgb, d_logit)
         _narrow_layer_backward(hidden, d_logit, V2_T, d_V2_T, d_hidden)
         np.dot(d_hidden[:m], V1_T, d_in[:m])
         np.dot(acts.color_in[start:stop].T, d_hidden[:m], product)
         d_V += product[: 2 * C]
         d_feature_V += product[2 * C + 1 :]
-        one_blob(layout, position, blob)
-        scatter_one_blob(blob, d_hidden[:m], d_blob)
+        one_blob(layout, acts.color_axes, start, m, blob)
+        scatter_one_blob(blob, d_hidden[:m], d_blob_rows)
         put_feature_gradient(acts.d_geometry_out, point, d_in)
         for s in range(2):
-            scatter_planes(grad, layout, 2 + s, position, d_in[:m], s * C)
+            scatter_planes(grad, layout, 2 + s, acts.color_axes, start, d_in[:m], s * C)
         if want_points:
             d_position[:m] = np.float32(0.0)
             for s in range(2):
                 plane_position_gradient(
-                    params, layout, 2 + s, position, d_in[:m], s * C, d_position[:m]
+                    params, layout, 2 + s, acts.color_axes, start, d_in[:m], s * C, d_position[:m]
                 )
-            one_blob_position_gradient(blob, blob_V1, d_hidden[:m], d_position[:m])
+            one_blob_position_gradient(blob, blob_rows, d_hidden[:m], d_position[:m])
             for k in range(m):
                 for a in range(3):
                     d_points[point[k], a] += d_position[k, a]
+    add_blob_gradient(d_blob_rows, d_blob)
     for c in range(3):
         for h in range(HIDDEN):
             d_V2[h, c] += d_V2_T[c, h]
@@ -100,29 +103,31 @@ def _geometry_backward(params, layout, n, acts, grad, d_points, want_points):
     d_in = aligned_rows(BLOCK, 2 * L + 2 * C)
     product_W1 = aligned_rows(2 * L + 2 * C, HIDDEN)
     product_W2 = aligned_rows(HIDDEN, 16)
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_W1)
+    d_blob_rows = np.zeros_like(blob_rows)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
         m = stop - start
-        position, hidden = acts.position[start:stop], acts.geometry_hidden[start:stop]
+        hidden = acts.geometry_hidden[start:stop]
         d_out = acts.d_geometry_out[start:stop]
         _layer_backward(hidden, d_out, W2_T, product_W2, d_W2, d_hidden[:m])
         mask_relu(hidden, d_hidden)
         _layer_backward(
             acts.geometry_in[start:stop], d_hidden[:m], W1_T, product_W1, d_W1, d_in[:m]
         )
-        one_blob(layout, position, blob)
-        scatter_one_blob(blob, d_hidden[:m], d_blob)
+        one_blob(layout, acts.axes, start, m, blob)
+        scatter_one_blob(blob, d_hidden[:m], d_blob_rows)
         split_hash_gradient(acts.hash_feature, start, d_in[:m])
         for s in range(2):
-            scatter_planes(grad, layout, s, position, d_in[:m], 2 * L + s * C)
+            scatter_planes(grad, layout, s, acts.axes, start, d_in[:m], 2 * L + s * C)
         if want_points:
             d_position = d_points[start:stop]
             for s in range(2):
                 plane_position_gradient(
-                    params, layout, s, position, d_in[:m], 2 * L + s * C, d_position
+                    params, layout, s, acts.axes, start, d_in[:m], 2 * L + s * C, d_position
                 )
-            one_blob_position_gradient(blob, blob_W1, d_hidden[:m], d_position)
+            one_blob_position_gradient(blob, blob_rows, d_hidden[:m], d_position)
+    add_blob_gradient(d_blob_rows, d_blob)
     scatter_hash(grad, layout, acts.axes, n, acts.hash_feature)
     if want_points:
         hash_position_gradient(params, layout, acts.axes, n, acts.hash_feature, d_points)

@@ -5,9 +5,16 @@ from numba import njit
 
 from hsslam_node.kernels.decoder_weights import HIDDEN, color_weights, geometry_weights
 from hsslam_node.kernels.hash_grid import gather_hash
-from hsslam_node.kernels.one_blob import BLOCK, add_one_blob, one_blob, one_blob_space
+from hsslam_node.kernels.one_blob import (
+    BLOCK,
+    add_one_blob,
+    one_blob,
+    one_blob_space,
+    padded_blob_rows,
+)
 from hsslam_node.kernels.planes import gather_planes
-from hsslam_node.kernels.simd import copy_pair, fma, load, mul, store, total
+from hsslam_node.kernels.simd import fma, load, mul, store, total
+from hsslam_node.kernels.simd_pairs import copy_pair, transpose_pairs
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -24,19 +31,19 @@ def geometry_forward(params, layout, points, n, acts):
     """The SDF at points[:n] into `acts`, without colour."""
     L, C = layout.hash_offset.shape[0], layout.channels
     W1, blob_W1, W2 = geometry_weights(params, layout)
-    blob = one_blob_space()
-    relative_positions(layout, points[:n], acts.position, acts.axes, acts.inside)
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_W1)
+    relative_positions(layout, points[:n], acts.axes, acts.inside)
     gather_hash(params, layout, acts.axes, n, acts.hash_feature)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
-        position, geometry_in = acts.position[start:stop], acts.geometry_in[start:stop]
+        geometry_in = acts.geometry_in[start:stop]
         join_hash_features(acts.hash_feature, start, geometry_in)
         for s in range(2):
-            gather_planes(params, layout, s, position, geometry_in, 2 * L + s * C)
+            gather_planes(params, layout, s, acts.axes, start, geometry_in, 2 * L + s * C)
         hidden = acts.geometry_hidden[start:stop]
         np.dot(geometry_in, W1, hidden)
-        one_blob(layout, position, blob)
-        add_one_blob(blob, blob_W1, hidden)
+        one_blob(layout, acts.axes, start, stop - start, blob)
+        add_one_blob(blob, blob_rows, hidden)
         out = acts.geometry_out[start:stop]
         np.dot(hidden, W2, out)
         inside, sdf = acts.inside[start:stop], acts.sdf[start:stop]
@@ -50,26 +57,25 @@ def color_forward(params, layout, n, rows, acts):
     C = layout.channels
     V1, blob_V1, V2 = color_weights(params, layout)
     V2 = V2.T.copy()
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_V1)
     acts.color_rows[0] = rows
     acts.rgb[:n] = np.float32(0.5)
     for start in range(0, rows, BLOCK):
         stop = min(start + BLOCK, rows)
-        position, color_in = acts.color_position[start:stop], acts.color_in[start:stop]
-        point = acts.color_row[start:stop]
-        _take_points(acts.position, acts.geometry_out, point, position, color_in)
+        color_in, point = acts.color_in[start:stop], acts.color_row[start:stop]
+        _take_points(acts.axes, acts.geometry_out, point, acts.color_axes, start, color_in)
         for s in range(2):
-            gather_planes(params, layout, 2 + s, position, color_in, s * C)
+            gather_planes(params, layout, 2 + s, acts.color_axes, start, color_in, s * C)
         hidden = acts.color_hidden[start:stop]
         np.dot(color_in, V1, hidden)
-        one_blob(layout, position, blob)
-        add_one_blob(blob, blob_V1, hidden)
+        one_blob(layout, acts.color_axes, start, stop - start, blob)
+        add_one_blob(blob, blob_rows, hidden)
         _decode_color(hidden, V2, point, acts.rgb)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def relative_positions(layout, points, position, axes, inside):
-    """position [N, 3] and axes [3, N]: points [n, 3], clamped to the box, less the origin; inside [N]."""
+def relative_positions(layout, points, axes, inside):
+    """axes [3, N]: points [n, 3], clamped to the box, less the origin; inside [N]."""
     n = points.shape[0]
     for k in range(n):
         inside[k] = 1
@@ -82,16 +88,20 @@ def relative_positions(layout, points, position, axes, inside):
                 inside[k] = 0
                 x = low if not x > high else high
             axis[k] = x - origin
-            position[k, a] = x - origin
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def join_hash_features(feature, start, geometry_in):
     """Copy the features [L, N, 2] of points from `start` on into the first columns of [n, W]."""
     n, stride = geometry_in.shape
-    N = feature.shape[1]
+    L, N = feature.shape[0], feature.shape[1]
+    tiled_n, tiled_L = n & ~7, L & ~7
+    for k in range(0, tiled_n, 8):
+        for level in range(0, tiled_L, 8):
+            o, at = k * stride + 2 * level, 2 * (level * N + start + k)
+            transpose_pairs(geometry_in, o, stride, feature, at, 2 * N)
     for k in range(n):
-        for level in range(feature.shape[0]):
+        for level in range(tiled_L if k < tiled_n else 0, L):
             copy_pair(geometry_in, k * stride + 2 * level, feature, 2 * (level * N + start + k))
 
 
@@ -99,20 +109,25 @@ def join_hash_features(feature, start, geometry_in):
 def split_hash_gradient(d_feature, start, d_in):
     """The reverse of `join_hash_features`, for gradients."""
     n, stride = d_in.shape
-    N = d_feature.shape[1]
+    L, N = d_feature.shape[0], d_feature.shape[1]
+    tiled_n, tiled_L = n & ~7, L & ~7
+    for k in range(0, tiled_n, 8):
+        for level in range(0, tiled_L, 8):
+            o, at = k * stride + 2 * level, 2 * (level * N + start + k)
+            transpose_pairs(d_feature, at, 2 * N, d_in, o, stride)
     for k in range(n):
-        for level in range(d_feature.shape[0]):
+        for level in range(tiled_L if k < tiled_n else 0, L):
             copy_pair(d_feature, 2 * (level * N + start + k), d_in, k * stride + 2 * level)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _take_points(all_position, geometry_out, point, position, color_in):
-    """Gather position [m, 3] and the last 16 columns of color_in [m, W] of points [m]."""
+def _take_points(axes, geometry_out, point, color_axes, start, color_in):
+    """Gather positions (from `start` on) and the last 16 columns of color_in [m, W] of points [m]."""
     stride = color_in.shape[1]
     for k in range(point.shape[0]):
         p = point[k]
         for a in range(3):
-            position[k, a] = all_position[p, a]
+            color_axes[a, start + k] = axes[a, p]
         store(color_in, (k + 1) * stride - 16, load(geometry_out, 16 * p))
 
 

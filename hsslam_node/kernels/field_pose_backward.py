@@ -18,6 +18,7 @@ from hsslam_node.kernels.one_blob import (
     one_blob,
     one_blob_position_gradient,
     one_blob_space,
+    padded_blob_rows,
 )
 from hsslam_node.kernels.planes import plane_position_gradient
 
@@ -43,12 +44,12 @@ def _color(params, layout, acts, d_rgb, d_points):
     V1_T, V2_T = V1.T.copy(), V2.T.copy()
     d_logit, d_hidden = aligned_rows(BLOCK, 3), aligned_rows(BLOCK, HIDDEN)
     d_in, d_position = aligned_rows(BLOCK, 2 * C + 16), aligned_rows(BLOCK, 3)
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_V1)
     rows = acts.color_rows[0]
     for start in range(0, rows, BLOCK):
         stop = min(start + BLOCK, rows)
         m = stop - start
-        position, point = acts.color_position[start:stop], acts.color_row[start:stop]
+        point = acts.color_row[start:stop]
         color_logit_gradient(acts.inside, acts.rgb, point, d_rgb, d_logit)
         np.dot(d_logit[:m], V2_T, d_hidden[:m])
         mask_relu(acts.color_hidden[start:stop], d_hidden)
@@ -56,10 +57,10 @@ def _color(params, layout, acts, d_rgb, d_points):
         d_position[:m] = np.float32(0.0)
         for s in range(2):
             plane_position_gradient(
-                params, layout, 2 + s, position, d_in[:m], s * C, d_position[:m]
+                params, layout, 2 + s, acts.color_axes, start, d_in[:m], s * C, d_position[:m]
             )
-        one_blob(layout, position, blob)
-        one_blob_position_gradient(blob, blob_V1, d_hidden[:m], d_position[:m])
+        one_blob(layout, acts.color_axes, start, m, blob)
+        one_blob_position_gradient(blob, blob_rows, d_hidden[:m], d_position[:m])
         put_feature_gradient(acts.d_geometry_out, point, d_in)
         for k in range(m):
             for a in range(3):
@@ -72,19 +73,19 @@ def _geometry(params, layout, n, acts, d_points):
     W1, blob_W1, W2 = geometry_weights(params, layout)
     W1_T, W2_T = W1.T.copy(), W2.T.copy()
     d_hidden, d_in = aligned_rows(BLOCK, HIDDEN), aligned_rows(BLOCK, 2 * L + 2 * C)
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_W1)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)
         m = stop - start
-        position, d_position = acts.position[start:stop], d_points[start:stop]
+        d_position = d_points[start:stop]
         np.dot(acts.d_geometry_out[start:stop], W2_T, d_hidden[:m])
         mask_relu(acts.geometry_hidden[start:stop], d_hidden)
         np.dot(d_hidden[:m], W1_T, d_in[:m])
         split_hash_gradient(acts.hash_feature, start, d_in[:m])
         for s in range(2):
             plane_position_gradient(
-                params, layout, s, position, d_in[:m], 2 * L + s * C, d_position
+                params, layout, s, acts.axes, start, d_in[:m], 2 * L + s * C, d_position
             )
-        one_blob(layout, position, blob)
-        one_blob_position_gradient(blob, blob_W1, d_hidden[:m], d_position)
+        one_blob(layout, acts.axes, start, m, blob)
+        one_blob_position_gradient(blob, blob_rows, d_hidden[:m], d_position)
     hash_position_gradient(params, layout, acts.axes, n, acts.hash_feature, d_points)

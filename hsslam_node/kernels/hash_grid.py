@@ -12,17 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hsslam_node.kernels.simd import (
-    add_pairs,
-    fma,
-    load,
-    load_pairs,
-    mul,
-    spread,
-    spread_pair,
-    store_pair_total,
-    total,
-)
+from hsslam_node.kernels.simd import fma, load, mul, spread, total
+from hsslam_node.kernels.simd_pairs import add_pairs, load_pairs, spread_pair, store_pair_total
 
 PRIME_Y = 2654435761
 PRIME_Z = 805459861
@@ -60,19 +51,13 @@ def gather_hash(params, layout, axes, n, features):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_hash(grad, layout, axes, n, d_features):
-    """Add the gradient of `gather_hash` to `grad` (a `Gradient`) and mark where it lies.
+    """Add the gradient of `gather_hash` to `grad` (a `Gradient`), which needs no marks here.
 
     Successive points in one cell, as samples of a ray often are, are added up first.
     """
     cells = _cells()
-    first_hashed = layout.geometry_W1
-    for level in range(layout.hash_offset.shape[0] - 1, -1, -1):
-        if layout.hash_mask[level] != 0:
-            first_hashed = layout.hash_offset[level]
     for level in range(layout.hash_offset.shape[0]):
-        dense = layout.hash_mask[level] == 0
         table = grad.values[layout.hash_offset[level] :]
-        marks = grad.touched[layout.hash_offset[level] >> 4 :]
         d_out = d_features[level]
         for start in range(0, n, _BLOCK):
             m = min(n - start, _BLOCK)
@@ -86,13 +71,6 @@ def scatter_hash(grad, layout, axes, n, d_features):
                     d = fma(spread_pair(d_out, 2 * (start + k)), mul(x, mul(y, z)), d)
                     k += 1
                 add_pairs(table, cells.offset, first, _BLOCK, d)
-                for c in range(8):
-                    marks[cells.offset[c * _BLOCK + first] >> 4] = 1
-                    if dense:
-                        at = layout.hash_offset[level] + cells.offset[c * _BLOCK + first]
-                        grad.pages[at >> 10] = 1
-    # hashed levels do not grow with the map: all their pages
-    grad.pages[first_hashed >> 10 : ((layout.geometry_W1 - 1) >> 10) + 1] = 1
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -139,23 +117,31 @@ def _find_cells(layout, level, axes, start, m, cells):
             i = np.int32(min(np.int32(np.floor(g)), last))
             corner[k] = i
             fraction[k] = g - np.float32(i)
-    mask = layout.hash_mask[level]
     x = cells.corner[:m]
     y = cells.corner[_BLOCK : _BLOCK + m]
     z = cells.corner[2 * _BLOCK : 2 * _BLOCK + m]
-    for c in range(8):
-        dx, dy, dz = c & 1, c >> 1 & 1, c >> 2
-        out = cells.offset[c * _BLOCK : c * _BLOCK + m]
+    mask = np.int32(2 * layout.hash_mask[level])
+    n_x, n_y = np.int32(layout.hash_count[level, 0]), np.int32(layout.hash_count[level, 1])
+    first = layout.hash_first[level]
+    for upper in range(
+        4
+    ):  # corners in pairs along x; all in 32 bits, which is what vectorises well
+        dy, dz = np.int32(upper & 1), np.int32(upper >> 1)
+        low = cells.offset[2 * upper * _BLOCK : 2 * upper * _BLOCK + m]
+        high = cells.offset[(2 * upper + 1) * _BLOCK : (2 * upper + 1) * _BLOCK + m]
         if mask == 0:  # dense, x fastest
-            n_x, n_y = layout.hash_count[level, 0], layout.hash_count[level, 1]
-            first = layout.hash_first[level]
-            far = 2 * (dx - first[0] + n_x * (dy - first[1] + n_y * (dz - first[2])))
+            far = np.int32(2 * (n_x * (dy - first[1] + n_y * (dz - first[2])) - first[0]))
             for k in range(m):
-                out[k] = np.int32(2 * (x[k] + n_x * (y[k] + n_y * z[k])) + far)
+                row = np.int32(y[k] + np.int32(n_y * z[k]))
+                offset = np.int32(2 * np.int32(x[k] + np.int32(n_x * row)) + far)
+                low[k] = offset
+                high[k] = offset + np.int32(2)
         else:  # XOR hash (Instant-NGP, eq. 4)
             for k in range(m):
-                mixed = (x[k] + dx) ^ ((y[k] + dy) * PRIME_Y) ^ ((z[k] + dz) * PRIME_Z)
-                out[k] = np.int32(2 * (mixed & mask))
+                from_y, from_z = np.int32((y[k] + dy) * PRIME_Y), np.int32((z[k] + dz) * PRIME_Z)
+                mixed = np.int32(from_y ^ from_z)
+                low[k] = np.int32((x[k] ^ mixed) << 1) & mask
+                high[k] = np.int32(((x[k] + np.int32(1)) ^ mixed) << 1) & mask
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")

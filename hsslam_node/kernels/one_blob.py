@@ -1,8 +1,9 @@
 """One-blob encoding on the CPU: at most three bins per axis are not zero, so it is never written out.
 
-What a first layer needs of it is the sum of three rows of weights per axis. All take positions [n, 3]
-(m, from the low corner of the first bound) and a block of weight rows [48, 32]: 16 bins of x, then y,
-then z. No rows: no encoding.
+What a first layer needs of it is the sum of three rows of weights per axis. All take positions as
+axes [3, N] (m, from the low corner of the first bound) and weight rows [54, 32] with a row of zeros
+before and after the 16 bins of x, of y and of z, so that the border is no special case
+(`padded_blob_rows`). No rows: no encoding.
 """
 
 from typing import NamedTuple
@@ -13,6 +14,7 @@ from numba import njit
 from hsslam_node.kernels.simd import add, fma, load, mul, spread, store, total, where_positive
 
 BINS = 16
+_PADDED = BINS + 2
 _HIDDEN = 32
 BLOCK = 256  # points a pass: activations of a block stay in the L2 cache
 
@@ -20,58 +22,77 @@ BLOCK = 256  # points a pass: activations of a block stay in the L2 cache
 class OneBlob(NamedTuple):
     """Encodings of up to 256 points: per axis three successive bins that hold all that is not zero."""
 
-    first: np.ndarray  # [3, 256] int32, row of the first of the three: 16 axis + bin
-    weight: np.ndarray  # [9, 256], bins of x, y, z
-    slope: np.ndarray  # [9, 256] 1/m, their derivative by position
+    first: np.ndarray  # [3 * 256] int32, padded row of the first of the three: 18 axis + bin + 1
+    weight: np.ndarray  # [9 * 256], bins of x, y, z
+    slope: np.ndarray  # [9 * 256] 1/m, their derivative by position
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_space():
     """Work space."""
     return OneBlob(
-        np.empty((3, BLOCK), np.int32),
-        np.empty((9, BLOCK), np.float32),
-        np.empty((9, BLOCK), np.float32),
+        np.empty(3 * BLOCK, np.int32),
+        np.empty(9 * BLOCK, np.float32),
+        np.empty(9 * BLOCK, np.float32),
     )
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def one_blob(layout, position, blob):
-    """Encode up to 256 positions. Quartic kernel of radius 1/16 (paper III-A, one-blob)."""
+def padded_blob_rows(rows):
+    """Weight rows [48, 32], or [0, 32], with a row of zeros before and after each axis."""
+    axes = rows.shape[0] // BINS
+    padded = np.zeros((axes * _PADDED, _HIDDEN), np.float32)
+    for a in range(axes):
+        padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS] = rows[BINS * a : BINS * (a + 1)]
+    return padded
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def add_blob_gradient(d_padded, d_rows):
+    """Add what belongs to the rows [48, 32] of the gradient by the padded ones."""
+    for a in range(d_rows.shape[0] // BINS):
+        d_rows[BINS * a : BINS * (a + 1)] += d_padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS]
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def one_blob(layout, axes, start, n, blob):
+    """Encode n <= 256 positions from `start` on. Quartic kernel of radius 1/16 (paper III-A, one-blob)."""
     one, zero, bins = np.float32(1.0), np.float32(0.0), np.float32(BINS)
     for a in range(3):
         scale = layout.inv_extent[a] * bins
-        w0, w1, w2 = blob.weight[3 * a], blob.weight[3 * a + 1], blob.weight[3 * a + 2]
-        s0, s1, s2 = blob.slope[3 * a], blob.slope[3 * a + 1], blob.slope[3 * a + 2]
-        first = blob.first[a]
-        for k in range(position.shape[0]):
-            unclamped = position[k, a] * scale  # beyond the first bound the value at its border
+        row = np.int32(_PADDED * a)
+        position = axes[a, start : start + n]
+        first, at = blob.first[BLOCK * a : BLOCK * a + n], 3 * a * BLOCK
+        w0, s0 = blob.weight[at : at + n], blob.slope[at : at + n]
+        w1, s1 = blob.weight[at + BLOCK :][:n], blob.slope[at + BLOCK :][:n]
+        w2, s2 = blob.weight[at + 2 * BLOCK :][:n], blob.slope[at + 2 * BLOCK :][:n]
+        for k in range(n):
+            unclamped = position[k] * scale  # beyond the first bound the value at its border
             scaled = min(max(unclamped, zero), bins)
             slope = scale if scaled == unclamped else zero
             j = min(np.int32(scaled), np.int32(BINS - 1))
             f = scaled - np.float32(j)
             left, right = _cdf(-f), _cdf(one - f)
             d_left, d_right = -_pdf(-f) * slope, -_pdf(one - f) * slope
-            at_start, at_end = j == 0, j == BINS - 1  # the bin outside has no row: shift by one
-            w0[k] = right - left if at_start else (zero if at_end else left)
-            w1[k] = one - right if at_start else (left if at_end else right - left)
-            w2[k] = zero if at_start else (right - left if at_end else one - right)
-            s0[k] = d_right - d_left if at_start else (zero if at_end else d_left)
-            s1[k] = -d_right if at_start else (d_left if at_end else d_right - d_left)
-            s2[k] = zero if at_start else (d_right - d_left if at_end else -d_right)
-            first[k] = np.int32(BINS * a + min(max(j - 1, 0), BINS - 3))
+            w0[k] = left
+            w1[k] = right - left
+            w2[k] = one - right
+            s0[k] = d_left
+            s1[k] = d_right - d_left
+            s2[k] = -d_right
+            first[k] = row + j
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_one_blob(blob, rows, hidden):
-    """hidden [n, 32] becomes the ReLU of itself plus the encoding times its weight rows [48, 32]."""
-    axes = rows.shape[0] // BINS
+    """hidden [n, 32] becomes the ReLU of itself plus the encoding times its weight rows [54, 32]."""
+    axes = rows.shape[0] // _PADDED
     for k in range(hidden.shape[0]):
         low, high = load(hidden, _HIDDEN * k), load(hidden, _HIDDEN * k + 16)
         for a in range(axes):
-            row = _HIDDEN * blob.first[a, k]
+            row = _HIDDEN * blob.first[BLOCK * a + k]
             for b in range(3):
-                w = spread(blob.weight[3 * a + b, k])
+                w = spread(blob.weight[(3 * a + b) * BLOCK + k])
                 low = fma(w, load(rows, row + _HIDDEN * b), low)
                 high = fma(w, load(rows, row + _HIDDEN * b + 16), high)
         store(hidden, _HIDDEN * k, where_positive(low, low))
@@ -80,15 +101,16 @@ def add_one_blob(blob, rows, hidden):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_one_blob(blob, d_hidden, d_rows):
-    """Add the gradient by the weight rows, d_hidden [n, 32] being that before the ReLU.
+    """Add the gradient by the weight rows [54, 32], d_hidden [n, 32] being that before the ReLU.
 
     Successive points with the same bins, as samples of a ray often have, are added up first.
     """
     n = d_hidden.shape[0]
     zero = spread(np.float32(0.0))
-    for a in range(d_rows.shape[0] // BINS):
-        first = blob.first[a]
-        w0, w1, w2 = blob.weight[3 * a], blob.weight[3 * a + 1], blob.weight[3 * a + 2]
+    for a in range(d_rows.shape[0] // _PADDED):
+        first, at = blob.first[BLOCK * a :], 3 * a * BLOCK
+        w0, w1 = blob.weight[at:], blob.weight[at + BLOCK :]
+        w2 = blob.weight[at + 2 * BLOCK :]
         for half in range(0, _HIDDEN, 16):
             k = 0
             while k < n:
@@ -109,16 +131,16 @@ def scatter_one_blob(blob, d_hidden, d_rows):
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_position_gradient(blob, rows, d_hidden, d_position):
     """Add the derivative by position of the contribution to d_hidden [n, 32] to d_position [n, 3]."""
-    axes = rows.shape[0] // BINS
+    axes = rows.shape[0] // _PADDED
     for k in range(d_hidden.shape[0]):
         low, high = load(d_hidden, _HIDDEN * k), load(d_hidden, _HIDDEN * k + 16)
         for a in range(axes):
-            row = _HIDDEN * blob.first[a, k]
+            row = _HIDDEN * blob.first[BLOCK * a + k]
             along = spread(np.float32(0.0))
             for b in range(3):
                 r = mul(low, load(rows, row + _HIDDEN * b))
                 r = fma(high, load(rows, row + _HIDDEN * b + 16), r)
-                along = fma(spread(blob.slope[3 * a + b, k]), r, along)
+                along = fma(spread(blob.slope[(3 * a + b) * BLOCK + k]), r, along)
             d_position[k, a] += total(along)
 
 

@@ -1,9 +1,12 @@
 """Tri-plane look-ups on the CPU: bilinear gather, its scatter, and its derivative by position.
 
-All take a block of positions [n, 3] (m, from vertex (0, 0, 0)) and C columns of a feature
-matrix [n, W] from column `first` on. Channels are innermost and a multiple of 16, so each corner is
-one or two vectors; the three planes of a set are summed in registers.
+All take n <= 256 positions of axes [3, N] (m, from vertex (0, 0, 0)) from `start` on and C columns of
+a feature matrix [n, W] from column `first` on. Cells are computed for all points at once; then
+channels are innermost and a multiple of 16, so each corner is one or two vectors; the three planes of
+a set are summed in registers.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,65 +14,63 @@ from numba import njit
 from hsslam_node.kernels.simd import add, fma, load, spread, store, sub, total
 from hsslam_node.kernels.touched import touch_rows
 
+_BLOCK = 256
+_U, _V = (0, 0, 1), (1, 2, 2)  # axes of the xy, xz and yz planes
+
+
+class _Cells(NamedTuple):
+    """Work space: where a block of points lies in the planes of a set."""
+
+    vertex: np.ndarray  # [3 * 256] int32, lower vertex along x, y, z
+    fraction: np.ndarray  # [3 * 256]
+    corner: np.ndarray  # [3 * 256] int32, lower corner in each plane, floats from its vertex (0, 0)
+
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def gather_planes(params, layout, plane_set, position, features, first):
+def gather_planes(params, layout, plane_set, axes, start, features, first):
     """Sum of the three planes' features."""
-    C = layout.channels
-    stride = features.shape[1]
-    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
-    first_x, first_y, first_z = _first_vertex(layout, plane_set)
-    for k in range(position.shape[0]):
-        x, fx = _corner(position[k, 0], inv_cell, first_x, n_x)
-        y, fy = _corner(position[k, 1], inv_cell, first_y, n_y)
-        z, fz = _corner(position[k, 2], inv_cell, first_z, n_z)
-        o_xy = xy + (y * n_x + x) * C
-        o_xz = xz + (z * n_x + x) * C
-        o_yz = yz + (z * n_y + y) * C
+    C, (n, stride) = layout.channels, features.shape
+    cells = _find_cells(layout, plane_set, axes, start, n)
+    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
+    fraction, corner = cells.fraction, cells.corner
+    for k in range(n):
+        fx, fy, fz = fraction[k], fraction[_BLOCK + k], fraction[2 * _BLOCK + k]
+        o_xy, o_xz = xy + corner[k], xz + corner[_BLOCK + k]
+        o_yz = yz + corner[2 * _BLOCK + k]
         for c in range(0, C, 16):
             out = spread(np.float32(0.0))
-            out = _blend(params, o_xy + c, C, n_x * C, fx, fy, out)
-            out = _blend(params, o_xz + c, C, n_x * C, fx, fz, out)
-            out = _blend(params, o_yz + c, C, n_y * C, fy, fz, out)
+            out = _blend(params, o_xy + c, C, row_x, fx, fy, out)
+            out = _blend(params, o_xz + c, C, row_x, fx, fz, out)
+            out = _blend(params, o_yz + c, C, row_y, fy, fz, out)
             store(features, k * stride + first + c, out)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def scatter_planes(grad, layout, plane_set, position, d_features, first):
+def scatter_planes(grad, layout, plane_set, axes, start, d_features, first):
     """Add the gradient of `gather_planes` to `grad` (a `Gradient`) and mark where it lies.
 
     Successive points in one cell, as samples of a ray often are, are added up first.
     """
-    C, n = layout.channels, position.shape[0]
-    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
-    first_x, first_y, first_z = _first_vertex(layout, plane_set)
-    cell = np.empty((3, n), np.int64)
-    fraction = np.empty((3, n), np.float32)
-    for k in range(n):
-        cell[0, k], fraction[0, k] = _corner(position[k, 0], inv_cell, first_x, n_x)
-        cell[1, k], fraction[1, k] = _corner(position[k, 1], inv_cell, first_y, n_y)
-        cell[2, k], fraction[2, k] = _corner(position[k, 2], inv_cell, first_z, n_z)
-    _scatter_plane(
-        grad, xy, n_x * C, C, cell[0], cell[1], fraction[0], fraction[1], d_features, first
-    )
-    _scatter_plane(
-        grad, xz, n_x * C, C, cell[0], cell[2], fraction[0], fraction[2], d_features, first
-    )
-    _scatter_plane(
-        grad, yz, n_y * C, C, cell[1], cell[2], fraction[1], fraction[2], d_features, first
-    )
+    cells = _find_cells(layout, plane_set, axes, start, d_features.shape[0])
+    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
+    fx, fy = cells.fraction[:_BLOCK], cells.fraction[_BLOCK : 2 * _BLOCK]
+    fz = cells.fraction[2 * _BLOCK :]
+    corner, C = cells.corner, layout.channels
+    _scatter_plane(grad, xy, row_x, C, corner, fx, fy, d_features, first)
+    _scatter_plane(grad, xz, row_x, C, corner[_BLOCK:], fx, fz, d_features, first)
+    _scatter_plane(grad, yz, row_y, C, corner[2 * _BLOCK :], fy, fz, d_features, first)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _scatter_plane(grad, offset, row, C, cell_u, cell_v, fraction_u, fraction_v, d_features, first):
+def _scatter_plane(grad, offset, row, C, corner, fraction_u, fraction_v, d_features, first):
     n, stride = d_features.shape
     zero = spread(np.float32(0.0))
     for c in range(first, first + C, 16):
         k = 0
         while k < n:
-            i, j = cell_u[k], cell_v[k]
+            at = corner[k]
             s = s_u = s_v = s_uv = zero  # sums of d, fu d, fv d, fu fv d over the cell
-            while k < n and cell_u[k] == i and cell_v[k] == j:
+            while k < n and corner[k] == at:
                 fu, fv = fraction_u[k], fraction_v[k]
                 d = load(d_features, k * stride + c)
                 s = add(d, s)
@@ -77,41 +78,38 @@ def _scatter_plane(grad, offset, row, C, cell_u, cell_v, fraction_u, fraction_v,
                 s_v = fma(spread(fv), d, s_v)
                 s_uv = fma(spread(fu * fv), d, s_uv)
                 k += 1
-            corner = offset + j * row + i * C
-            o = corner + c - first
+            o = offset + at + c - first
             u, v = sub(s_u, s_uv), sub(s_v, s_uv)
             store(grad.values, o, add(load(grad.values, o), sub(sub(s, s_u), v)))
             store(grad.values, o + C, add(load(grad.values, o + C), u))
             store(grad.values, o + row, add(load(grad.values, o + row), v))
             store(grad.values, o + row + C, add(load(grad.values, o + row + C), s_uv))
             if c == first:
-                touch_rows(grad, corner, row, C)
+                touch_rows(grad, offset + at, row, C)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def plane_position_gradient(params, layout, plane_set, position, d_features, first, d_position):
+def plane_position_gradient(params, layout, plane_set, axes, start, d_features, first, d_position):
     """Add d(loss)/d(position) to d_position [n, 3] (1/m)."""
-    C = layout.channels
-    stride = d_features.shape[1]
-    inv_cell, n_x, n_y, n_z, xy, xz, yz = _planes(layout, plane_set)
-    first_x, first_y, first_z = _first_vertex(layout, plane_set)
-    for k in range(position.shape[0]):
-        x, fx = _corner(position[k, 0], inv_cell, first_x, n_x)
-        y, fy = _corner(position[k, 1], inv_cell, first_y, n_y)
-        z, fz = _corner(position[k, 2], inv_cell, first_z, n_z)
-        o_xy = xy + (y * n_x + x) * C
-        o_xz = xz + (z * n_x + x) * C
-        o_yz = yz + (z * n_y + y) * C
+    C, (n, stride) = layout.channels, d_features.shape
+    inv_cell = layout.plane_inv_cell[plane_set]
+    cells = _find_cells(layout, plane_set, axes, start, n)
+    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
+    fraction, corner = cells.fraction, cells.corner
+    for k in range(n):
+        fx, fy, fz = fraction[k], fraction[_BLOCK + k], fraction[2 * _BLOCK + k]
+        o_xy, o_xz = xy + corner[k], xz + corner[_BLOCK + k]
+        o_yz = yz + corner[2 * _BLOCK + k]
         d_x = d_y = d_z = spread(np.float32(0.0))
         for c in range(0, C, 16):
             d = load(d_features, k * stride + first + c)
-            u, v = _slopes(params, o_xy + c, C, n_x * C, fx, fy)
+            u, v = _slopes(params, o_xy + c, C, row_x, fx, fy)
             d_x = fma(d, u, d_x)
             d_y = fma(d, v, d_y)
-            u, v = _slopes(params, o_xz + c, C, n_x * C, fx, fz)
+            u, v = _slopes(params, o_xz + c, C, row_x, fx, fz)
             d_x = fma(d, u, d_x)
             d_z = fma(d, v, d_z)
-            u, v = _slopes(params, o_yz + c, C, n_y * C, fy, fz)
+            u, v = _slopes(params, o_yz + c, C, row_y, fy, fz)
             d_y = fma(d, u, d_y)
             d_z = fma(d, v, d_z)
         d_position[k, 0] += inv_cell * total(d_x)
@@ -119,32 +117,51 @@ def plane_position_gradient(params, layout, plane_set, position, d_features, fir
         d_position[k, 2] += inv_cell * total(d_z)
 
 
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _find_cells(layout, plane_set, axes, start, n):
+    """The cells of n points, clamped to the border."""
+    cells = _Cells(
+        np.empty(3 * _BLOCK, np.int32),
+        np.empty(3 * _BLOCK, np.float32),
+        np.empty(3 * _BLOCK, np.int32),
+    )
+    inv_cell = layout.plane_inv_cell[plane_set]
+    for a in range(3):
+        p = axes[a, start : start + n]
+        vertex = cells.vertex[a * _BLOCK : a * _BLOCK + n]
+        fraction = cells.fraction[a * _BLOCK : a * _BLOCK + n]
+        first, count = layout.plane_first[plane_set, a], layout.plane_count[plane_set, a]
+        low, high, last = (
+            np.float32(first),
+            np.float32(first + count - 1),
+            np.int32(first + count - 2),
+        )
+        for k in range(n):
+            g = min(max(p[k] * inv_cell, low), high)
+            i = np.int32(min(np.int32(np.floor(g)), last))
+            vertex[k] = i
+            fraction[k] = g - np.float32(i)
+    C = np.int32(layout.channels)
+    for plane in range(3):
+        row = np.int32(layout.plane_count[plane_set, _U[plane]])
+        u = cells.vertex[_U[plane] * _BLOCK : _U[plane] * _BLOCK + n]
+        v = cells.vertex[_V[plane] * _BLOCK : _V[plane] * _BLOCK + n]
+        corner = cells.corner[plane * _BLOCK : plane * _BLOCK + n]
+        for k in range(n):
+            corner[k] = np.int32((v[k] * row + u[k]) * C)
+    return cells
+
+
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _planes(layout, s):
-    """1 / cell, vertices along x, y, z, and the offsets of the xy, xz and yz planes of a set."""
+    """Offsets of the xy, xz and yz planes of a set, and floats to the next row of the first two, the last."""
     return (
-        layout.plane_inv_cell[s],
-        layout.plane_count[s, 0],
-        layout.plane_count[s, 1],
-        layout.plane_count[s, 2],
         layout.plane_offset[s, 0],
         layout.plane_offset[s, 1],
         layout.plane_offset[s, 2],
+        layout.plane_count[s, 0] * layout.channels,
+        layout.plane_count[s, 1] * layout.channels,
     )
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _first_vertex(layout, s):
-    """The first vertex of a set's planes along x, y, z; not above 0."""
-    return layout.plane_first[s, 0], layout.plane_first[s, 1], layout.plane_first[s, 2]
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _corner(x, inv_cell, first, n):
-    """Lower vertex and fraction of a grid coordinate, clamped to the border."""
-    g = min(max(x * inv_cell, np.float32(first)), np.float32(first + n - 1))
-    i = min(int(np.floor(g)), first + n - 2)
-    return i, g - np.float32(i)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")

@@ -17,6 +17,7 @@ from hsslam_node.kernels.one_blob import (
     one_blob,
     one_blob_position_gradient,
     one_blob_space,
+    padded_blob_rows,
 )
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient
 from hsslam_node.kernels.simd import fma, load, mul, spread, store, total, where_positive
@@ -37,26 +38,23 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
     w2 = W2[:, 0].copy()
     n = points.shape[0]
     chunk = min(n, _CHUNK)
-    position, axes = aligned_rows(chunk, 3), aligned_rows(3, chunk)
+    axes = aligned_rows(3, chunk)
     feature = np.empty((L, chunk, 2), np.float32)
     x, d_x = aligned_rows(BLOCK, 2 * L + 2 * C), aligned_rows(BLOCK, 2 * L + 2 * C)
     hidden, d_hidden = aligned_rows(BLOCK, HIDDEN), aligned_rows(BLOCK, HIDDEN)
-    blob = one_blob_space()
+    blob, blob_rows = one_blob_space(), padded_blob_rows(blob_W1)
     for first in range(0, n, chunk):
         size = min(n - first, chunk)
-        relative_positions(
-            layout, points[first : first + size], position, axes, inside[first : first + size]
-        )
+        relative_positions(layout, points[first : first + size], axes, inside[first : first + size])
         gather_hash(params, layout, axes, size, feature)
         for start in range(0, size, BLOCK):
             m = min(size - start, BLOCK)
-            p = position[start : start + m]
             join_hash_features(feature, start, x[:m])
             for s in range(2):
-                gather_planes(params, layout, s, p, x, 2 * L + s * C)
+                gather_planes(params, layout, s, axes, start, x[:m], 2 * L + s * C)
             np.dot(x[:m], W1, hidden[:m])
-            one_blob(layout, p, blob)
-            add_one_blob(blob, blob_W1, hidden[:m])
+            one_blob(layout, axes, start, m, blob)
+            add_one_blob(blob, blob_rows, hidden[:m])
             at = first + start
             _decode(hidden[:m], w2, inside[at : at + m], sdf[at : at + m], d_hidden)
             if want_gradient:
@@ -65,8 +63,10 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
                 d_position[:] = np.float32(0.0)
                 split_hash_gradient(feature, start, d_x[:m])
                 for s in range(2):
-                    plane_position_gradient(params, layout, s, p, d_x, 2 * L + s * C, d_position)
-                one_blob_position_gradient(blob, blob_W1, d_hidden[:m], d_position)
+                    plane_position_gradient(
+                        params, layout, s, axes, start, d_x[:m], 2 * L + s * C, d_position
+                    )
+                one_blob_position_gradient(blob, blob_rows, d_hidden[:m], d_position)
         if want_gradient:
             hash_position_gradient(
                 params, layout, axes, size, feature, gradient[first : first + size]

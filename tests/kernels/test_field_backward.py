@@ -6,6 +6,7 @@ from hsslam_node.kernels.field_activations import field_activations
 from hsslam_node.kernels.field_backward import field_backward
 from hsslam_node.kernels.field_forward import field_forward
 from hsslam_node.kernels.touched import gradient
+from tests.kernels.marks import touched_chunks
 
 
 def _run(field, points, d_sdf, d_rgb, params=None):
@@ -69,8 +70,9 @@ def test_touched_chunks_hold_the_whole_gradient(field):
     _, grad, _ = _run(field, field.points(100), d_sdf, d_rgb)
     chunks = grad.values.reshape(-1, 16)
     written = np.flatnonzero(chunks.any(axis=1))
-    assert len(written) and grad.touched[written].all()
-    assert grad.touched.mean() < 0.9  # sparse
+    found = np.union1d(touched_chunks(grad), np.arange(*grad.unmarked))
+    assert len(written) and np.isin(written, found).all()
+    assert len(touched_chunks(grad)) < 0.9 * len(chunks)  # sparse
 
 
 def test_gradients_add_up(field, close):

@@ -8,7 +8,14 @@ from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.oneblob import oneblob
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.one_blob import BINS, one_blob, one_blob_space
+from hsslam_node.kernels.one_blob import (
+    BINS,
+    BLOCK,
+    add_blob_gradient,
+    one_blob,
+    one_blob_space,
+    padded_blob_rows,
+)
 
 _UNIT = kernel_layout(
     FieldLayout(FieldConfig(hash_levels=0), Bound((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
@@ -18,13 +25,26 @@ _UNIT = kernel_layout(
 def _scattered(t):
     """All 16 bins and their slopes from the three that the kernel gives, for each axis."""
     blob = one_blob_space()
-    one_blob(_UNIT, np.full((1, 3), t, np.float32), blob)
-    bins, slopes = np.zeros(3 * BINS), np.zeros(3 * BINS)
+    one_blob(_UNIT, np.full((3, 1), t, np.float32), 0, 1, blob)
+    bins, slopes = np.zeros((3, BINS + 2)), np.zeros((3, BINS + 2))  # a row more on either side
     for a in range(3):
+        row = blob.first[BLOCK * a]
         for k in range(3):
-            bins[blob.first[a, 0] + k] = blob.weight[3 * a + k, 0]
-            slopes[blob.first[a, 0] + k] = blob.slope[3 * a + k, 0]
-    return bins, slopes
+            bins.flat[row + k] = blob.weight[(3 * a + k) * BLOCK]
+            slopes.flat[row + k] = blob.slope[(3 * a + k) * BLOCK]
+    return bins[:, 1:-1].ravel(), slopes[:, 1:-1].ravel()
+
+
+def test_padded_rows_have_zeros_at_the_ends_of_each_axis():
+    rows = np.random.default_rng(0).normal(size=(3 * BINS, 32)).astype(np.float32)
+    padded = padded_blob_rows(rows)
+    by_axis = padded.reshape(3, BINS + 2, 32)
+    np.testing.assert_array_equal(by_axis[:, 1:-1].reshape(rows.shape), rows)
+    assert not by_axis[:, [0, -1]].any()
+    back = np.ones_like(rows)
+    add_blob_gradient(padded + 1, back)
+    np.testing.assert_allclose(back, rows + 2, atol=1e-6)
+    assert padded_blob_rows(rows[:0]).shape == (0, 32)
 
 
 @given(st.floats(-1.0, 2.0, width=32))

@@ -1,20 +1,28 @@
 import numpy as np
+import pytest
 from numba import njit
 
 from hsslam_node.kernels.simd import (
     add,
-    add_pairs,
+    any_not_zero,
+    div,
     fma,
     load,
-    load_pairs,
+    lowest_bit,
     mul,
+    root,
     spread,
-    spread_pair,
     store,
-    store_pair_total,
     sub,
     total,
     where_positive,
+)
+from hsslam_node.kernels.simd_pairs import (
+    add_pairs,
+    load_pairs,
+    spread_pair,
+    store_pair_total,
+    transpose_pairs,
 )
 
 RNG = np.random.default_rng(0)
@@ -28,16 +36,18 @@ def _arithmetic(a, b, c, out):
     store(out, 32, sub(x, y))
     store(out, 48, mul(x, spread(a[0])))
     store(out, 64, where_positive(x, y))
+    store(out, 80, div(x, y))
+    store(out, 96, root(mul(x, x)))
     return total(x)
 
 
 def test_arithmetic_at_any_offset():
     a, b, c = RNG.normal(size=(3, 20)).astype(np.float32)
-    out = np.zeros(80, np.float32)
+    out = np.zeros(112, np.float32)
     x, y, z = a[3:19], b[:16], c[1:17]
     assert abs(_arithmetic(a, b, c, out) - x.sum()) < 1e-5
-    expected = [x * y + z, x + y, x - y, x * a[0], np.where(x > 0, y, 0)]
-    np.testing.assert_allclose(out.reshape(5, 16), expected, rtol=1e-5, atol=1e-6)
+    expected = [x * y + z, x + y, x - y, x * a[0], np.where(x > 0, y, 0), x / y, abs(x)]
+    np.testing.assert_allclose(out.reshape(7, 16), expected, rtol=1e-5, atol=1e-6)
 
 
 @njit
@@ -62,3 +72,39 @@ def test_pairs_are_gathered_summed_and_scattered():
     expected = np.ones(100)
     np.add.at(expected, places[:, None] + np.arange(2), pairs)
     np.testing.assert_allclose(grad, expected, rtol=1e-5, atol=1e-6)
+
+
+@njit
+def _transpose(target, source):
+    transpose_pairs(target, 3, 20, source, 5, 24)
+
+
+def test_pairs_are_transposed():
+    source, target = RNG.normal(size=200).astype(np.float32), np.zeros(170, np.float32)
+    _transpose(target, source)
+    rows = np.lib.stride_tricks.sliding_window_view(source[5:], 16)[::24][:8].reshape(8, 8, 2)
+    expected = np.zeros(170, np.float32)
+    for i in range(8):
+        expected[3 + 20 * i : 19 + 20 * i] = rows[:, i].ravel()
+    np.testing.assert_array_equal(target, expected)
+
+
+@njit
+def _searched(values, offset, word):
+    return any_not_zero(values, offset), lowest_bit(word)
+
+
+@pytest.mark.parametrize("place", [0, 7, 15, None])
+@pytest.mark.parametrize("value", [1.0, -1e-40, np.nan])
+def test_what_is_not_zero_is_found(place: int | None, value: float):
+    values = np.zeros(40, np.float32)
+    values[[2, 19]] = 1.0  # beside the 16 floats that are asked for
+    if place is not None:
+        values[3 + place] = value
+    assert _searched(values, 3, np.uint64(0))[0] == (place is not None)
+
+
+@pytest.mark.parametrize("bit", [0, 1, 40, 63])
+def test_the_lowest_bit_is_found(bit: int):
+    word = np.uint64(1 << bit | 1 << 63)
+    assert _searched(np.zeros(16, np.float32), 0, word)[1] == bit
