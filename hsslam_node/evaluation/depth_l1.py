@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
@@ -32,8 +33,7 @@ def depth_l1(
 
     Only pixels whose true surface the given `views` observed count: what nobody saw is not asked for.
     """
-    vertices = np.asarray(reconstruction.vertices, np.float64).reshape(-1, 3)
-    faces = np.ascontiguousarray(reconstruction.faces, np.int64).reshape(-1, 3)
+    mesh = chunked_mesh(reconstruction.vertices, reconstruction.faces)
     means, total_m, holes, pixels = [], 0.0, 0, 0
     for T_world_cam, true_depth in virtual:
         counted = np.zeros(true_depth.shape, bool)
@@ -41,7 +41,7 @@ def depth_l1(
         counted[true_depth > 0] = views.observed(points)
         if not counted.any():
             continue
-        depth, _ = render_depth(vertices, faces, camera, T_world_cam)
+        depth, _ = render_depth(mesh, camera, T_world_cam)
         error = np.abs(depth[counted] - true_depth[counted].astype(np.float64))
         means.append(float(error.mean()))
         total_m += float(error.sum())

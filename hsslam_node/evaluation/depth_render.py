@@ -3,6 +3,7 @@
 import numba
 import numpy as np
 
+from hsslam_node.evaluation.chunked_mesh import CHUNK, ChunkedMesh
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
 
@@ -10,7 +11,7 @@ _NEAR_M = 0.01
 
 
 def render_depth(
-    vertices: np.ndarray, faces: np.ndarray, camera: Camera, T_world_cam: np.ndarray
+    mesh: ChunkedMesh, camera: Camera, T_world_cam: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Planar depth [H, W] float32 m (0: nothing) and face number [H, W] int32 (-1: nothing).
 
@@ -19,38 +20,44 @@ def render_depth(
     Greer 1997).
 
     Args:
-        vertices: [N, 3] m, world.
-        faces: [F, 3].
+        mesh: in the world.
         camera: pinhole, no distortion.
         T_world_cam: [4, 4].
     """
-    T = inverse(T_world_cam)
-    seen = np.asarray(vertices, np.float64) @ T[:3, :3].T + T[:3, 3]
     depth = np.zeros((camera.height_px, camera.width_px), np.float32)
     face = np.full(depth.shape, -1, np.int32)
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    _rasterise(seen, np.ascontiguousarray(faces, np.int64), intrinsics, depth, face)
+    T_cam_world = np.ascontiguousarray(inverse(T_world_cam), np.float64)
+    _rasterise(mesh, T_cam_world, intrinsics, depth, face)
     return depth, face
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _rasterise(points, faces, intrinsics, depth, face):
+def _rasterise(mesh, T, intrinsics, depth, face):
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        az, bz, cz = points[i, 2], points[j, 2], points[k, 2]
+    ray_x, ray_y = (np.arange(width) - cx) / fx, (np.arange(height) - cy) / fy
+    corners = np.empty((3, 3))
+    for f in _faces_that_may_be_seen(mesh, T, intrinsics, depth.shape):
+        for corner in range(3):
+            k = mesh.faces[f, corner]
+            x, y, z = mesh.vertices[k, 0], mesh.vertices[k, 1], mesh.vertices[k, 2]
+            for a in range(3):
+                corners[corner, a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
+        ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
+        bx, by, bz = corners[1, 0], corners[1, 1], corners[1, 2]
+        dx, dy, cz = corners[2, 0], corners[2, 1], corners[2, 2]
         if az < _NEAR_M and bz < _NEAR_M and cz < _NEAR_M:
             continue
-        ax, ay, bx, by = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-        dx, dy = points[k, 0], points[k, 1]
         if az >= _NEAR_M and bz >= _NEAR_M and cz >= _NEAR_M:
             ua, ub, uc = ax / az, bx / bz, dx / cz
             va, vb, vc = ay / az, by / bz, dy / cz
             low_u, high_u = min(ua, ub, uc) * fx + cx, max(ua, ub, uc) * fx + cx
             low_v, high_v = min(va, vb, vc) * fy + cy, max(va, vb, vc) * fy + cy
         else:
-            low_u, high_u, low_v, high_v = _clipped_box(points[i], points[j], points[k], intrinsics)
+            low_u, high_u, low_v, high_v = _clipped_box(
+                corners[0], corners[1], corners[2], intrinsics
+            )
         first_u = max(np.ceil(low_u - 1e-6), 0.0)
         last_u = min(np.floor(high_u + 1e-6), width - 1.0)
         first_v = max(np.ceil(low_v - 1e-6), 0.0)
@@ -63,9 +70,9 @@ def _rasterise(points, faces, intrinsics, depth, face):
         r0, r1, r2 = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         volume = ax * p0 + ay * p1 + az * p2
         for v in range(int(first_v), int(last_v) + 1):
-            y = (v - cy) / fy
+            y = ray_y[v]
             for u in range(int(first_u), int(last_u) + 1):
-                x = (u - cx) / fx
+                x = ray_x[u]
                 e0 = p0 * x + p1 * y + p2
                 e1 = q0 * x + q1 * y + q2
                 e2 = r0 * x + r1 * y + r2
@@ -77,6 +84,37 @@ def _rasterise(points, faces, intrinsics, depth, face):
                 if z >= _NEAR_M and (face[v, u] < 0 or z < depth[v, u]):
                     depth[v, u] = z
                     face[v, u] = f
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _faces_that_may_be_seen(mesh, T, intrinsics, size):
+    """Numbers of the faces of all chunks that are not wholly out of sight, ascending."""
+    found, count = np.empty(len(mesh.faces), np.int64), 0
+    for chunk in range(len(mesh.boxes)):
+        if _may_be_seen(mesh.boxes[chunk], T, intrinsics, size):
+            for f in range(CHUNK * chunk, min(CHUNK * (chunk + 1), len(mesh.faces))):
+                found[count] = f
+                count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _may_be_seen(box, T, intrinsics, size):
+    """False if all corners of a box are behind the camera or beyond the same border of the image."""
+    fx, fy, cx, cy = intrinsics
+    height, width = size
+    behind = left = right = above = below = 0
+    for corner in range(8):
+        x, y, z = box[corner & 1, 0], box[corner >> 1 & 1, 1], box[corner >> 2, 2]
+        along = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        u = (T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) * fx + cx * along  # times depth
+        v = (T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) * fy + cy * along
+        behind += along < 0
+        left += u < -along
+        right += u > width * along
+        above += v < -along
+        below += v > height * along
+    return max(behind, left, right, above, below) < 8
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

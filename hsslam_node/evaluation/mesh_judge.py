@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from hsslam_node.errors import UserError
+from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_l1 import DepthL1, depth_l1
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
@@ -87,9 +88,9 @@ class MeshJudge:
     def culling(self) -> Views:
         """The given cameras and the first virtual ones, these with full images of the truth."""
         poses = self.virtual_poses[: self.cull_views]
-        vertices, faces = np.asarray(self.surface.vertices), np.asarray(self.surface.faces)
+        surface = chunked_mesh(self.surface.vertices, self.surface.faces)
         reach_m = float(self.given.depths_m.max(initial=0.0))
-        depths = [view_of(vertices, faces, self.given.camera, T, reach_m) for T in poses]
+        depths = [view_of(surface, self.given.camera, T, reach_m) for T in poses]
         return replace(
             self.given,
             T_world_cam=np.concatenate([self.given.T_world_cam, poses]),

@@ -93,7 +93,7 @@ def sample_surface(
 def distances(points: np.ndarray, surface: SurfaceSamples) -> np.ndarray:
     """Distance [N] of points [N, 3] to the triangles of the samples closest to them, m."""
     candidates = min(_CANDIDATES, len(surface.points))
-    _, rows = KDTree(surface.points).query(points, k=candidates)
+    _, rows = KDTree(surface.points).query(points, k=candidates, workers=-1)
     return point_to_triangle_distances(
         points, surface.triangles, rows.reshape(len(points), candidates)
     )

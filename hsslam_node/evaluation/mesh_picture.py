@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 import trimesh
 
+from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.mesh_judge import MeshJudge
 from hsslam_node.evaluation.mesh_metrics import distances, sample_surface
@@ -35,7 +36,7 @@ class MeshPicture:
         """As one of the given cameras sees it, RGB [H, W, 3] 0..1."""
         given = self._judge.given
         pose = given.T_world_cam[int(_AT * len(given.T_world_cam))]
-        _, face = render_depth(self._vertices, self._faces, given.camera, pose)
+        _, face = render_depth(chunked_mesh(self._vertices, self._faces), given.camera, pose)
         if kind == "shape":
             return self._shaded(face, pose, np.full((len(self._vertices), 3), 0.85))
         if kind == "error":
@@ -47,7 +48,7 @@ class MeshPicture:
         pose = _pose_above(self._judge.given.T_world_cam, self._vertices)
         towards = self._normals @ pose[:3, 2]
         facing = self._faces[towards < 0.05]  # the ceiling and the near walls look away
-        _, face = render_depth(self._vertices, facing, _ABOVE, pose)
+        _, face = render_depth(chunked_mesh(self._vertices, facing), _ABOVE, pose)
         numbers = np.flatnonzero(towards < 0.05).astype(np.int32)
         face = np.where(face >= 0, numbers[face], -1) if len(numbers) else face
         return self._shaded(face, pose, self._by_error(worst_m))

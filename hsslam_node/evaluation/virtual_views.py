@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import trimesh
 
+from hsslam_node.evaluation.chunked_mesh import CHUNK, ChunkedMesh, chunked_mesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
@@ -34,13 +35,12 @@ def virtual_views(
     than the given cameras did.
     """
     rng = np.random.default_rng(seed)
-    vertices = np.asarray(truth.vertices, np.float64)
-    faces = np.ascontiguousarray(truth.faces, np.int64)
-    candidates = _candidates(vertices, faces, views.T_world_cam, rng, _MOST_TRIES * count)
+    surface = chunked_mesh(truth.vertices, truth.faces)
+    candidates = _candidates(surface, views.T_world_cam, rng, _MOST_TRIES * count)
     reach_m = float(views.depths_m.max(initial=0.0))
     found, in_vain = 0, 0
     for T in candidates:
-        depth = view_of(vertices, faces, camera, T, reach_m)
+        depth = view_of(surface, camera, T, reach_m)
         if _is_good(depth, camera, T, views):
             yield T, depth
             found, in_vain = found + 1, 0
@@ -50,17 +50,15 @@ def virtual_views(
             return
 
 
-def view_of(
-    vertices: np.ndarray, faces: np.ndarray, camera: Camera, T: np.ndarray, reach_m: float
-) -> np.ndarray:
+def view_of(surface: ChunkedMesh, camera: Camera, T: np.ndarray, reach_m: float) -> np.ndarray:
     """Depth [H, W] float32 m as a sensor with so much reach sees a surface; 0: nothing."""
-    depth, _ = render_depth(vertices, faces, camera, T)
+    depth, _ = render_depth(surface, camera, T)
     depth[depth > reach_m] = 0.0
     return depth
 
 
 def _candidates(
-    vertices: np.ndarray, faces: np.ndarray, poses: np.ndarray, rng: np.random.Generator, tries: int
+    surface: ChunkedMesh, poses: np.ndarray, rng: np.random.Generator, tries: int
 ) -> Iterator[np.ndarray]:
     for _ in range(tries if len(poses) else 0):
         start = poses[rng.integers(len(poses))]
@@ -68,7 +66,7 @@ def _candidates(
         T[:3, 3] += _in_ball(rng) * MOVED_M
         turn = np.concatenate([np.zeros(3), _in_ball(rng) * TURNED_RAD])
         T[:3, :3] = start[:3, :3] @ se3_exp(turn)[:3, :3]
-        if not _is_blocked(vertices, faces, start[:3, 3], T[:3, 3]):
+        if not _is_blocked(surface, start[:3, 3], T[:3, 3]):
             yield T
 
 
@@ -90,28 +88,36 @@ def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> 
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _is_blocked(vertices, faces, start, end):
-    """Whether a face crosses the straight way between two points (Moeller and Trumbore 1997)."""
+def _is_blocked(surface, start, end):
+    """Whether a face crosses the straight way between two points."""
+    for chunk in range(len(surface.boxes)):
+        low, high = surface.boxes[chunk]
+        apart = False
+        for a in range(3):
+            apart |= max(start[a], end[a]) < low[a] or min(start[a], end[a]) > high[a]
+        if not apart:
+            for f in range(CHUNK * chunk, min(CHUNK * (chunk + 1), len(surface.faces))):
+                if _crosses(surface.vertices, surface.faces[f], start, end):
+                    return True
+    return False
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _crosses(vertices, corners, start, end):
+    """Whether the straight way between two points goes through a face (Moeller and Trumbore 1997)."""
     sx, sy, sz = start
     dx, dy, dz = end[0] - sx, end[1] - sy, end[2] - sz
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        ex, ey, ez = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
-        gx, gy, gz = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
-        px, py, pz = dy * gz - dz * gy, dz * gx - dx * gz, dx * gy - dy * gx
-        det = ex * px + ey * py + ez * pz
-        if det == 0:
-            continue
-        tx, ty, tz = sx - ax, sy - ay, sz - az
-        u = (tx * px + ty * py + tz * pz) / det
-        if u < 0 or u > 1:
-            continue
-        qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
-        v = (dx * qx + dy * qy + dz * qz) / det
-        if v < 0 or u + v > 1:
-            continue
-        t = (gx * qx + gy * qy + gz * qz) / det
-        if 0 <= t <= 1:
-            return True
-    return False
+    i, j, k = corners
+    ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+    ex, ey, ez = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
+    gx, gy, gz = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
+    px, py, pz = dy * gz - dz * gy, dz * gx - dx * gz, dx * gy - dy * gx
+    det = ex * px + ey * py + ez * pz
+    if det == 0:
+        return False
+    tx, ty, tz = sx - ax, sy - ay, sz - az
+    u = (tx * px + ty * py + tz * pz) / det
+    qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
+    v = (dx * qx + dy * qy + dz * qz) / det
+    t = (gx * qx + gy * qy + gz * qz) / det
+    return u >= 0 and v >= 0 and u + v <= 1 and t >= 0 and t <= 1

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_l1 import depth_l1
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.virtual_views import MOVED_M, TURNED_RAD, virtual_views
@@ -29,7 +30,8 @@ def seen() -> Views:
     turns = [se3_exp(np.array([0, 0, 0, 0, k * np.pi / 4, 0.0])) for k in range(8)]
     pitches = [se3_exp(np.array([0, 0, 0, k * np.pi / 4, 0.0, 0.0])) for k in (0, 1, -1, 2, -2)]
     poses = [turn @ pitch for pitch in pitches for turn in turns]
-    depths = [render_depth(room.vertices, room.faces, CAMERA, T)[0] for T in poses]
+    surface = chunked_mesh(room.vertices, room.faces)
+    depths = [render_depth(surface, CAMERA, T)[0] for T in poses]
     return Views(CAMERA, np.array(poses), np.array(depths))
 
 
@@ -64,7 +66,7 @@ def test_a_camera_before_a_wall_does_not_step_through_it():
     both = trimesh.util.concatenate([wall, back])
     T = np.eye(4)
     T[:3, :3] = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # looks along +x
-    depth = render_depth(both.vertices, both.faces, CAMERA, T)[0]
+    depth = render_depth(chunked_mesh(both.vertices, both.faces), CAMERA, T)[0]
     given = Views(CAMERA, np.stack([T]), depth[None])
     for pose, _ in virtual_views(both, given, CAMERA, 6):
         assert pose[0, 3] > -0.30

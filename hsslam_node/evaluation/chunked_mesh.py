@@ -1,0 +1,38 @@
+"""A triangle mesh in chunks with a box each, so that what is far away is passed over 64 faces at a time."""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+CHUNK = 64  # faces; neighbours in a mesh file are mostly neighbours in space
+
+
+class ChunkedMesh(NamedTuple):
+    """What kernels take."""
+
+    vertices: np.ndarray  # [N, 3] float64 m
+    faces: np.ndarray  # [F, 3] int64
+    boxes: np.ndarray  # [ceil(F / 64), 2, 3] float64 m, lowest and highest coordinates of a chunk
+
+
+def chunked_mesh(vertices: ArrayLike, faces: ArrayLike) -> ChunkedMesh:
+    """From vertices [N, 3] m and faces [F, 3]; the boxes are computed here, once for many views."""
+    vertices = np.ascontiguousarray(vertices, np.float64).reshape(-1, 3)
+    faces = np.ascontiguousarray(faces, np.int64).reshape(-1, 3)
+    return ChunkedMesh(vertices, faces, _boxes(vertices, faces))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _boxes(vertices, faces):
+    boxes = np.empty((-(-len(faces) // CHUNK), 2, 3))
+    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
+    for f in range(len(faces)):
+        box = boxes[f // CHUNK]
+        for corner in range(3):
+            for a in range(3):
+                x = vertices[faces[f, corner], a]
+                box[0, a] = min(box[0, a], x)
+                box[1, a] = max(box[1, a], x)
+    return boxes
