@@ -20,7 +20,7 @@ run: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
-	$(BIN)/pytest -m 'not e2e' --numprocesses 2 --dist loadfile
+	$(BIN)/pytest -m 'not e2e' --numprocesses 2 --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m e2e
 
 lint: $(VENV)/.installed-dev

@@ -1,10 +1,9 @@
 """Multi-resolution hash grid on the CPU: trilinear gather, its scatter, its derivative by position.
 
-All take a block of positions [n, 3] (m, from vertex (0, 0, 0)) and the first 2 L columns of a
-feature matrix [n, W]. Levels are the outer loop, so one table at a time is in the cache. Cells and
-corner offsets of a level are computed for the whole block at once; then the eight corners of a point
-(two features each) are one vector of 16 lanes: x alternates with every pair, y with every second, z in
-the halves.
+All take n positions as axes [3, N] (m, from vertex (0, 0, 0)) and features [L, N, 2]. Levels are the
+outer loop, so one table at a time is in the cache. Cells and corner offsets of a level are computed for
+256 points at once; then the eight corners of a point (two features each) are one vector of 16 lanes: x
+alternates with every pair, y with every second, z in the halves.
 """
 
 from typing import NamedTuple

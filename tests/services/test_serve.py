@@ -1,6 +1,7 @@
 """The main job end to end: what a run leaves, and what it leaves nothing of."""
 
 import signal
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -13,22 +14,27 @@ from hsslam_node.proto.request_messages import Ask
 from hsslam_node.proto.requests import PAUSE, RESUME, STATUS
 from hsslam_node.services.bench.fuzz.sender import FuzzSender
 from hsslam_node.services.control.ask import ask
-from hsslam_node.services.process_table import PROCESSES
+from hsslam_node.services.process_table import PROCESSES, ProcessSpec
 from hsslam_node.services.zenoh_session import open_client
-from tests.services.serve_process import SMALL_ROOM
+from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
+
+
+def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:
+    """Whether the process is there, and nice, and so is its session where that is what counts."""
+    pid = run.pid_of(spec.name)
+    if pid is None or psutil.Process(pid).nice() != spec.nice:
+        return False
+    session = Path(f"/proc/{pid}/autogroup")
+    return not session.exists() or session.read_text().split()[-1] == str(spec.nice)
 
 
 def test_a_run_leaves_its_results_and_nothing_else(serve):
     run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate")
     run.wait_for_poses(20)
-    for spec in PROCESSES:
-        pid = run.pid_of(spec.name)
-        assert pid is not None, spec.name
-        assert psutil.Process(pid).nice() == spec.nice
-        sessions = Path(f"/proc/{pid}/autogroup")
-        assert not sessions.exists() or sessions.read_text().split()[-1] == str(spec.nice)
+    for spec in PROCESSES:  # the last ones are born after the first pose
+        run.wait_until(partial(_gives_way, run, spec), 20)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
 
