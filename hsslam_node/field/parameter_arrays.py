@@ -9,7 +9,7 @@ from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.keyframes.allocator import ArrayAllocator
 
-PAGE = 64  # chunks of 16 floats
+PAGE = 64  # chunks of 16 floats; the marks of a gradient are a word a page
 _NAMES = (
     "params",
     "adam_first",

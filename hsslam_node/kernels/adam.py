@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from hsslam_node.field.parameter_arrays import PAGE
 from hsslam_node.kernels.simd import (
     any_not_zero,
     div,
@@ -15,7 +16,6 @@ from hsslam_node.kernels.simd import (
     store,
     sub,
 )
-from hsslam_node.kernels.touched import PAGE
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -6,6 +6,8 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
+_CONSTANTS = ("kernels", "field")  # folders of constants that are compiled into the machine code
+
 
 def kernel_cache_folder() -> Path:
     """Folder for NUMBA_CACHE_DIR, named by all that machine code depends on: the content and place
@@ -19,7 +21,8 @@ def kernel_cache_folder() -> Path:
     for part in (str(package), version("numba"), sys.version, processor()):
         digest.update(part.encode())
     for source in sorted(package.rglob("*.py")):
-        if "numba" in (text := source.read_text(encoding="utf-8")):
+        text = source.read_text(encoding="utf-8")
+        if "numba" in text or source.parent.name in _CONSTANTS:
             digest.update(text.encode())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from hsslam_node.kernels.aligned import aligned_rows
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.decoder_weights import (
     HIDDEN,
     color_first_layer,
@@ -13,7 +14,6 @@ from hsslam_node.kernels.decoder_weights import (
 from hsslam_node.kernels.field_forward import split_hash_gradient
 from hsslam_node.kernels.hash_grid import hash_position_gradient, scatter_hash
 from hsslam_node.kernels.one_blob import (
-    BLOCK,
     add_blob_gradient,
     one_blob,
     one_blob_position_gradient,

@@ -3,10 +3,10 @@
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.decoder_weights import HIDDEN, color_weights, geometry_weights
 from hsslam_node.kernels.hash_grid import gather_hash
 from hsslam_node.kernels.one_blob import (
-    BLOCK,
     add_one_blob,
     one_blob,
     one_blob_space,

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from hsslam_node.kernels.aligned import aligned_rows
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.decoder_weights import HIDDEN, color_weights, geometry_weights
 from hsslam_node.kernels.field_backward import (
     color_logit_gradient,
@@ -14,7 +15,6 @@ from hsslam_node.kernels.field_backward import (
 from hsslam_node.kernels.field_forward import split_hash_gradient
 from hsslam_node.kernels.hash_grid import hash_position_gradient
 from hsslam_node.kernels.one_blob import (
-    BLOCK,
     one_blob,
     one_blob_position_gradient,
     one_blob_space,

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.simd import fma, load, mul, spread, total
 from hsslam_node.kernels.simd_pairs import add_pairs, load_pairs, spread_pair, store_pair_total
 
 PRIME_Y = 2654435761
 PRIME_Z = 805459861
-_BLOCK = 256  # points whose cells are computed at once
 _UPPER = np.array(  # [3 * 16] 1 in the lanes of the upper corners along x, y, z
     [[lane >> (1 + axis) & 1 for lane in range(16)] for axis in range(3)], np.float32
 ).ravel()
@@ -39,12 +39,12 @@ def gather_hash(params, layout, axes, n, features):
     for level in range(layout.hash_offset.shape[0]):
         table = params[layout.hash_offset[level] :]
         out = features[level]
-        for start in range(0, n, _BLOCK):
-            m = min(n - start, _BLOCK)
+        for start in range(0, n, BLOCK):
+            m = min(n - start, BLOCK)
             _find_cells(layout, level, axes, start, m, cells)
             for k in range(m):
                 x, y, z = _corner_weights(cells, k)
-                value = load_pairs(table, cells.offset, k, _BLOCK)
+                value = load_pairs(table, cells.offset, k, BLOCK)
                 store_pair_total(out, 2 * (start + k), mul(value, mul(x, mul(y, z))))
 
 
@@ -58,8 +58,8 @@ def scatter_hash(grad, layout, axes, n, d_features):
     for level in range(layout.hash_offset.shape[0]):
         table = grad.values[layout.hash_offset[level] :]
         d_out = d_features[level]
-        for start in range(0, n, _BLOCK):
-            m = min(n - start, _BLOCK)
+        for start in range(0, n, BLOCK):
+            m = min(n - start, BLOCK)
             _find_cells(layout, level, axes, start, m, cells)
             k = 0
             while k < m:
@@ -69,7 +69,7 @@ def scatter_hash(grad, layout, axes, n, d_features):
                     x, y, z = _corner_weights(cells, k)
                     d = fma(spread_pair(d_out, 2 * (start + k)), mul(x, mul(y, z)), d)
                     k += 1
-                add_pairs(table, cells.offset, first, _BLOCK, d)
+                add_pairs(table, cells.offset, first, BLOCK, d)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -80,12 +80,12 @@ def hash_position_gradient(params, layout, axes, n, d_features, d_position):
         table = params[layout.hash_offset[level] :]
         scale = layout.hash_scale[level]
         d_out = d_features[level]
-        for start in range(0, n, _BLOCK):
-            m = min(n - start, _BLOCK)
+        for start in range(0, n, BLOCK):
+            m = min(n - start, BLOCK)
             _find_cells(layout, level, axes, start, m, cells)
             for k in range(m):
                 x, y, z = _corner_weights(cells, k)
-                value = load_pairs(table, cells.offset, k, _BLOCK)
+                value = load_pairs(table, cells.offset, k, BLOCK)
                 d = mul(value, spread_pair(d_out, 2 * (start + k)))
                 d_position[start + k, 0] += scale * total(mul(mul(d, load(_SIGN, 0)), mul(y, z)))
                 d_position[start + k, 1] += scale * total(mul(mul(d, load(_SIGN, 16)), mul(x, z)))
@@ -95,9 +95,9 @@ def hash_position_gradient(params, layout, axes, n, d_features, d_position):
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _cells():
     return _Cells(
-        np.empty(3 * _BLOCK, np.int32),
-        np.empty(3 * _BLOCK, np.float32),
-        np.empty(8 * _BLOCK, np.int32),
+        np.empty(3 * BLOCK, np.int32),
+        np.empty(3 * BLOCK, np.float32),
+        np.empty(8 * BLOCK, np.int32),
     )
 
 
@@ -107,8 +107,8 @@ def _find_cells(layout, level, axes, start, m, cells):
     scale = layout.hash_scale[level]
     for axis in range(3):
         p = axes[axis, start : start + m]
-        corner = cells.corner[axis * _BLOCK : axis * _BLOCK + m]
-        fraction = cells.fraction[axis * _BLOCK : axis * _BLOCK + m]
+        corner = cells.corner[axis * BLOCK : axis * BLOCK + m]
+        fraction = cells.fraction[axis * BLOCK : axis * BLOCK + m]
         lowest = np.float32(layout.hash_first[level, axis])
         last = np.int32(layout.hash_first[level, axis] + layout.hash_count[level, axis] - 2)
         for k in range(m):
@@ -117,17 +117,15 @@ def _find_cells(layout, level, axes, start, m, cells):
             corner[k] = i
             fraction[k] = g - np.float32(i)
     x = cells.corner[:m]
-    y = cells.corner[_BLOCK : _BLOCK + m]
-    z = cells.corner[2 * _BLOCK : 2 * _BLOCK + m]
+    y = cells.corner[BLOCK : BLOCK + m]
+    z = cells.corner[2 * BLOCK : 2 * BLOCK + m]
     mask = np.int32(2 * layout.hash_mask[level])
     n_x, n_y = np.int32(layout.hash_count[level, 0]), np.int32(layout.hash_count[level, 1])
     first = layout.hash_first[level]
-    for upper in range(
-        4
-    ):  # corners in pairs along x; all in 32 bits, which is what vectorises well
+    for upper in range(4):  # corners in pairs along x; all in 32 bits, which vectorises well
         dy, dz = np.int32(upper & 1), np.int32(upper >> 1)
-        low = cells.offset[2 * upper * _BLOCK : 2 * upper * _BLOCK + m]
-        high = cells.offset[(2 * upper + 1) * _BLOCK : (2 * upper + 1) * _BLOCK + m]
+        low = cells.offset[2 * upper * BLOCK : 2 * upper * BLOCK + m]
+        high = cells.offset[(2 * upper + 1) * BLOCK : (2 * upper + 1) * BLOCK + m]
         if mask == 0:  # dense, x fastest
             far = np.int32(2 * (n_x * (dy - first[1] + n_y * (dz - first[2])) - first[0]))
             for k in range(m):
@@ -148,8 +146,8 @@ def _same_cell(cells, a, b):
     corner = cells.corner
     return (
         corner[a] == corner[b]
-        and corner[_BLOCK + a] == corner[_BLOCK + b]
-        and corner[2 * _BLOCK + a] == corner[2 * _BLOCK + b]
+        and corner[BLOCK + a] == corner[BLOCK + b]
+        and corner[2 * BLOCK + a] == corner[2 * BLOCK + b]
     )
 
 
@@ -159,6 +157,6 @@ def _corner_weights(cells, k):
     fraction = cells.fraction
     return (
         fma(spread(fraction[k]), load(_SIGN, 0), load(_LOWER, 0)),
-        fma(spread(fraction[_BLOCK + k]), load(_SIGN, 16), load(_LOWER, 16)),
-        fma(spread(fraction[2 * _BLOCK + k]), load(_SIGN, 32), load(_LOWER, 32)),
+        fma(spread(fraction[BLOCK + k]), load(_SIGN, 16), load(_LOWER, 16)),
+        fma(spread(fraction[2 * BLOCK + k]), load(_SIGN, 32), load(_LOWER, 32)),
     )

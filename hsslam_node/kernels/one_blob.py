@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.simd import add, fma, load, mul, spread, store, total, where_positive
 
 BINS = 16
 _PADDED = BINS + 2
 _HIDDEN = 32
-BLOCK = 256  # points a pass: activations of a block stay in the L2 cache
 
 
 class OneBlob(NamedTuple):

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.simd import add, fma, load, spread, store, sub, total
 from hsslam_node.kernels.touched import touch_rows
 
-_BLOCK = 256
 _U, _V = (0, 0, 1), (1, 2, 2)  # axes of the xy, xz and yz planes
 
 
@@ -23,7 +23,7 @@ class _Cells(NamedTuple):
 
     vertex: np.ndarray  # [3 * 256] int32, lower vertex along x, y, z
     fraction: np.ndarray  # [3 * 256]
-    corner: np.ndarray  # [3 * 256] int32, lower corner in each plane, floats from its vertex (0, 0)
+    corner: np.ndarray  # [3 * 256] int64, lower corner in each plane, floats from params' start
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -31,17 +31,14 @@ def gather_planes(params, layout, plane_set, axes, start, features, first):
     """Sum of the three planes' features."""
     C, (n, stride) = layout.channels, features.shape
     cells = _find_cells(layout, plane_set, axes, start, n)
-    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
-    fraction, corner = cells.fraction, cells.corner
+    row_x, row_y = _rows(layout, plane_set)
     for k in range(n):
-        fx, fy, fz = fraction[k], fraction[_BLOCK + k], fraction[2 * _BLOCK + k]
-        o_xy, o_xz = xy + corner[k], xz + corner[_BLOCK + k]
-        o_yz = yz + corner[2 * _BLOCK + k]
+        fx, fy, fz, xy, xz, yz = _at(cells, k)
         for c in range(0, C, 16):
             out = spread(np.float32(0.0))
-            out = _blend(params, o_xy + c, C, row_x, fx, fy, out)
-            out = _blend(params, o_xz + c, C, row_x, fx, fz, out)
-            out = _blend(params, o_yz + c, C, row_y, fy, fz, out)
+            out = _blend(params, xy + c, C, row_x, fx, fy, out)
+            out = _blend(params, xz + c, C, row_x, fx, fz, out)
+            out = _blend(params, yz + c, C, row_y, fy, fz, out)
             store(features, k * stride + first + c, out)
 
 
@@ -52,17 +49,17 @@ def scatter_planes(grad, layout, plane_set, axes, start, d_features, first):
     Successive points in one cell, as samples of a ray often are, are added up first.
     """
     cells = _find_cells(layout, plane_set, axes, start, d_features.shape[0])
-    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
-    fx, fy = cells.fraction[:_BLOCK], cells.fraction[_BLOCK : 2 * _BLOCK]
-    fz = cells.fraction[2 * _BLOCK :]
+    row_x, row_y = _rows(layout, plane_set)
+    fx, fy = cells.fraction[:BLOCK], cells.fraction[BLOCK : 2 * BLOCK]
+    fz = cells.fraction[2 * BLOCK :]
     corner, C = cells.corner, layout.channels
-    _scatter_plane(grad, xy, row_x, C, corner, fx, fy, d_features, first)
-    _scatter_plane(grad, xz, row_x, C, corner[_BLOCK:], fx, fz, d_features, first)
-    _scatter_plane(grad, yz, row_y, C, corner[2 * _BLOCK :], fy, fz, d_features, first)
+    _scatter_plane(grad, row_x, C, corner, fx, fy, d_features, first)
+    _scatter_plane(grad, row_x, C, corner[BLOCK:], fx, fz, d_features, first)
+    _scatter_plane(grad, row_y, C, corner[2 * BLOCK :], fy, fz, d_features, first)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _scatter_plane(grad, offset, row, C, corner, fraction_u, fraction_v, d_features, first):
+def _scatter_plane(grad, row, C, corner, fraction_u, fraction_v, d_features, first):
     n, stride = d_features.shape
     zero = spread(np.float32(0.0))
     for c in range(first, first + C, 16):
@@ -78,14 +75,14 @@ def _scatter_plane(grad, offset, row, C, corner, fraction_u, fraction_v, d_featu
                 s_v = fma(spread(fv), d, s_v)
                 s_uv = fma(spread(fu * fv), d, s_uv)
                 k += 1
-            o = offset + at + c - first
+            o = at + c - first
             u, v = sub(s_u, s_uv), sub(s_v, s_uv)
             store(grad.values, o, add(load(grad.values, o), sub(sub(s, s_u), v)))
             store(grad.values, o + C, add(load(grad.values, o + C), u))
             store(grad.values, o + row, add(load(grad.values, o + row), v))
             store(grad.values, o + row + C, add(load(grad.values, o + row + C), s_uv))
             if c == first:
-                touch_rows(grad, offset + at, row, C)
+                touch_rows(grad, at, row, C)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
@@ -94,22 +91,19 @@ def plane_position_gradient(params, layout, plane_set, axes, start, d_features, 
     C, (n, stride) = layout.channels, d_features.shape
     inv_cell = layout.plane_inv_cell[plane_set]
     cells = _find_cells(layout, plane_set, axes, start, n)
-    xy, xz, yz, row_x, row_y = _planes(layout, plane_set)
-    fraction, corner = cells.fraction, cells.corner
+    row_x, row_y = _rows(layout, plane_set)
     for k in range(n):
-        fx, fy, fz = fraction[k], fraction[_BLOCK + k], fraction[2 * _BLOCK + k]
-        o_xy, o_xz = xy + corner[k], xz + corner[_BLOCK + k]
-        o_yz = yz + corner[2 * _BLOCK + k]
+        fx, fy, fz, xy, xz, yz = _at(cells, k)
         d_x = d_y = d_z = spread(np.float32(0.0))
         for c in range(0, C, 16):
             d = load(d_features, k * stride + first + c)
-            u, v = _slopes(params, o_xy + c, C, row_x, fx, fy)
+            u, v = _slopes(params, xy + c, C, row_x, fx, fy)
             d_x = fma(d, u, d_x)
             d_y = fma(d, v, d_y)
-            u, v = _slopes(params, o_xz + c, C, row_x, fx, fz)
+            u, v = _slopes(params, xz + c, C, row_x, fx, fz)
             d_x = fma(d, u, d_x)
             d_z = fma(d, v, d_z)
-            u, v = _slopes(params, o_yz + c, C, row_y, fy, fz)
+            u, v = _slopes(params, yz + c, C, row_y, fy, fz)
             d_y = fma(d, u, d_y)
             d_z = fma(d, v, d_z)
         d_position[k, 0] += inv_cell * total(d_x)
@@ -121,21 +115,18 @@ def plane_position_gradient(params, layout, plane_set, axes, start, d_features, 
 def _find_cells(layout, plane_set, axes, start, n):
     """The cells of n points, clamped to the border."""
     cells = _Cells(
-        np.empty(3 * _BLOCK, np.int32),
-        np.empty(3 * _BLOCK, np.float32),
-        np.empty(3 * _BLOCK, np.int32),
+        np.empty(3 * BLOCK, np.int32),
+        np.empty(3 * BLOCK, np.float32),
+        np.empty(3 * BLOCK, np.int64),
     )
     inv_cell = layout.plane_inv_cell[plane_set]
     for a in range(3):
         p = axes[a, start : start + n]
-        vertex = cells.vertex[a * _BLOCK : a * _BLOCK + n]
-        fraction = cells.fraction[a * _BLOCK : a * _BLOCK + n]
+        vertex = cells.vertex[a * BLOCK : a * BLOCK + n]
+        fraction = cells.fraction[a * BLOCK : a * BLOCK + n]
         first, count = layout.plane_first[plane_set, a], layout.plane_count[plane_set, a]
-        low, high, last = (
-            np.float32(first),
-            np.float32(first + count - 1),
-            np.int32(first + count - 2),
-        )
+        low, high = np.float32(first), np.float32(first + count - 1)
+        last = np.int32(first + count - 2)
         for k in range(n):
             g = min(max(p[k] * inv_cell, low), high)
             i = np.int32(min(np.int32(np.floor(g)), last))
@@ -143,25 +134,34 @@ def _find_cells(layout, plane_set, axes, start, n):
             fraction[k] = g - np.float32(i)
     C = np.int32(layout.channels)
     for plane in range(3):
+        offset = layout.plane_offset[plane_set, plane]
         row = np.int32(layout.plane_count[plane_set, _U[plane]])
-        u = cells.vertex[_U[plane] * _BLOCK : _U[plane] * _BLOCK + n]
-        v = cells.vertex[_V[plane] * _BLOCK : _V[plane] * _BLOCK + n]
-        corner = cells.corner[plane * _BLOCK : plane * _BLOCK + n]
+        u = cells.vertex[_U[plane] * BLOCK : _U[plane] * BLOCK + n]
+        v = cells.vertex[_V[plane] * BLOCK : _V[plane] * BLOCK + n]
+        corner = cells.corner[plane * BLOCK : plane * BLOCK + n]
         for k in range(n):
-            corner[k] = np.int32((v[k] * row + u[k]) * C)
+            corner[k] = offset + np.int32((v[k] * row + u[k]) * C)
     return cells
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
-def _planes(layout, s):
-    """Offsets of the xy, xz and yz planes of a set, and floats to the next row of the first two, the last."""
+def _at(cells, k):
+    """Fractions along x, y, z of a point, and its lower corners in the xy, xz and yz planes."""
+    fraction, corner = cells.fraction, cells.corner
     return (
-        layout.plane_offset[s, 0],
-        layout.plane_offset[s, 1],
-        layout.plane_offset[s, 2],
-        layout.plane_count[s, 0] * layout.channels,
-        layout.plane_count[s, 1] * layout.channels,
+        fraction[k],
+        fraction[BLOCK + k],
+        fraction[2 * BLOCK + k],
+        corner[k],
+        corner[BLOCK + k],
+        corner[2 * BLOCK + k],
     )
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
+def _rows(layout, s):
+    """Floats to the next row of the xy and xz planes of a set, and of its yz plane."""
+    return layout.plane_count[s, 0] * layout.channels, layout.plane_count[s, 1] * layout.channels
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")

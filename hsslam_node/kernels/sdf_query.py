@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from hsslam_node.kernels.aligned import aligned_rows
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.decoder_weights import HIDDEN, geometry_weights
 from hsslam_node.kernels.field_forward import (
     join_hash_features,
@@ -12,7 +13,6 @@ from hsslam_node.kernels.field_forward import (
 )
 from hsslam_node.kernels.hash_grid import gather_hash, hash_position_gradient
 from hsslam_node.kernels.one_blob import (
-    BLOCK,
     add_one_blob,
     one_blob,
     one_blob_position_gradient,

@@ -5,17 +5,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hsslam_node.field.parameter_arrays import PAGE
 from hsslam_node.kernels.aligned import aligned_zeros
 from hsslam_node.kernels.kernel_layout import KernelLayout
-
-PAGE = 64  # chunks of 16 floats whose marks are one word
 
 
 class Gradient(NamedTuple):
     """Gradient whose cost to step does not depend on the size of the map: only what is marked is read.
 
-    Hash tables do not grow with the map, and an iteration writes to most of their chunks: they are not
-    marked, but read whole, and a chunk of theirs that is not zero counts as touched.
+    Hash tables do not grow with the map, and an iteration writes to four tenths of their chunks: they
+    are not marked, but read whole, and a chunk of theirs that is not zero counts as touched.
     """
 
     values: np.ndarray  # [P] float32, zero outside the touched chunks
@@ -38,9 +37,7 @@ def touch_rows(grad, first, row, C):
     for start in (first, first + row):
         page, shift = start >> 10, np.uint64(start >> 4 & 63)
         grad.touched[page] |= bits << shift
-        beyond = (
-            bits >> (np.uint64(63) - shift) >> np.uint64(1)
-        )  # two shifts: 64 is too far for one
+        beyond = bits >> (np.uint64(63) - shift) >> np.uint64(1)  # at once, 64 would be too far
         if beyond != 0:
             grad.touched[page + 1] |= beyond
 

@@ -7,10 +7,10 @@ from hsslam_node.config import FieldConfig
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.field.oneblob import oneblob
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.kernels.one_blob import (
     BINS,
-    BLOCK,
     add_blob_gradient,
     one_blob,
     one_blob_space,
