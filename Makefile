@@ -11,6 +11,8 @@ TYPES := build/types
 
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+# a package is compiled by the first process that imports it (see --no-compile below), not by every one
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: run test lint bench package clean
 
