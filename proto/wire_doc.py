@@ -35,6 +35,9 @@ connect to, scouting off. All keys begin with `hsslam/<robot>/` (`--robot`, defa
 - **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
   right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
 - **Limits**: a payload above the limit of its topic or request is not read. Nothing is ever unpickled.
+- **Shared memory**: on the same machine large messages may come through that of zenoh, which locks it. What
+  is beyond the receiver's limit (`ulimit -l`) never arrives, and nobody says so: with a limit below 512 MiB
+  set `transport/shared_memory/enabled` to `false`, as the processes here do for what is not their own camera.
 
 A client that uses `eclipse-zenoh` and `msgpack` alone: [`{_EXAMPLE}`](../{_EXAMPLE}).
 """

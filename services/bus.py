@@ -15,7 +15,13 @@ from hsslam_node.services.publisher import Publisher
 from hsslam_node.services.request_queue import RequestQueue
 from hsslam_node.services.security.credentials import client_settings
 from hsslam_node.services.subscription import Subscription
-from hsslam_node.services.zenoh_session import free_endpoint, open_client, open_router
+from hsslam_node.services.zenoh_session import (
+    NO_SETTINGS,
+    Settings,
+    free_endpoint,
+    open_client,
+    open_router,
+)
 
 __all__ = ["Bus", "LiveProcess", "free_endpoint", "open_router"]
 
@@ -33,7 +39,8 @@ class LiveProcess(NamedTuple):
 class Bus:
     """A client session at the router of a run; holds the liveliness token of this process.
 
-    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
+    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`. `settings`: of zenoh,
+    beside those of this system.
 
     Never fork while one is open: the child would hang. Use it as a context manager or call `close`.
 
@@ -41,7 +48,14 @@ class Bus:
         UserError: no router at `endpoint`, or a name that cannot be part of a key.
     """
 
-    def __init__(self, endpoint: str, robot: str, process: str, security: str = "") -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        robot: str,
+        process: str,
+        security: str = "",
+        settings: Settings = NO_SETTINGS,
+    ) -> None:
         for field, name in (("robot", robot), ("process", process)):
             if not _NAME.fullmatch(name):
                 raise UserError(f"{field} {name!r}: expected letters, digits, _ and - only")
@@ -52,7 +66,8 @@ class Bus:
         self._subscriptions: list[Subscription] = []
         self._queues: list[RequestQueue] = []
         self._closed = False
-        self._session = open_client(endpoint, settings=client_settings(endpoint, security))
+        given = {**client_settings(endpoint, security), **settings}
+        self._session = open_client(endpoint, settings=given)
         atexit.register(self.close)  # an open session can keep the interpreter from ending
         token_key = f"{self._live_prefix}/{process}/{os.getpid()}"
         self._token = self._session.liveliness().declare_token(token_key)

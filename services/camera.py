@@ -54,6 +54,7 @@ def _run(worker: Worker) -> None:
     with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
         pace.wait_for_peers()
         worker.ready()
+        progress.write(Path(worker.run.arena_dir))  # before the first frame goes out
         for item in items:
             pace.held(hold.wait())
             if mode.world != world:

@@ -28,6 +28,11 @@ class CameraProgress:
         write_atomically(_path(arena_dir), _LAYOUT.pack(*fields))
 
     @staticmethod
+    def exists(arena_dir: Path) -> bool:
+        """Whether a camera of this run may have sent anything."""
+        return _path(arena_dir).exists()
+
+    @staticmethod
     def read(arena_dir: Path) -> "CameraProgress":
         """The progress left by the camera that ran before; zeros if there was none."""
         path = _path(arena_dir)

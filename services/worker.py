@@ -19,9 +19,11 @@ from hsslam_node.errors import UserError
 from hsslam_node.proto import topics
 from hsslam_node.proto.messages import Event, Health
 from hsslam_node.services.bus import Bus
+from hsslam_node.services.camera_progress import CameraProgress
 from hsslam_node.services.memory_use import OwnMemory
 from hsslam_node.services.process_table import PROCESSES
 from hsslam_node.services.run_info import RunInfo
+from hsslam_node.services.shared_memory_transport import shared_memory_of_run
 from hsslam_node.services.subscription import Subscription
 
 if TYPE_CHECKING:
@@ -46,7 +48,9 @@ class Worker:
         self.name = name
         self.run = run
         self.options = run.options
-        self.bus = Bus(run.endpoint, run.robot, name)
+        first_camera = name == "camera" and not CameraProgress.exists(Path(run.arena_dir))
+        shared_memory = shared_memory_of_run(run.options.source, sends_frames=first_camera)
+        self.bus = Bus(run.endpoint, run.robot, name, settings=shared_memory)
         self.counters: dict[str, int] = {}
         self.stage_ms: dict[str, float] = {}
         self._state = "starting"

@@ -1,6 +1,7 @@
 """Zenoh sessions as this system uses them: one router on loopback, everybody else its client."""
 
 import json
+import os
 import re
 import socket
 import time
@@ -9,12 +10,13 @@ from types import MappingProxyType
 
 import zenoh
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_node.services.shared_memory_transport import shared_memory_settings
 
 Settings = Mapping[str, object]
 
 _CONNECT_TIMEOUT_S = 10.0
-_NONE: Settings = MappingProxyType({})
+NO_SETTINGS: Settings = MappingProxyType({})
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -25,19 +27,17 @@ _COMMON: Settings = {
     # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
-    # frames and meshes go through shared memory, the rest is cheaper on the socket
-    "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
-    "transport/shared_memory/transport_optimization/pool_size": 32 * 2**20,
 }
 
 
-def open_router(*endpoints: str, settings: Settings = _NONE) -> zenoh.Session:
+def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Session:
     """The router of a run, listening on `endpoints` only (such as `tcp/127.0.0.1:7447`).
 
     `settings`: of zenoh, beside those of this system.
 
     Raises:
         UserError: the port is taken, or it is no zenoh endpoint.
+        OutOfMemoryError: /dev/shm is full.
     """
     own = {
         "mode": "router",
@@ -49,6 +49,7 @@ def open_router(*endpoints: str, settings: Settings = _NONE) -> zenoh.Session:
         return zenoh.open(_config({**own, **settings}))
     except zenoh.ZError as error:
         reason = _reason(error)
+        _expect_shared_memory(reason)
         is_elsewhere = reason.startswith(("Cannot assign", "failed to lookup"))
         expected = "an address of this machine" if is_elsewhere else "a free port"
         raise UserError(
@@ -57,12 +58,13 @@ def open_router(*endpoints: str, settings: Settings = _NONE) -> zenoh.Session:
 
 
 def open_client(
-    endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S, settings: Settings = _NONE
+    endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S, settings: Settings = NO_SETTINGS
 ) -> zenoh.Session:
     """A client session that is connected to the router at `endpoint`.
 
     Raises:
         UserError: no router answers there within `timeout_s`, or it does not take this client.
+        OutOfMemoryError: /dev/shm is full.
     """
     own = {
         "mode": "client",
@@ -74,12 +76,12 @@ def open_client(
     try:
         session = zenoh.open(_config({**own, **settings}))
     except zenoh.ZError as error:
+        reason = _reason(error)
+        _expect_shared_memory(reason)
         expected = "a router"
         if endpoint.startswith("tls/"):
             expected = "a router that takes this certificate, and with one of the same CA"
-        raise UserError(
-            f"zenoh endpoint {endpoint}: expected {expected} ({_reason(error)})"
-        ) from None
+        raise UserError(f"zenoh endpoint {endpoint}: expected {expected} ({reason})") from None
     while not session.info.routers_zid():
         if time.monotonic() > deadline:
             session.close()
@@ -97,9 +99,18 @@ def free_endpoint() -> str:
 
 def _config(settings: Settings) -> zenoh.Config:
     config = zenoh.Config()
-    for key, value in {**_COMMON, **settings}.items():
+    for key, value in {**_COMMON, **shared_memory_settings(), **settings}.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _expect_shared_memory(reason: str) -> None:
+    if "shm segment" in reason:
+        shm = os.statvfs("/dev/shm")
+        raise OutOfMemoryError(
+            f"/dev/shm: zenoh needs thousands of bytes for a session, {shm.f_bavail * shm.f_frsize} "
+            f"are free: expected more shared memory (docker: --shm-size) ({reason})"
+        ) from None
 
 
 def _reason(error: Exception) -> str:

@@ -9,6 +9,7 @@ import zenoh
 from hsslam_node.services.options import ServeOptions
 from hsslam_node.services.security.access import WORKER_LINK, access_control
 from hsslam_node.services.security.credentials import Credentials
+from hsslam_node.services.shared_memory_transport import shared_memory_of_run
 from hsslam_node.services.zenoh_session import open_router
 
 
@@ -26,8 +27,9 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     Raises:
         UserError: the port is taken, or the certificate cannot be used.
     """
+    shared_memory = shared_memory_of_run(options.source, sends_frames=False)
     if not options.security:
-        session = open_router(f"tcp/{options.bind}:{options.zenoh_port}")
+        session = open_router(f"tcp/{options.bind}:{options.zenoh_port}", settings=shared_memory)
         local = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
         endpoint = f"tcp/{local}:{options.zenoh_port}"
         warning = exposure(options.bind)
@@ -36,7 +38,8 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     credentials.expect_router()
     outside = f"tls/{options.bind}:{options.zenoh_port}"
     inside = f"{WORKER_LINK}/{arena_dir}/router.sock"
-    settings = credentials.listening() | {"access_control": access_control(options.robot)}
+    access = {"access_control": access_control(options.robot)}
+    settings = {**credentials.listening(), **access, **shared_memory}
     session = open_router(outside, inside, settings=settings)
     notice = f"zenoh: {outside}, for certificates of the CA of {credentials.folder}"
     return RunRouter(session, inside, ((notice, "info"),))

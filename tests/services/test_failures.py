@@ -7,6 +7,7 @@ import psutil
 import pytest
 
 from hsslam_node.geometry.trajectory import read_tum
+from tests.services.ordinary_user import as_ordinary_user
 from tests.services.serve_process import SMALL_ROOM
 
 pytestmark = pytest.mark.e2e
@@ -32,7 +33,7 @@ def test_death_of_ba_recorder_mesher_and_nursery_costs_no_pose(serve):
 
 
 def test_mapper_camera_and_tracker_are_replaced_and_a_crash_loop_ends_the_run_with_code_1(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", prefix=as_ordinary_user())
     run.wait_for_poses(20)
     for name in ("mapper", "camera", "tracker"):
         killed_ns = time.time_ns()
