@@ -29,7 +29,7 @@ class Atlas:
     first_levels: np.ndarray  # [F] int32, row of `levels` of a face's finest level
     inverse_texels: np.ndarray  # [F] float32, texels of the finest level per metre
     levels: np.ndarray  # [N, 3] int32: offset into `texels`, width, height
-    texels: np.ndarray  # [M] uint64, red, green, blue in lanes of 16 bits
+    texels: np.ndarray  # [M] uint32 0x00BBGGRR
 
 
 def build_atlas(scene: Scene, seed: int, coarseness: float = 1.0) -> Atlas:
@@ -153,6 +153,6 @@ def _pyramid(image: np.ndarray) -> list[np.ndarray]:
 
 
 def _packed(level: np.ndarray) -> np.ndarray:
-    lanes = np.zeros((*level.shape[:2], 4), np.uint16)
-    lanes[..., :3] = level
-    return lanes.view(np.uint64).ravel()
+    channels = np.zeros((*level.shape[:2], 4), np.uint8)
+    channels[..., :3] = level
+    return channels.view(np.uint32).ravel()

@@ -3,7 +3,8 @@
 import numba
 import numpy as np
 
-from hsslam_node.sources.synth.texture_lookup import JIT, mix_borders, sample
+from hsslam_node.sources.synth.face_borders import mix_borders
+from hsslam_node.sources.synth.texture_lookup import JIT, look_up_of, sample
 from hsslam_node.sources.synth.tile_binning import NEAR_M, TILE, bin_primitives
 
 _PIXELS = TILE * TILE
@@ -20,7 +21,7 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     world).
 
     kinds, first_faces [P] int32; rotations [P, 3, 3], centers, halves [P, 3] float64.
-    first_levels [F] int32, inverse_texels [F] float32 1/m; levels and texels as in `sample`.
+    first_levels, inverse_texels, levels and texels as in `sample`.
     intrinsics [4] fx fy cx cy; packed [H, W] uint32, face_ids [H, W] int32: scratch.
     """
     height, width = depth.shape
@@ -33,6 +34,8 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     s, q = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.float32)
     slant, face = np.empty(_PIXELS, np.float32), np.empty(_PIXELS, np.int32)
     hit = np.empty(len(kinds), np.int32)
+    look, width_m = look_up_of(_PIXELS), np.empty(_PIXELS, np.float32)
+    colors = np.empty(_PIXELS, np.uint32)
     pixel = np.float32(_SHARPNESS / intrinsics[0])
     scale = np.float32(units_per_m)
     tiles_x = (width + TILE - 1) // TILE
@@ -69,14 +72,18 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
                 _place_on_round(
                     p, first, round_, M, o, ray_x, ray_y, nearest, owner, face, s, q, slant
                 )
-        for i in range(min(TILE, height - row) * TILE):
-            v, u = row + (i >> _SHIFT), column + (i & (TILE - 1))
-            if u < width:
-                t, f = nearest[i], face[i]
-                footprint = t * pixel * inverse_texels[f] * slant[i]
-                packed[v, u] = sample(texels, levels, first_levels[f], s[i], q[i], footprint)
-                face_ids[v, u] = f
-                depth[v, u] = np.uint16(min(t * scale + np.float32(0.5), np.float32(65535)))
+        for i in range(_PIXELS):
+            width_m[i] = nearest[i] * pixel
+        sample(
+            texels, levels, first_levels, inverse_texels, face, s, q, width_m, slant, look, colors
+        )
+        for y in range(min(TILE, height - row)):
+            for x in range(min(TILE, width - column)):
+                i, v, u = y * TILE + x, row + y, column + x
+                packed[v, u] = colors[i]
+                face_ids[v, u] = face[i]
+                units = nearest[i] * scale + np.float32(0.5)
+                depth[v, u] = np.uint16(min(units, np.float32(65535)))
     mix_borders(packed, face_ids, color)
 
 

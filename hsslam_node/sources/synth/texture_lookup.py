@@ -1,86 +1,115 @@
-"""Numba kernels: trilinear texture look-up, and the packed colours they work on."""
+"""Numba kernels: trilinear texture look-up, and the packed colours it works on."""
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
-_LANES = np.uint64(0x00FF00FF00FF)
-_ONE = np.uint64(256)
+_RED_BLUE, _GREEN, _BITS = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
 _WIDEST = np.float32(60)  # texels; every face has the levels for it
 
 
-@numba.njit(**JIT)
-def sample(texels, levels, first, s, q, footprint):
-    """Colour 0x00BBGGRR at (s, q) in [0, 1]^2 where a pixel covers `footprint` texels.
+class LookUp(NamedTuple):
+    """Scratch for n pixels: of the two levels that each is mixed from, and their four corners."""
 
-    texels [M] uint64: red, green, blue in lanes of 16 bits, so that one product weighs all three.
-    levels [N, 3] int32: offset, width, height; `first` is the row of the finest one.
+    row: np.ndarray  # [n] int32, of the finer level
+    density: np.ndarray  # [n] float32, texels per metre of the face
+    share: np.ndarray  # [n] uint32, of the coarser level, of 256
+    level: np.ndarray  # [2, 3, n] int32: offset, width, height
+    place: np.ndarray  # [2, 4, n] int32, into the texels
+    weight: np.ndarray  # [2, 4, n] uint32, of 256
+    texel: np.ndarray  # [2, 4, n] uint32
+
+
+@numba.njit(**JIT)
+def look_up_of(n):
+    """Scratch for n pixels."""
+    return LookUp(
+        np.empty(n, np.int32),
+        np.empty(n, np.float32),
+        np.empty(n, np.uint32),
+        np.empty((2, 3, n), np.int32),
+        np.empty((2, 4, n), np.int32),
+        np.empty((2, 4, n), np.uint32),
+        np.empty((2, 4, n), np.uint32),
+    )
+
+
+@numba.njit(**JIT)
+def sample(texels, levels, first_levels, inverse_texels, face, s, q, width_m, slant, look, out):
+    """Colours 0x00BBGGRR [n] at (s, q) in [0, 1]^2 of faces, where a pixel covers `width_m` x `slant`.
+
+    texels [M] uint32 0x00BBGGRR; levels [N, 3] int32: offset, width, height; first_levels [F] int32,
+    the row of a face's finest level; inverse_texels [F] float32 1/m. In passes over all pixels: those
+    that compute become vectors, and those that fetch do nothing else.
     """
-    if footprint <= np.float32(1):
-        return pack(_bilinear(texels, levels, first, s, q))
-    # log2 from the float's exponent, and a straight line through its mantissa
-    bits = np.float32(min(footprint, _WIDEST)).view(np.int32) - np.int32(0x3F800000)
-    row = first + (bits >> np.int32(23))
-    f = np.uint64((bits >> np.int32(15)) & np.int32(255))
-    mixed = _bilinear(texels, levels, row, s, q) * (_ONE - f)
-    mixed += _bilinear(texels, levels, row + np.int32(1), s, q) * f
-    return pack((mixed >> np.uint64(8)) & _LANES)
+    for i in range(len(face)):
+        look.row[i] = first_levels[face[i]]
+        look.density[i] = inverse_texels[face[i]]
+    _choose_levels(width_m, slant, look)
+    for i in range(len(face)):
+        row = look.row[i]
+        for k in range(2):
+            for a in range(3):
+                look.level[k, a, i] = levels[row + k, a]
+    for k in range(2):
+        _find_corners(s, q, look.level[k], look.place[k], look.weight[k])
+        for c in range(4):
+            texel, place = look.texel[k, c], look.place[k, c]
+            for i in range(len(face)):
+                texel[i] = texels[place[i]]
+    _mix(look.texel, look.weight, look.share, out)
 
 
 @numba.njit(**JIT)
-def pack(lanes):
-    """Lanes of 16 bits to 0x00BBGGRR."""
-    low = (lanes & np.uint64(0xFF)) | ((lanes >> np.uint64(8)) & np.uint64(0xFF00))
-    return np.uint32(low | ((lanes >> np.uint64(16)) & np.uint64(0xFF0000)))
+def _choose_levels(width_m, slant, look):
+    """log2 of the texels that a pixel covers, from the float's exponent and a straight line through
+    its mantissa: the row of the finer level, and the share of the coarser one."""
+    for i in range(len(width_m)):
+        footprint = min(max(width_m[i] * look.density[i] * slant[i], np.float32(1)), _WIDEST)
+        bits = np.float32(footprint).view(np.int32) - np.int32(0x3F800000)
+        look.row[i] += bits >> np.int32(23)
+        look.share[i] = np.uint32((bits >> np.int32(15)) & np.int32(255))
 
 
 @numba.njit(**JIT)
-def unpack(c):
-    """0x00BBGGRR to lanes of 16 bits."""
-    c = np.uint64(c)
-    low = (c & np.uint64(0xFF)) | ((c & np.uint64(0xFF00)) << np.uint64(8))
-    return low | ((c & np.uint64(0xFF0000)) << np.uint64(16))
-
-
-@numba.njit(**JIT)
-def mix_borders(packed, face_ids, color):
-    """Unpacks to RGB [H, W, 3]; at the border of a face a pixel is mixed with its four neighbours.
-
-    A lens does the same: without it the edges of the furniture are stairs.
-    """
-    height, width = packed.shape
-    for v in range(height):
-        for u in range(width):
-            c = packed[v, u]
-            if 0 < v < height - 1 and 0 < u < width - 1:
-                f = face_ids[v, u]
-                same = (face_ids[v, u + 1] == f) & (face_ids[v, u - 1] == f)
-                if not (same & (face_ids[v + 1, u] == f) & (face_ids[v - 1, u] == f)):
-                    around = unpack(packed[v, u + 1]) + unpack(packed[v, u - 1])
-                    around += unpack(packed[v + 1, u]) + unpack(packed[v - 1, u])
-                    around += unpack(c) * np.uint64(4)
-                    c = pack((around >> np.uint64(3)) & _LANES)
-            color[v, u, 0] = c & np.uint32(0xFF)
-            color[v, u, 1] = (c >> np.uint32(8)) & np.uint32(0xFF)
-            color[v, u, 2] = (c >> np.uint32(16)) & np.uint32(0xFF)
-
-
-@numba.njit(**JIT)
-def _bilinear(texels, levels, row, s, q):
-    row = np.uint64(row)
-    offset, width, height = levels[row, 0], levels[row, 1], levels[row, 2]
+def _find_corners(s, q, level, place, weight):
+    """Of the four texels around each pixel: where they are, and what they weigh."""
     zero, half, one = np.float32(0), np.float32(0.5), np.int32(1)
-    x = min(max(s * np.float32(width) - half, zero), np.float32(width - one))
-    y = min(max(q * np.float32(height) - half, zero), np.float32(height - one))
-    xi, yi = np.int32(x * np.float32(256)), np.int32(y * np.float32(256))
-    x0, y0 = xi >> np.int32(8), yi >> np.int32(8)
-    ix, iy = np.uint64(xi & np.int32(255)), np.uint64(yi & np.int32(255))
-    w11 = (ix * iy) >> np.uint64(8)
-    w10, w01 = ix - w11, iy - w11
-    w00 = _ONE + w11 - ix - iy
-    base = np.uint64(offset + y0 * width + x0)
-    right = np.uint64(x0 < width - one)
-    down = np.uint64(width) if y0 < height - one else np.uint64(0)
-    mixed = texels[base] * w00 + texels[base + right] * w10
-    mixed += texels[base + down] * w01 + texels[base + down + right] * w11
-    return (mixed >> np.uint64(8)) & _LANES
+    for i in range(len(s)):
+        width, height = level[1, i], level[2, i]
+        x = min(max(s[i] * np.float32(width) - half, zero), np.float32(width - one))
+        y = min(max(q[i] * np.float32(height) - half, zero), np.float32(height - one))
+        xi, yi = np.int32(x * np.float32(256)), np.int32(y * np.float32(256))
+        x0, y0 = xi >> np.int32(8), yi >> np.int32(8)
+        ix, iy = xi & np.int32(255), yi & np.int32(255)
+        both = (ix * iy) >> np.int32(8)
+        weight[0, i] = np.uint32(np.int32(256) + both - ix - iy)
+        weight[1, i] = np.uint32(ix - both)
+        weight[2, i] = np.uint32(iy - both)
+        weight[3, i] = np.uint32(both)
+        base = level[0, i] + y0 * width + x0
+        right = np.int32(x0 < width - one)
+        down = width if y0 < height - one else np.int32(0)
+        place[0, i] = base
+        place[1, i] = base + right
+        place[2, i] = base + down
+        place[3, i] = base + down + right
+
+
+@numba.njit(**JIT)
+def _mix(texel, weight, share, out):
+    """Red and blue in one product, green in another: 255 x 256 fits into the 16 bits of each."""
+    for i in range(len(out)):
+        coarse, fine = share[i], np.uint32(256) - share[i]
+        red_blue, green = np.uint32(0), np.uint32(0)
+        for k in range(2):
+            rb, g = np.uint32(0), np.uint32(0)
+            for c in range(4):
+                rb += (texel[k, c, i] & _RED_BLUE) * weight[k, c, i]
+                g += ((texel[k, c, i] >> _BITS) & _GREEN) * weight[k, c, i]
+            part = coarse if k else fine
+            red_blue += ((rb >> _BITS) & _RED_BLUE) * part
+            green += (g >> _BITS) * part
+        out[i] = ((red_blue >> _BITS) & _RED_BLUE) | (green & np.uint32(0xFF00))
