@@ -7,7 +7,7 @@ from hsslam_node.services.bench.check import Measured
 from hsslam_node.services.bench.serve_run import ServeRun
 
 _LIGHT_POINTS = 640 * 12  # of one light iteration
-_GREETING_BYTES = 10_000  # a viewer that took no more has seen nothing
+_LOOK_BYTES = 2_000  # of a frame: a viewer that took less has not seen the whole run
 
 
 def tracked(run: ServeRun, least: float) -> Measured:
@@ -17,7 +17,7 @@ def tracked(run: ServeRun, least: float) -> Measured:
     share = (frames["tracked"] - 1) / after_first
     shifts = run.summary["processes"]["camera"]["counters"].get("clock_shifts", 0)
     notes = [f"{frames['tracked'] - 1} of {after_first}, {frames['lost']} lost"]
-    has_looked = run.viewer_bytes is None or run.viewer_bytes > _GREETING_BYTES
+    has_looked = run.viewer_bytes is None or run.viewer_bytes > _LOOK_BYTES * frames["tracked"]
     if run.viewer_bytes is not None:
         notes.append(f"viewer took {run.viewer_bytes / 1e6:.1f} MB")
     slow = f"; the source was too slow: clock moved {shifts} x" if shifts else ""
