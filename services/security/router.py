@@ -26,6 +26,7 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
 
     Raises:
         UserError: the port is taken, or the certificate cannot be used.
+        OutOfMemoryError: /dev/shm is full.
     """
     shared_memory = shared_memory_of_run(options.source, sends_frames=False)
     if not options.security:

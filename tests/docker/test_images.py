@@ -60,6 +60,7 @@ def test_a_service_has_what_it_needs(name):
     assert (_DOCKER / service["build"]["context"]).resolve() == ROOT
     assert (ROOT / service["build"]["dockerfile"]).is_file()
     assert service["shm_size"] == "2gb"
+    assert service["ulimits"] == {"memlock": -1}
     test = service["healthcheck"]["test"]
     assert f"127.0.0.1:{options.metrics_port}/healthz" in test[-1]
     compile(test[-1], "healthcheck", "exec")
