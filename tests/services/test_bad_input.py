@@ -1,6 +1,5 @@
 """Bad input: one line and exit code 2, or a counted drop and a run that goes on."""
 
-import os
 import socket
 import time
 from pathlib import Path
@@ -19,6 +18,7 @@ from hsslam_node.proto.messages import SourceEnd
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
+from tests.services.small_shared_memory import with_shared_memory
 
 pytestmark = pytest.mark.e2e
 _ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
@@ -73,12 +73,7 @@ def test_out_folder_of_somebody_else(serve, tmp_path: Path):
 
 
 def test_full_shared_memory_names_the_bytes(serve):
-    if os.geteuid() != 0:
-        pytest.skip("mounting a small tmpfs needs root")
-    mount = 'mount -t tmpfs -o size=24m tmpfs /dev/shm && exec "$@"'
-    if os.system("unshare -m true 2>/dev/null") != 0:
-        pytest.skip("this machine does not allow mount namespaces")
-    run = serve(*SMALL_ROOM, prefix=("unshare", "-m", "sh", "-c", mount, "sh"))
+    run = serve(*SMALL_ROOM, prefix=with_shared_memory("24m"))
     _expect_one_line(run, "/dev/shm", "needs", "bytes", "free")
 
 

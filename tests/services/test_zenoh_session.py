@@ -1,7 +1,6 @@
 """Shared memory of zenoh: full, or with a limit of locked memory that it would exceed."""
 
 import json
-import os
 import subprocess
 import sys
 from collections import Counter
@@ -10,6 +9,7 @@ import pytest
 
 from hsslam_node.services.shared_memory_transport import shared_memory_settings
 from tests.services.ordinary_user import LIMIT_BYTES, as_ordinary_user
+from tests.services.small_shared_memory import with_shared_memory
 
 _PUBLISHERS = 5
 _POOL = 'settings={"transport/shared_memory/transport_optimization/pool_size": 2 * 2**20}'
@@ -79,18 +79,15 @@ def test_with_little_room_the_first_camera_alone_sends_through_shared_memory():
 
 
 def test_full_shared_memory_is_named(endpoint):
-    if os.geteuid() != 0 or os.system("unshare -m true 2>/dev/null") != 0:
-        pytest.skip("mounting a small tmpfs needs root, and mount namespaces")
+    if not shared_memory_settings()["transport/shared_memory/enabled"]:
+        pytest.skip("this machine's limit of locked memory leaves zenoh no shared memory")
     code = (
         "from hsslam_node.services.zenoh_session import open_client\n"
         f"try: open_client({endpoint!r})\n"
         "except Exception as error: print(type(error).__name__, error)"
     )
-    mount = 'mount -t tmpfs -o size=4k tmpfs /dev/shm && exec "$@"'
-    command = ["unshare", "-m", "sh", "-c", mount, "sh", sys.executable, "-c", code]
+    command = [*with_shared_memory("4k"), sys.executable, "-c", code]
     said = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True).stdout
-    if not shared_memory_settings()["transport/shared_memory/enabled"]:
-        pytest.skip("this machine's limit of locked memory leaves zenoh no shared memory")
     assert said.startswith("OutOfMemoryError /dev/shm: zenoh needs")
     assert "bytes" in said
     assert "0 are free" in said

@@ -37,7 +37,7 @@ def build_atlas(scene: Scene, seed: int, coarseness: float = 1.0) -> Atlas:
 
     `coarseness` scales the texels: 1 is right for images 640 pixels wide, 2 for 320.
     """
-    first_faces, first_levels, inverse_texels, levels, blocks, offset = [], [], [], [], [], 0
+    first_faces, first_levels, inverse_texels, images = [], [], [], []
     for number, (part, light) in enumerate(_lit_parts(scene, seed)):
         first_faces.append(len(first_levels))
         for face in range(part.face_count):
@@ -45,19 +45,39 @@ def build_atlas(scene: Scene, seed: int, coarseness: float = 1.0) -> Atlas:
             image, texel_m = _albedo(part, face, rng, seed, coarseness * scene.coarseness)
             if not part.material(face).startswith(_UNLIT):
                 image *= light(part, face, image.shape[:2])[..., None]
-            first_levels.append(len(levels))
+            first_levels.append(len(images))
             inverse_texels.append(1 / texel_m)
-            for level in _pyramid(_encode(image)):
-                levels.append((offset, level.shape[1], level.shape[0]))
-                blocks.append(_packed(level))
-                offset += level.shape[0] * level.shape[1]
+            images += pyramid(_encode(image))
+    levels, texels = lay_out(images)
     return Atlas(
         np.array(first_faces, np.int32),
         np.array(first_levels, np.int32),
         np.array(inverse_texels, np.float32),
-        np.array(levels, np.int32),
-        np.concatenate(blocks),
+        levels,
+        texels,
     )
+
+
+def pyramid(image: np.ndarray) -> list[np.ndarray]:
+    """The image [h, w, 3] and its halves down to one texel; repeats of it, so that no look-up ends
+    beyond."""
+    levels = [image]
+    while max(levels[-1].shape[:2]) > 1:
+        h, w = levels[-1].shape[:2]
+        levels.append(
+            cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA)
+        )
+    return levels + [levels[-1]] * 6
+
+
+def lay_out(images: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`levels` and `texels` of an atlas of these images [h, w, 3] uint8."""
+    levels, blocks, offset = [], [], 0
+    for image in images:
+        levels.append((offset, image.shape[1], image.shape[0]))
+        blocks.append(_packed(image))
+        offset += image.shape[0] * image.shape[1]
+    return np.array(levels, np.int32), np.concatenate(blocks)
 
 
 def _lit_parts(scene: Scene, seed: int) -> Iterator[tuple[Primitive, "_Light"]]:
@@ -141,18 +161,7 @@ def _encode(image: np.ndarray) -> np.ndarray:
     return np.clip(255 * (exposed / (1 + 0.18 * exposed)) ** (1 / 1.5), 0, 255).astype(np.uint8)
 
 
-def _pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """The image and its halves down to one texel; repeats of it, so that no look-up ends beyond."""
-    levels = [image]
-    while max(levels[-1].shape[:2]) > 1:
-        h, w = levels[-1].shape[:2]
-        levels.append(
-            cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA)
-        )
-    return levels + [levels[-1]] * 6
-
-
-def _packed(level: np.ndarray) -> np.ndarray:
-    channels = np.zeros((*level.shape[:2], 4), np.uint8)
-    channels[..., :3] = level
+def _packed(image: np.ndarray) -> np.ndarray:
+    channels = np.zeros((*image.shape[:2], 4), np.uint8)
+    channels[..., :3] = image
     return channels.view(np.uint32).ravel()

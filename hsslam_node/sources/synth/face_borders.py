@@ -6,7 +6,8 @@ import numpy as np
 from hsslam_node.sources.synth.texture_lookup import JIT
 
 _BYTE, _RED_BLUE = np.uint32(0xFF), np.uint32(0x00FF00FF)
-_GREEN, _TWICE, _EIGHTH = np.uint32(8), np.uint32(16), np.uint32(3)
+_TO_GREEN, _TO_BLUE = np.uint32(8), np.uint32(16)
+_FOURFOLD, _EIGHTH = np.uint32(2), np.uint32(3)
 
 
 @numba.njit(**JIT)
@@ -25,8 +26,8 @@ def mix_borders(packed, face_ids, color):
                      face_ids[v - 1], face_ids[v], face_ids[v + 1], row)  # fmt: skip
         for u in range(width):
             color[v, u, 0] = row[u] & _BYTE
-            color[v, u, 1] = (row[u] >> _GREEN) & _BYTE
-            color[v, u, 2] = (row[u] >> _TWICE) & _BYTE
+            color[v, u, 1] = (row[u] >> _TO_GREEN) & _BYTE
+            color[v, u, 2] = (row[u] >> _TO_BLUE) & _BYTE
 
 
 @numba.njit(**JIT)
@@ -38,8 +39,8 @@ def _mix_row(above, here, below, faces_above, faces, faces_below, row):
         alone = (faces[u - 1] == f) & (faces[u + 1] == f)
         alone = alone & (faces_above[u] == f) & (faces_below[u] == f)
         rb = (left & _RED_BLUE) + (right & _RED_BLUE) + (up & _RED_BLUE) + (down & _RED_BLUE)
-        rb = ((rb + ((c & _RED_BLUE) << np.uint32(2))) >> _EIGHTH) & _RED_BLUE
-        g = ((left >> _GREEN) & _BYTE) + ((right >> _GREEN) & _BYTE)
-        g += ((up >> _GREEN) & _BYTE) + ((down >> _GREEN) & _BYTE)
-        g = ((g + (((c >> _GREEN) & _BYTE) << np.uint32(2))) >> _EIGHTH) & _BYTE
-        row[u] = c if alone else rb | (g << _GREEN)
+        rb = ((rb + ((c & _RED_BLUE) << _FOURFOLD)) >> _EIGHTH) & _RED_BLUE
+        g = ((left >> _TO_GREEN) & _BYTE) + ((right >> _TO_GREEN) & _BYTE)
+        g += ((up >> _TO_GREEN) & _BYTE) + ((down >> _TO_GREEN) & _BYTE)
+        g = ((g + (((c >> _TO_GREEN) & _BYTE) << _FOURFOLD)) >> _EIGHTH) & _BYTE
+        row[u] = c if alone else rb | (g << _TO_GREEN)

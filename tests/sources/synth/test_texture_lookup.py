@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from hsslam_node.sources.synth.atlas import _packed, _pyramid
+from hsslam_node.sources.synth.atlas import lay_out, pyramid
 from hsslam_node.sources.synth.texture_lookup import look_up_of, sample
 
 _TEXELS_PER_M = 100.0
@@ -20,17 +20,13 @@ def image() -> np.ndarray:
 
 def _sampled(image: np.ndarray, s: np.ndarray, q: np.ndarray, footprint: np.ndarray) -> np.ndarray:
     """Colours [n, 3] of a face, the second one of two; each pixel covers so many texels [n]."""
-    pyramids = [_pyramid(np.zeros((3, 5, 3), np.uint8)), _pyramid(image)]
-    levels, offset = [], 0
-    for level in (*pyramids[0], *pyramids[1]):
-        levels.append((offset, level.shape[1], level.shape[0]))
-        offset += level.shape[0] * level.shape[1]
+    other = pyramid(np.zeros((3, 5, 3), np.uint8))
+    levels, texels = lay_out(other + pyramid(image))
     n = len(s)
     out = np.empty(n, np.uint32)
     width_m = (footprint / _TEXELS_PER_M / 2).astype(np.float32)
     sample(
-        np.concatenate([_packed(level) for level in (*pyramids[0], *pyramids[1])]),
-        np.array(levels, np.int32), np.array([0, len(pyramids[0])], np.int32),
+        texels, levels, np.array([0, len(other)], np.int32),
         np.full(2, _TEXELS_PER_M, np.float32), np.ones(n, np.int32), s.astype(np.float32),
         q.astype(np.float32), width_m, np.full(n, 2, np.float32), look_up_of(n), out,
     )  # fmt: skip
@@ -60,12 +56,12 @@ def test_from_near_the_finest_level_alone(image: np.ndarray):
 
 def test_from_afar_a_mixture_of_the_two_levels_next_to_it(image: np.ndarray):
     s, q = _places(256)
-    pyramid = _pyramid(image)
+    levels = pyramid(image)
     for footprint in (1.5, 3.0, 6.0):
         fine = int(np.log2(footprint))
         share = footprint / 2**fine - 1
-        wanted = (1 - share) * _bilinear(pyramid[fine], s, q)
-        wanted += share * _bilinear(pyramid[fine + 1], s, q)
+        wanted = (1 - share) * _bilinear(levels[fine], s, q)
+        wanted += share * _bilinear(levels[fine + 1], s, q)
         assert np.abs(_sampled(image, s, q, np.full(256, footprint)) - wanted).max() <= 3
 
 
