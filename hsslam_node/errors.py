@@ -1,5 +1,8 @@
 """The one exception whose text is meant for the user."""
 
+import difflib
+from collections.abc import Iterable
+
 
 class UserError(Exception):
     """Bad input, told in one line: what (file, topic, field or option), its value, what was expected.
@@ -10,3 +13,9 @@ class UserError(Exception):
 
 class OutOfMemoryError(UserError):
     """The memory that a run needs is not there; unlike other bad input it cannot be skipped."""
+
+
+def did_you_mean(name: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """`; did you mean NAME?` with the nearest of the known names; empty if none is near."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    return f"; did you mean {near[0]}?" if near else ""

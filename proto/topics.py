@@ -1,10 +1,9 @@
 """The table of topics: bus, recorder, viewer, docs and contract tests iterate over it."""
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Generic, Literal, TypeVar
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.proto import messages as m
 
 M = TypeVar("M", bound=m.Message)
@@ -88,7 +87,6 @@ def topic_named(name: str) -> Topic:
     """
     names = [topic.name for topic in TOPICS]
     if name not in names:
-        near = get_close_matches(name, names, 1)
-        hint = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(names)}"
+        hint = did_you_mean(name, names) or f"; known: {', '.join(names)}"
         raise UserError(f"topic {name!r}: unknown{hint}")
     return TOPICS[names.index(name)]

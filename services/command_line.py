@@ -3,10 +3,10 @@
 import itertools
 from collections.abc import Sequence
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.services.options import ServeOptions
-from hsslam_node.services.parse_options import nearest, parse_options
+from hsslam_node.services.parse_options import parse_options
 
 _PROG = "hsslam-serve"
 
@@ -34,4 +34,4 @@ def _preset(args: Sequence[str]) -> PresetName:
         if name == known:
             return known
     expected = f"expected {' or '.join(PRESETS)}"
-    raise UserError(f"--preset {name}: {expected}{nearest(name, list(PRESETS))}")
+    raise UserError(f"--preset {name}: {expected}{did_you_mean(name, list(PRESETS))}")

@@ -13,7 +13,6 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
-from hsslam_node.services.bench.report import source_commit
 from hsslam_node.services.eval_options import EvalOptions
 from hsslam_node.services.eval_table import eval_table
 from hsslam_node.services.exit_code import exit_code
@@ -22,6 +21,7 @@ from hsslam_node.services.log.recorded_source import RecordedSource, recorded_so
 from hsslam_node.services.parse_options import parse_options
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.run_subject import run_subject
+from hsslam_node.services.summary import source_commit
 from hsslam_node.services.terminal_progress import terminal_progress
 from hsslam_node.sources.source import SourceOptions
 

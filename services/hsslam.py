@@ -8,9 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from hsslam_node import __version__
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.services.exit_code import exit_code
-from hsslam_node.services.parse_options import nearest
 
 _PROG = "hsslam"
 COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
@@ -42,7 +41,7 @@ def _hsslam(args: Sequence[str]) -> int | None:
         return _run(name.removeprefix("hsslam-"), args[1:])
     else:
         known = list(COMMANDS)
-        raise UserError(f"{name}: expected one of {', '.join(known)}{nearest(name, known)}")
+        raise UserError(f"{name}: expected one of {', '.join(known)}{did_you_mean(name, known)}")
     return None
 
 

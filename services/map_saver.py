@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import msgspec
-
 from hsslam_node.checkpoint import save_checkpoint
 from hsslam_node.errors import UserError
 from hsslam_node.proto.request_messages import SavedMap
-from hsslam_node.services.control.map_saving import read_wish, tell_saved
-from hsslam_node.services.control.maps_folder import map_path
+from hsslam_node.services.control.maps_folder import map_path, read_save_request, write_saved_map
 from hsslam_node.services.map_link import MapLink
 from hsslam_node.services.map_snapshot import map_snapshot
 from hsslam_node.services.worker import Worker, run_worker
@@ -20,10 +17,12 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     arena_dir = Path(worker.run.arena_dir)
-    wish = read_wish(arena_dir)
-    path = map_path(worker.options.maps, wish.name)
-    if path.exists() and not wish.replace:
-        raise UserError(f"map {wish.name}: is there already: expected another name, or to replace")
+    request = read_save_request(arena_dir)
+    path = map_path(worker.options.maps, request.name)
+    if path.exists() and not request.replace:
+        raise UserError(
+            f"map {request.name}: is there already: expected another name, or to replace"
+        )
     link = MapLink(worker.arena, worker.options.slam)
     checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
     try:
@@ -32,12 +31,12 @@ def _run(worker: Worker) -> None:
         raise UserError(f"--maps {path.parent}: {error.strerror}: expected a folder") from None
     save_checkpoint(path, checkpoint)
     saved = SavedMap(
-        name=wish.name,
+        name=request.name,
         path=str(path),
         nbytes=path.stat().st_size,
         keyframes=len(checkpoint.T_world_keyframe),
     )
-    tell_saved(arena_dir, msgspec.json.encode(saved))
+    write_saved_map(arena_dir, saved)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import difflib
 import io
 import re
 import typing
@@ -12,7 +11,7 @@ from typing import TypeVar
 import tyro
 
 from hsslam_node import __version__
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 
 _Options = TypeVar("_Options")
 _NO_NUMBER = {
@@ -50,20 +49,16 @@ def parse_options(
     return options
 
 
-def nearest(name: str, known: Sequence[str]) -> str:
-    """`; did you mean ...?`, or nothing where nothing is near."""
-    same_leaf = [option for option in known if option.endswith("." + name.lstrip("-"))]
-    near = same_leaf or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"; did you mean {near[0]}?" if near else ""
-
-
 def _unknown(cls: type, prog: str, arg: str) -> str:
     name = arg.partition("=")[0]
     known = [f"--{option}" for option in _option_names(cls, "")]
     if not name.startswith("-"):
         example = f"as {known[0]} {known[0].lstrip('-').upper()}"
         return f"{arg}: expected an option, {example}; see {prog} --help"
-    hint = nearest(name.replace("_", "-"), known) or f"; see {prog} --help"
+    dashed = name.replace("_", "-")
+    same_leaf = [option for option in known if option.endswith("." + dashed.lstrip("-"))]
+    hint = did_you_mean(dashed, same_leaf or known, cutoff=0.0 if same_leaf else 0.5)
+    hint = hint or f"; see {prog} --help"
     return f"{name}: unknown option{hint}"
 
 

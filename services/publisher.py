@@ -2,7 +2,8 @@
 
 import threading
 import time
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from typing import Generic, Literal, TypeVar
 
 import zenoh
 import zenoh.ext
@@ -13,6 +14,7 @@ from hsslam_node.proto.messages import Message
 from hsslam_node.proto.topics import Topic
 
 M = TypeVar("M", bound=Message)
+Report = Callable[[Literal["info", "warning", "error"], str], None]  # publishes an event
 _HEARTBEAT_S = 0.25
 
 

@@ -17,7 +17,8 @@ from hsslam_node.services.frame_compression import compress_frame
 from hsslam_node.services.log.earlier_parts import EarlierParts
 from hsslam_node.services.log.parted_log import LogSettings, PartedLog, log_settings
 from hsslam_node.services.mcap_recovery import parts
-from hsslam_node.services.rerun_view import RerunView, Tell
+from hsslam_node.services.publisher import Report
+from hsslam_node.services.rerun_view import RerunView
 from hsslam_node.services.run_info import write_atomically
 from hsslam_node.services.subscription import Received, Subscription
 from hsslam_node.services.worker import Worker, run_worker
@@ -47,7 +48,7 @@ class Recorder:
         run_dir: Path,
         run_id: str,
         viewer: str,
-        tell: Tell,
+        tell: Report,
         log: LogSettings | None = None,
     ) -> None:
         self._bus = bus

@@ -4,11 +4,11 @@ import contextlib
 import threading
 from collections import deque
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import zenoh
 
+from hsslam_node.errors import did_you_mean
 from hsslam_node.proto.codec import Payload, Rejected, decode, encode, encoding_of
 from hsslam_node.proto.messages import Message
 from hsslam_node.proto.request_messages import Refusal
@@ -126,6 +126,5 @@ def _read_message(asked: Payload, query: zenoh.Query) -> Message | Rejected:
 
 def _unknown(name: str) -> str:
     names = [request.name for request in REQUESTS]
-    near = get_close_matches(name, names, 1)
-    hint = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(names)}"
+    hint = did_you_mean(name, names) or f"; known: {', '.join(names)}"
     return f"rpc/{name:.64}: unknown request{hint}"

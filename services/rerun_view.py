@@ -4,19 +4,16 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import rerun as rr
 
 from hsslam_node.errors import UserError
 from hsslam_node.proto import messages
+from hsslam_node.services.publisher import Report
 from hsslam_node.services.rerun_scene import RerunScene, blueprint
 from hsslam_node.services.viewer_process import ViewerProcess
-
-Tell = Callable[[Literal["info", "warning", "error"], str], None]
 
 _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
@@ -49,7 +46,7 @@ class RerunView:
         UserError: the viewer cannot be started.
     """
 
-    def __init__(self, rrd: Path, viewer: str, recording_id: str, tell: Tell) -> None:
+    def __init__(self, rrd: Path, viewer: str, recording_id: str, tell: Report) -> None:
         self._process: ViewerProcess | None = None
         live = None if viewer == "none" else self._open_viewer(viewer, tell)
         self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
@@ -76,7 +73,7 @@ class RerunView:
         if self._process is not None:
             self._process.close()
 
-    def _open_viewer(self, viewer: str, tell: Tell) -> rr.GrpcSink:
+    def _open_viewer(self, viewer: str, tell: Report) -> rr.GrpcSink:
         if viewer in ("spawn", "web"):
             process = ViewerProcess("spawn" if viewer == "spawn" else "web")
             if process.page is not None:
@@ -99,7 +96,7 @@ class _Watch:
     While it takes none, the queue loses what is old, and what is new is drawn when it comes round.
     """
 
-    def __init__(self, viewer: str, tell: Tell, process: ViewerProcess | None) -> None:
+    def __init__(self, viewer: str, tell: Report, process: ViewerProcess | None) -> None:
         self._viewer = viewer
         self._tell = tell
         self._process = process

@@ -2,21 +2,17 @@
 
 import importlib.metadata
 import platform
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from hsslam_node.services.run_info import RunInfo, write_atomically
-
-if TYPE_CHECKING:
-    from hsslam_node.services.child import Child
-    from hsslam_node.services.run_state import RunState
+from hsslam_node.services.run_info import write_atomically
 
 _FILE = "summary.json"
-_RECORDER_FILE = "recorder.json"  # what the recorder says of its log
 _LOST = 2  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
@@ -30,7 +26,7 @@ def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
 
 def read_summary(run_dir: Path) -> dict[str, Any]:
     """The summary so far; empty if there is none."""
-    return _read_json(run_dir / _FILE)
+    return read_json(run_dir / _FILE)
 
 
 def pose_section(rows: np.ndarray) -> dict[str, Any]:
@@ -52,51 +48,6 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
     return section
 
 
-def process_section(
-    run: RunInfo, children: Mapping[str, "Child"], state: "RunState", stop_reason: str, end_ns: int
-) -> dict[str, Any]:
-    """What the supervisor knows: frames in, processes, stage times, configuration, versions."""
-    end = state.source_end
-    frames: dict[str, int] = {}
-    if end is not None:
-        known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
-        answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
-        frames = {"in": end.frame_count, "bad": end.bad_frame_count}
-        frames["dropped"] = max(end.frame_count - answered, 0)
-    return {
-        "run_id": run.run_id,
-        "source": run.options.source,
-        "stop_reason": stop_reason,
-        "seed": run.options.seed,
-        "seconds": (end_ns - run.started_ns) / 1e9,
-        "started_ns": run.started_ns,
-        "frames": frames,
-        "map": {
-            "versions": state.map.version if state.map else 0,
-            "iterations": state.map.iterations if state.map else 0,
-        },
-        "ba_rounds": state.ba_rounds,
-        "log": _read_json(run.path / _RECORDER_FILE),
-        "processes": {name: _process(child) for name, child in children.items()},
-        "options": msgspec.to_builtins(run.options),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: importlib.metadata.version(name) for name in _PACKAGES},
-        },
-    }
-
-
-def _process(child: "Child") -> dict[str, Any]:
-    health = child.health
-    return {
-        "state": child.state,
-        "restarts": child.restarts,
-        "peak_rss_bytes": child.peak_rss_bytes,
-        "stage_ms": dict(health.stage_ms) if health else {},
-        "counters": dict(health.counters) if health else {},
-    }
-
-
 def _plain(value: Any) -> Any:
     """NumPy's numbers as Python's."""
     if isinstance(value, np.generic):
@@ -104,7 +55,8 @@ def _plain(value: Any) -> Any:
     raise NotImplementedError(type(value).__name__)
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object; empty if there is no such file."""
     return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
 
 
@@ -114,3 +66,27 @@ def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
         is_nested = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
         merged[key] = _merged(merged[key], value) if is_nested else value
     return merged
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result can depend on."""
+    return {
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in _PACKAGES},
+    }
+
+
+def source_commit() -> str:
+    """Commit of the source tree, with + if it has been changed since."""
+    here = Path(__file__).parent
+    try:
+        commit = _git(here, "rev-parse", "--short=12", "HEAD")
+        changed = _git(here, "status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return commit + ("+" if changed else "")
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

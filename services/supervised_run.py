@@ -10,6 +10,7 @@ from hsslam_node.proto.messages import Event, Stop
 from hsslam_node.services.bus import Bus
 from hsslam_node.services.child import Child
 from hsslam_node.services.control.gateway import Gateway
+from hsslam_node.services.control.run_status import process_section
 from hsslam_node.services.memory_use import MemoryOfAll
 from hsslam_node.services.metrics.snapshot import take_snapshot
 from hsslam_node.services.nursery_link import NurseryLink
@@ -26,7 +27,7 @@ from hsslam_node.services.process_table import (
 )
 from hsslam_node.services.run_state import Listener
 from hsslam_node.services.status_line import StatusLine
-from hsslam_node.services.summary import process_section, update_summary
+from hsslam_node.services.summary import update_summary
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
@@ -132,7 +133,14 @@ class SupervisedRun:
         state, memory_mb = self._listener.state, self._memory.total_mb
         self._gateway.tick(state, self._children, memory_mb)
         self._status.show(state, self._children, memory_mb)
-        self._metrics.tick(lambda: take_snapshot(self._gateway, state, self._children, memory_mb))
+        self._metrics.tick(
+            lambda: take_snapshot(
+                self._gateway.status(state, self._children, memory_mb),
+                self._gateway.rejected(self._children),
+                state,
+                self._children,
+            )
+        )
         is_starting = any(child.state == "starting" for child in self._children.values())
         time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 

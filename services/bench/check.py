@@ -1,11 +1,10 @@
 """One row of the benchmark: what is measured, the bound it has to meet, and what came out."""
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.services.bench.serve_run import RunFailedError
 from hsslam_node.services.bench.session import NotMeasured, Session, Skipped
 
@@ -94,9 +93,8 @@ def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
     }
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]}? " if near else ""
-            raise UserError(f"--only {name}: no such row; {hint}--list has the names")
+            hint = did_you_mean(name, sorted(known))
+            raise UserError(f"--only {name}: no such row{hint or '; --list has the names'}")
     if not names:
         return checks
     return [c for c in checks if any(f"{c.name}:".startswith(f"{name}:") for name in names)]

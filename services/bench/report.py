@@ -3,7 +3,6 @@
 import importlib.metadata
 import os
 import platform
-import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.services.bench.check import Row
 from hsslam_node.services.bench.session import QUICK_FRAMES, Session
 from hsslam_node.services.run_info import write_atomically
+from hsslam_node.services.summary import source_commit
 
 _PACKAGES = (
     *("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh"),
@@ -137,19 +137,3 @@ def _cpu_model() -> str:
 def _named(line: str) -> tuple[str, str]:
     name, _, value = line.partition(":")
     return name.strip(), value.strip()
-
-
-def source_commit() -> str:
-    """Commit of the source tree, with + if it has been changed since."""
-    here = Path(__file__).parent
-    try:
-        commit = _git(here, "rev-parse", "--short=12", "HEAD")
-        changed = _git(here, "status", "--porcelain", "--untracked-files=no")
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return commit + ("+" if changed else "")
-
-
-def _git(folder: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(folder), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

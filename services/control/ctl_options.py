@@ -8,11 +8,10 @@ from typing import Annotated, get_args
 
 import tyro
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.proto.request_messages import Mode
 from hsslam_node.proto.requests import REQUESTS
 from hsslam_node.services.control.maps_folder import expect_map_name
-from hsslam_node.services.parse_options import nearest
 
 _MODES: tuple[str, ...] = get_args(Mode)
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
@@ -82,7 +81,9 @@ class CtlOptions:
         names = [request.name for request in REQUESTS]
         if self.request not in names:
             what = f"{self.request}: unknown request" if self.request else "nothing asked"
-            raise UserError(f"{what}: expected {' | '.join(names)}{nearest(self.request, names)}")
+            raise UserError(
+                f"{what}: expected {' | '.join(names)}{did_you_mean(self.request, names)}"
+            )
         what = {"save": "NAME", "set-mode": "|".join(_MODES)}.get(self.request, "")
         if bool(what) != bool(self.name):
             wrong = f"{self.request} {self.name}".strip()
@@ -90,7 +91,7 @@ class CtlOptions:
         if self.request == "save":
             expect_map_name(self.name)
         if self.request == "set-mode" and self.name not in _MODES:
-            expected = f"expected {' or '.join(_MODES)}{nearest(self.name, _MODES)}"
+            expected = f"expected {' or '.join(_MODES)}{did_you_mean(self.name, _MODES)}"
             raise UserError(f"set-mode {self.name}: {expected}")
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import msgspec
 
-from hsslam_node.proto.request_messages import SavedMap, SaveMap
+from hsslam_node.proto.request_messages import SavedMap
+from hsslam_node.services.control.maps_folder import SAVE_REQUEST, SAVED_MAP
 from hsslam_node.services.request_queue import Asked
 from hsslam_node.services.run_info import RunInfo, write_atomically
 from hsslam_node.services.spawn import Process, Spawn, last_error, log_path
 
 _MODULE = "hsslam_node.services.map_saver"
-_WISH, _SAVED = "save_map.json", "saved_map.json"
 
 
 class MapSaving:
@@ -32,9 +32,9 @@ class MapSaving:
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")
             return
-        (self._arena_dir / _SAVED).unlink(missing_ok=True)
+        (self._arena_dir / SAVED_MAP).unlink(missing_ok=True)
         log_path(self._run.path, _MODULE).unlink(missing_ok=True)  # of the one before
-        write_atomically(self._arena_dir / _WISH, msgspec.json.encode(asked.message))
+        write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
         self._asked, self._process = asked, self._spawn(_MODULE, self._run.path)
 
     def tick(self) -> None:
@@ -45,7 +45,7 @@ class MapSaving:
         if code is None:
             return
         asked, self._asked, self._process = self._asked, None, None
-        saved = self._arena_dir / _SAVED
+        saved = self._arena_dir / SAVED_MAP
         if code == 0 and saved.exists():
             asked.answer(msgspec.json.decode(saved.read_bytes(), type=SavedMap))
         else:
@@ -56,13 +56,3 @@ class MapSaving:
         if self._process is not None:
             self._process.kill()
             self._process.wait()
-
-
-def read_wish(arena_dir: Path) -> SaveMap:
-    """What the process is to save."""
-    return msgspec.json.decode((arena_dir / _WISH).read_bytes(), type=SaveMap)
-
-
-def tell_saved(arena_dir: Path, saved: bytes) -> None:
-    """What the process has saved, as JSON of a SavedMap."""
-    write_atomically(arena_dir / _SAVED, saved)

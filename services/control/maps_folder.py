@@ -3,11 +3,15 @@
 import re
 from pathlib import Path
 
-from hsslam_node.errors import UserError
-from hsslam_node.services.parse_options import nearest
+import msgspec
+
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.proto.request_messages import SavedMap, SaveMap
+from hsslam_node.services.run_info import write_atomically
 
 _SUFFIX = ".safetensors"
 _NAME = r"[A-Za-z0-9_-]{1,64}"
+SAVE_REQUEST, SAVED_MAP = "save_map.json", "saved_map.json"  # in the arena folder
 
 
 def map_path(folder: Path | str, name: str) -> Path:
@@ -34,7 +38,7 @@ def find_map(folder: Path | str, wanted: str) -> Path:
     path = map_path(folder, wanted)
     if not path.is_file():
         known = known_maps(folder)
-        there = f"{nearest(wanted, known)}; there are: {', '.join(known)}" if known else ""
+        there = f"{did_you_mean(wanted, known)}; there are: {', '.join(known)}" if known else ""
         raise UserError(f"--map {wanted}: no such map in {path.parent}{there}")
     return path
 
@@ -48,3 +52,13 @@ def expect_map_name(name: str) -> None:
 def known_maps(folder: Path | str) -> list[str]:
     """The names of all saved maps."""
     return sorted(path.stem for path in Path(folder).glob(f"*{_SUFFIX}"))
+
+
+def read_save_request(arena_dir: Path) -> SaveMap:
+    """What the map saver is asked to save."""
+    return msgspec.json.decode((arena_dir / SAVE_REQUEST).read_bytes(), type=SaveMap)
+
+
+def write_saved_map(arena_dir: Path, saved: SavedMap) -> None:
+    """What the map saver has saved, for the supervisor."""
+    write_atomically(arena_dir / SAVED_MAP, msgspec.json.encode(saved))

@@ -2,13 +2,18 @@
 
 import time
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
+
+import msgspec
 
 from hsslam_node.proto.request_messages import Status
 from hsslam_node.services.child import Child
 from hsslam_node.services.request_queue import RequestQueue
 from hsslam_node.services.run_info import RunInfo
 from hsslam_node.services.run_state import RunState
+from hsslam_node.services.summary import read_json, read_summary, versions
+
+_RECORDER_FILE = "recorder.json"  # what the recorder says of its log
 
 
 def run_status(
@@ -48,6 +53,48 @@ def run_status(
         processes={name: child.state for name, child in children.items()},
         restarts={name: child.restarts for name, child in children.items() if child.restarts},
     )
+
+
+def process_section(
+    run: RunInfo, children: Mapping[str, Child], state: RunState, stop_reason: str, end_ns: int
+) -> dict[str, Any]:
+    """What the supervisor knows: frames in, processes, stage times, configuration, versions."""
+    end = state.source_end
+    frames: dict[str, int] = {}
+    if end is not None:
+        known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
+        answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
+        frames = {"in": end.frame_count, "bad": end.bad_frame_count}
+        frames["dropped"] = max(end.frame_count - answered, 0)
+    return {
+        "run_id": run.run_id,
+        "source": run.options.source,
+        "stop_reason": stop_reason,
+        "seed": run.options.seed,
+        "seconds": (end_ns - run.started_ns) / 1e9,
+        "started_ns": run.started_ns,
+        "frames": frames,
+        "map": {
+            "versions": state.map.version if state.map else 0,
+            "iterations": state.map.iterations if state.map else 0,
+        },
+        "ba_rounds": state.ba_rounds,
+        "log": read_json(run.path / _RECORDER_FILE),
+        "processes": {name: _process(child) for name, child in children.items()},
+        "options": msgspec.to_builtins(run.options),
+        "versions": versions(),
+    }
+
+
+def _process(child: Child) -> dict[str, Any]:
+    health = child.health
+    return {
+        "state": child.state,
+        "restarts": child.restarts,
+        "peak_rss_bytes": child.peak_rss_bytes,
+        "stage_ms": dict(health.stage_ms) if health else {},
+        "counters": dict(health.counters) if health else {},
+    }
 
 
 def _sent(children: Mapping[str, Child], state: RunState) -> int:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from hsslam_node import __version__
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.services.exit_code import exit_code
 from hsslam_node.services.log.log_file import log_parts
 from hsslam_node.services.log.log_options import (
@@ -17,7 +17,7 @@ from hsslam_node.services.log.log_options import (
     RecoverOptions,
     TrimOptions,
 )
-from hsslam_node.services.parse_options import nearest, parse_options
+from hsslam_node.services.parse_options import parse_options
 
 _PROG = "hsslam-log"
 
@@ -37,7 +37,7 @@ def _command(args: Sequence[str]) -> None:
         _COMMANDS[name](rest)
     else:
         known = list(_COMMANDS)
-        raise UserError(f"{name}: expected {', '.join(known)}{nearest(name, known)}")
+        raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
 
 
 def _info(args: Sequence[str]) -> None:

@@ -5,7 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 from hsslam_node.services.mcap_recovery import Recovered, is_finished, parts, recover
-from hsslam_node.services.rerun_view import Tell
+from hsslam_node.services.publisher import Report
 
 
 class EarlierParts:
@@ -14,7 +14,7 @@ class EarlierParts:
     `found` has what they hold once `is_done`. `tell(level, text)` takes its events.
     """
 
-    def __init__(self, run_dir: Path, tell: Tell) -> None:
+    def __init__(self, run_dir: Path, tell: Report) -> None:
         self.found = Recovered({}, frozenset())
         self._tell = tell
         self._parts = parts(run_dir)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from hsslam_node.proto.messages import Health
 from hsslam_node.proto.request_messages import Status
 from hsslam_node.services.child import Child
-from hsslam_node.services.control.gateway import Gateway
 from hsslam_node.services.run_state import RunState
 
 
@@ -26,10 +25,9 @@ class Snapshot:
 
 
 def take_snapshot(
-    gateway: Gateway, state: RunState, children: Mapping[str, Child], memory_mb: int
+    status: Status, rejected: Mapping[str, int], state: RunState, children: Mapping[str, Child]
 ) -> Snapshot:
     """Copies of everything that changes."""
-    status = gateway.status(state, children, memory_mb)
     return Snapshot(
         status=status,
         needed=frozenset(
@@ -38,7 +36,7 @@ def take_snapshot(
         iterations=state.map.iterations if state.map else 0,
         latency_counts=tuple(state.latency_bins.cumulative()),
         latency_sum_ms=state.latency_bins.sum_ms,
-        rejected=gateway.rejected(children),
+        rejected=dict(rejected),
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
         taken_s=time.monotonic(),
     )

@@ -15,7 +15,7 @@ from rich.progress import (
     track,
 )
 
-from hsslam_node.services.bench.report import machine, source_commit
+from hsslam_node.services.bench.report import machine
 from hsslam_node.services.bench.serve_run import RunFailedError
 from hsslam_node.services.bench.tables.document_table import fill_table
 from hsslam_node.services.bench.tables.figures import disagreements, measured_rows
@@ -27,6 +27,7 @@ from hsslam_node.services.bench.tables.rendering import markdown_table, rich_tab
 from hsslam_node.services.bench.tables.result_file import ResultFile
 from hsslam_node.services.bench.tables.run_job import rescored, run_job
 from hsslam_node.services.parse_options import parse_options
+from hsslam_node.services.summary import source_commit
 
 _WIDTH = 190  # characters, where the output is no terminal
 

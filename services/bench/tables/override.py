@@ -1,14 +1,13 @@
 """Changes to a configuration by name: `field.plane_channels` = 16."""
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 from typing import Any
 
 import msgspec
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.services.bench.tables.paper_tables import TWICE, Override
 
 
@@ -56,8 +55,7 @@ def _known(config: SlamConfig, name: str) -> tuple[str, dataclasses.Field]:
     }
     plain = name.replace("-", "_")
     if plain not in known:
-        near = difflib.get_close_matches(plain, known, n=1, cutoff=0.5)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(plain, known)
         raise UserError(f"{name}: expected a parameter, as mapper.rays{hint}")
     return known[plain]
 

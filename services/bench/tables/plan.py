@@ -1,9 +1,8 @@
 """Which runs a table needs, and which of them cannot be made."""
 
-import difflib
 from dataclasses import dataclass, replace
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS
 from hsslam_node.services.bench.tables.job import Job
 from hsslam_node.services.bench.tables.options import TableOptions
@@ -64,7 +63,6 @@ def _rows(table: PaperTable, names: tuple[str, ...]) -> tuple[PaperRow, ...]:
     known = {row.name: row for row in table.rows}
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = did_you_mean(name, known, cutoff=0.4)
             raise UserError(f"--rows {name}: expected some of {', '.join(known)}{hint}")
     return tuple(row for row in table.rows if not names or row.name in names)
