@@ -7,7 +7,6 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= runs/room
-TYPES := build/types
 
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
@@ -18,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
-	$(BIN)/python -m hsslam_node.services.picture $(OUT)
+	$(BIN)/python -m hsslam_services.commands.maps.picture $(OUT)
 
 test: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
@@ -28,14 +27,12 @@ test: $(VENV)/.installed-dev
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	rm -rf $(TYPES) && mkdir -p $(TYPES)
-	cp -r hsslam_node examples $(TYPES)/ && cp -r services proto $(TYPES)/hsslam_node/
 	$(BIN)/pyright --pythonpath $(BIN)/python
-	$(BIN)/python -m hsslam_node.proto.topic_table --check docs/architecture.md
-	$(BIN)/python -m hsslam_node.proto.wire_doc --check docs/wire.md
+	$(BIN)/python -m hsslam_proto.topic_table --check docs/architecture.md
+	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
 
 bench: $(VENV)/.installed
-	$(BIN)/python -m hsslam_node.services.bench
+	$(BIN)/python -m hsslam_bench
 
 package:
 	.ci/package $(PYTHON)

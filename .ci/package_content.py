@@ -9,11 +9,12 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-_FOLDERS = {  # in the repository: as installed
-    "hsslam_node": "hsslam_node",
-    "services": "hsslam_node/services",
-    "proto": "hsslam_node/proto",
-}
+_FOLDERS = (
+    ".",
+    "proto",
+    "services",
+)  # each holds packages; an import path is a path below one of them
+_PACKAGES = ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench")
 
 
 def main(dist: str) -> None:
@@ -24,9 +25,10 @@ def main(dist: str) -> None:
         names = set(archive.namelist())
         metadata = next(archive.read(n).decode() for n in names if n.endswith("/METADATA"))
     modules = {
-        f"{installed}/{path.relative_to(ROOT / folder)}"
-        for folder, installed in _FOLDERS.items()
-        for path in (ROOT / folder).rglob("*.py")
+        str(path.relative_to(ROOT / folder))
+        for folder in _FOLDERS
+        for package in _PACKAGES
+        for path in (ROOT / folder / package).rglob("*.py")
     }
     info = next(name.split("/")[0] for name in names if name.endswith("/METADATA"))
     own = {name for name in names if not name.startswith(f"{info}/")}
@@ -35,7 +37,11 @@ def main(dist: str) -> None:
     _expect(wheel, missing={"License-Expression: Apache-2.0"} - set(metadata.splitlines()))
     with tarfile.open(sdist) as archive:
         inside = {name.partition("/")[2] for name in archive.getnames()}
-    sources = {str(p.relative_to(ROOT)) for f in _FOLDERS for p in (ROOT / f).rglob("*.py")}
+    sources = {
+        str(path.relative_to(ROOT))
+        for folder in ("hsslam_node", "proto", "services")
+        for path in (ROOT / folder).rglob("*.py")
+    }
     _expect(sdist, missing=(sources | {"LICENSE", "README.md", "pyproject.toml"}) - inside)
     _expect(sdist, extra={name for name in inside if name.startswith("tests/")})
     print(f"{wheel.name}: {len(own)} files, {wheel.stat().st_size / 1e3:.0f} kB")

@@ -11,11 +11,11 @@ import time
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.proto import topics
-from hsslam_node.proto.frame_codec import frame_message
-from hsslam_node.proto.messages import SourceEnd
-from hsslam_node.services.bus import Bus
 from hsslam_node.sources.open_source import open_source
+from hsslam_proto import topics
+from hsslam_proto.frame_codec import frame_message
+from hsslam_proto.messages import SourceEnd
+from hsslam_services.bus.bus import Bus
 
 
 def main(

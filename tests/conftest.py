@@ -1,17 +1,13 @@
 """Settings and fixtures of all tests."""
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-sys.path.insert(0, str(Path(__file__).parent))  # helpers beside this file
-
-from sequence_folders import replica_folder, tum_folder  # noqa: F401
-
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
 
 # Read when numba is first imported: without it, machine code of changed kernels would be used.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_cache_folder()))

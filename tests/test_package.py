@@ -8,21 +8,17 @@ from pathlib import Path
 import pytest
 
 from hsslam_node import __version__
+from tests.repository import ROOT
 
-ROOT = Path(__file__).parents[1]
 _PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
-def test_every_folder_with_modules_is_a_package_of_the_wheel():
-    folders = {"hsslam_node": "hsslam_node"}
-    folders |= {name: f"hsslam_node.{name}" for name in ("services", "proto")}
-    found = {
-        ".".join((installed, *path.parent.relative_to(ROOT / folder).parts))
-        for folder, installed in folders.items()
-        for path in (ROOT / folder).rglob("*.py")
-    }
-    assert set(_PROJECT["tool"]["setuptools"]["packages"]) == found
-    assert all((ROOT / folder / "__init__.py").exists() for folder in folders)
+def test_an_import_path_is_a_file_path():
+    for package in ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench"):
+        for folder in importlib.import_module(package).__path__:
+            assert Path(folder).name == package
+            for module in Path(folder).rglob("*.py"):
+                assert (module.parent / "__init__.py").exists(), module
 
 
 @pytest.mark.parametrize(("command", "target"), _PROJECT["project"]["scripts"].items())

@@ -3,14 +3,13 @@
 import json
 import re
 import shlex
-from pathlib import Path
 
 import pytest
 import yaml
 
-from hsslam_node.services.command_line import parse_command_line
+from hsslam_services.commands.serve_command_line import parse_command_line
+from tests.repository import ROOT
 
-ROOT = Path(__file__).parents[2]
 _DOCKER = ROOT / "docker"
 _FILES = ("Dockerfile", "Dockerfile.cuda")
 

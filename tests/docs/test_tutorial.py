@@ -13,11 +13,12 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_node.services.bus import free_endpoint
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_services.bus.bus import free_endpoint
+from tests.repository import ROOT
 
-TUTORIAL = Path(__file__).parents[2] / "docs/tutorial.md"
+TUTORIAL = ROOT / "docs/tutorial.md"
 FRAMES = 24
 
 

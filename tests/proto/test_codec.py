@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.proto import messages, topics
-from hsslam_node.proto.codec import Rejected, decode, encode, encoding_of
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import Rejected, decode, encode, encoding_of
 
 finite = st.floats(-1e6, 1e6)
 

@@ -6,9 +6,9 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.proto import messages, topics
-from hsslam_node.proto.codec import decode, encode, encoding_of
-from hsslam_node.proto.frame_codec import frame_from_message, frame_message
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import decode, encode, encoding_of
+from hsslam_proto.frame_codec import frame_from_message, frame_message
 
 
 def test_raw_frames_come_back_equal():

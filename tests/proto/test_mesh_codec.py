@@ -2,9 +2,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.proto import messages, topics
-from hsslam_node.proto.codec import decode, encode, encoding_of
-from hsslam_node.proto.mesh_codec import mesh_arrays, mesh_message
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import decode, encode, encoding_of
+from hsslam_proto.mesh_codec import mesh_arrays, mesh_message
 
 
 @given(st.integers(0, 20), st.integers(0, 20), st.integers(0, 2**32))

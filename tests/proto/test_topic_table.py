@@ -1,14 +1,14 @@
 import subprocess
 import sys
-from pathlib import Path
 
 import msgspec
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.proto.json_schemas import json_schema
-from hsslam_node.proto.topic_table import BEGIN, END, topic_table, with_topic_table
-from hsslam_node.proto.topics import TOPICS
+from hsslam_proto.json_schemas import json_schema
+from hsslam_proto.topic_table import BEGIN, END, topic_table, with_topic_table
+from hsslam_proto.topics import TOPICS
+from tests.repository import ROOT
 
 
 def test_every_topic_and_field_is_in_the_table():
@@ -41,7 +41,7 @@ def test_the_command_checks_and_writes(tmp_path):
 
 
 def test_the_docs_are_current():
-    page = Path(__file__).parents[2] / "docs/architecture.md"
+    page = ROOT / "docs/architecture.md"
     if not page.exists():
         pytest.skip("docs/architecture.md is not written yet")
     text = page.read_text()
@@ -56,5 +56,5 @@ def test_json_schemas_describe_all_fields(topic):
 
 
 def _run(*arguments) -> int:
-    command = [sys.executable, "-m", "hsslam_node.proto.topic_table", *map(str, arguments)]
+    command = [sys.executable, "-m", "hsslam_proto.topic_table", *map(str, arguments)]
     return subprocess.run(command, capture_output=True).returncode

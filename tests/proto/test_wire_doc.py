@@ -1,13 +1,13 @@
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from hsslam_node.proto.field_types import field_type
-from hsslam_node.proto.requests import REFUSAL, REQUESTS
-from hsslam_node.proto.topics import TOPICS
-from hsslam_node.proto.wire_doc import wire_doc
+from hsslam_proto.field_types import field_type
+from hsslam_proto.requests import REFUSAL, REQUESTS
+from hsslam_proto.topics import TOPICS
+from hsslam_proto.wire_doc import wire_doc
+from tests.repository import ROOT
 
 
 def test_every_topic_request_message_and_field_is_in_the_document():
@@ -54,9 +54,9 @@ def test_the_command_checks_and_writes(tmp_path):
 
 
 def test_the_docs_are_current():
-    assert (Path(__file__).parents[2] / "docs/wire.md").read_text() == wire_doc()
+    assert (ROOT / "docs/wire.md").read_text() == wire_doc()
 
 
 def _run(*arguments) -> int:
-    command = [sys.executable, "-m", "hsslam_node.proto.wire_doc", *map(str, arguments)]
+    command = [sys.executable, "-m", "hsslam_proto.wire_doc", *map(str, arguments)]
     return subprocess.run(command, capture_output=True).returncode

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from hsslam_node.services.arena_folder import ArenaFolder
-from hsslam_node.services.bus import free_endpoint, open_router
-from hsslam_node.services.options import ServeOptions
-from hsslam_node.services.run_info import RunInfo
-from hsslam_node.services.run_mode import RunMode
+from hsslam_services.bus.bus import free_endpoint, open_router
+from hsslam_services.run.arena_folder import ArenaFolder
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import ServeProcess
 
 

@@ -5,7 +5,7 @@ import signal
 import time
 
 from hsslam_node.errors import UserError
-from hsslam_node.services.worker import Worker, run_worker
+from hsslam_services.launch.worker import Worker, run_worker
 
 
 def _run(worker: Worker) -> None:

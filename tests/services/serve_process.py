@@ -11,8 +11,8 @@ from typing import Any
 
 import psutil
 
-from hsslam_node.proto import topics
-from hsslam_node.services.bus import Bus, free_endpoint
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus, free_endpoint
 
 SMALL_ROOM = (
     *("--source", "synth:room", "--synth.width-px", "160", "--synth.height-px", "120"),
@@ -31,7 +31,7 @@ class ServeProcess:
         self.poses: list[Any] = []
         self._log = (out.parent / f"{out.name}.stderr").open("w+")
         self._bus: Bus | None = None
-        command = [*prefix, sys.executable, "-m", "hsslam_node.services.serve"]
+        command = [*prefix, sys.executable, "-m", "hsslam_services.commands.serve"]
         places = ["--out", str(out), "--zenoh-port", str(self.port), "--viewer", "none"]
         self.process = subprocess.Popen(
             [*command, *places, *options], stdout=subprocess.DEVNULL, stderr=self._log
@@ -74,7 +74,8 @@ class ServeProcess:
         """Process id of a worker, None while it does not live."""
         for child in psutil.Process(self.process.pid).children():
             try:
-                if f"hsslam_node.services.{name}" in child.cmdline():
+                modules = (word for word in child.cmdline() if word.startswith("hsslam_services."))
+                if any(module.endswith(f".{name}") for module in modules):
                     return child.pid
             except psutil.Error:
                 continue

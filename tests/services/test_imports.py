@@ -7,21 +7,21 @@ import pytest
 
 _HEAVY = ("torch", "numba", "cv2", "scipy", "skimage", "trimesh", "rerun", "matplotlib", "mcap")
 _NEEDED = {
-    "serve": set(),
-    "supervisor": set(),
-    "watchdog": set(),
-    "control.ctl": set(),
-    "camera": set(),  # what its source needs comes with the source
-    "recorder": {"cv2", "rerun", "mcap"},
-    "tracker": {"torch", "numba", "cv2", "scipy"},
-    "mapper": {"torch", "numba", "scipy"},
-    "global_ba": {"torch", "numba", "cv2", "scipy"},
+    "commands.serve": set(),
+    "supervisor.supervisor": set(),
+    "launch.watchdog": set(),
+    "commands.ctl": set(),
+    "processes.camera": set(),  # what its source needs comes with the source
+    "processes.recorder": {"cv2", "rerun", "mcap"},
+    "processes.tracker": {"torch", "numba", "cv2", "scipy"},
+    "processes.mapper": {"torch", "numba", "scipy"},
+    "processes.global_ba": {"torch", "numba", "cv2", "scipy"},
 }
 
 
 @pytest.mark.parametrize("name", _NEEDED)
 def test_a_process_imports_what_it_needs(name: str):
-    code = f"import sys, hsslam_node.services.{name}; print(*sys.modules)"
+    code = f"import sys, hsslam_services.{name}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) & set(_HEAVY) <= _NEEDED[name]
 
@@ -29,8 +29,8 @@ def test_a_process_imports_what_it_needs(name: str):
 def test_the_supervisor_looks_at_a_room_without_the_means_to_draw_it():
     code = """
 import sys
-from hsslam_node.services.command_line import parse_command_line
-from hsslam_node.services.supervisor import Supervisor
+from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.supervisor.supervisor import Supervisor
 from hsslam_node.sources.open_source import open_source
 options = parse_command_line(["--source", "synth:room"])
 Supervisor(options)

@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from hsslam_node.proto import messages
-from hsslam_node.proto.mesh_codec import mesh_message
-from hsslam_node.services.frame_compression import compress_frame
+from hsslam_proto import messages
+from hsslam_proto.mesh_codec import mesh_message
+from hsslam_services.log.frame_compression import compress_frame
 
 
 def frame(index: int, compressed: bool = False, width_px: int = 64, height_px: int = 48):

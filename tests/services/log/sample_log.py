@@ -5,11 +5,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from hsslam_node.proto import messages, topics
-from hsslam_node.proto.codec import encode
-from hsslam_node.proto.foxglove import viz_messages
-from hsslam_node.services.frame_compression import compress_frame
-from hsslam_node.services.log.parted_log import LogSettings, PartedLog
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import encode
+from hsslam_proto.foxglove import viz_messages
+from hsslam_services.log.frame_compression import compress_frame
+from hsslam_services.log.parted_log import LogSettings, PartedLog
 from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 _OF_MAP = (topics.POSE, topics.KEYFRAME)

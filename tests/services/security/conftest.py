@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_node.services.bus import free_endpoint
-from hsslam_node.services.options import ServeOptions
-from hsslam_node.services.security.certs import make_certificates
-from hsslam_node.services.security.router import open_run_router
+from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.commands.certs import make_certificates
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.supervisor.router import open_run_router
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,14 +1,13 @@
 """The table of roles: its keys are those of the bus, and the docs say the same."""
 
-from pathlib import Path
-
 import zenoh
 
-from hsslam_node.proto.requests import REQUESTS
-from hsslam_node.proto.topics import FRAME, POSE, SOURCE_END, TOPICS
-from hsslam_node.services.security.access import ROLES, access_control
+from hsslam_proto.requests import REQUESTS
+from hsslam_proto.topics import FRAME, POSE, SOURCE_END, TOPICS
+from hsslam_services.security.access import ROLES, access_control
+from tests.repository import ROOT
 
-_DOCS = Path(__file__).parents[3] / "docs/operations.md"
+_DOCS = ROOT / "docs/operations.md"
 
 
 def _includes(keys: tuple[str, ...], name: str) -> bool:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from hsslam_node.services.security.certs import main
+from hsslam_services.commands.certs import main
 
 _FOLDERS = ("ca", "camera", "operator", "router", "viewer")
 

@@ -5,10 +5,10 @@ import shutil
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.services.options import ServeOptions
-from hsslam_node.services.security.certs import make_certificates
-from hsslam_node.services.security.credentials import Credentials, client_settings
-from hsslam_node.services.security.router import open_run_router
+from hsslam_services.commands.certs import make_certificates
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.security.credentials import Credentials, client_settings
+from hsslam_services.supervisor.router import open_run_router
 
 _TLS = "tls/127.0.0.1:7447"
 

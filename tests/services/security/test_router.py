@@ -9,15 +9,15 @@ import pytest
 import zenoh
 
 from hsslam_node.errors import UserError
-from hsslam_node.proto import messages, topics
-from hsslam_node.proto.request_messages import Ask
-from hsslam_node.proto.requests import PAUSE, REQUESTS
-from hsslam_node.services.bus import Bus
-from hsslam_node.services.control.ask import NobodyThereError, ask
-from hsslam_node.services.security.access import ROLES
-from hsslam_node.services.security.credentials import client_settings
-from hsslam_node.services.security.router import exposure
-from hsslam_node.services.zenoh_session import open_client
+from hsslam_proto import messages, topics
+from hsslam_proto.request_messages import Ask
+from hsslam_proto.requests import PAUSE, REQUESTS
+from hsslam_services.bus.ask import NobodyThereError, ask
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.security.access import ROLES
+from hsslam_services.security.credentials import client_settings
+from hsslam_services.supervisor.router import exposure
 from tests.services.wire_samples import frame, keyframe, pose
 
 _REFUSED = "expected a router that takes this certificate"

@@ -1,0 +1,111 @@
+"""Frames of the library to messages and back.
+
+Logged frames that a service shall track again.
+"""
+
+import time
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_proto import messages
+
+
+def frame_message(frame: Frame, stamp_ns: int) -> messages.Frame:
+    """The frame as an uncompressed message that shares its arrays; `stamp_ns`: wall clock."""
+    camera = frame.camera
+    return messages.Frame(
+        index=frame.index,
+        stamp_ns=stamp_ns,
+        source_stamp_ns=frame.stamp_ns,
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        color=np.ascontiguousarray(frame.color).data.cast("B"),
+        depth=np.ascontiguousarray(frame.depth_raw, "<u2").data.cast("B"),
+        depth_units_per_m=frame.depth_units_per_m,
+    )
+
+
+def frame_from_message(message: messages.Frame) -> Frame:
+    """The frame in a message, `stamp_ns` being the source's own; the arrays are its own.
+
+    Raises:
+        UserError: a compressed image cannot be read or has another size.
+    """
+    camera = Camera(
+        message.width_px, message.height_px, message.fx, message.fy, message.cx, message.cy
+    )
+    return Frame(
+        index=message.index,
+        stamp_ns=message.source_stamp_ns,
+        camera=camera,
+        color=_owned(color_image(message)),
+        depth_raw=_owned(depth_image(message)),
+        depth_units_per_m=message.depth_units_per_m,
+    )
+
+
+def color_image(message: messages.Frame) -> np.ndarray:
+    """Colour of a frame message, [H, W, 3] uint8 RGB, perhaps a view of it; UserError if it is no such
+    image."""
+    if message.color_encoding == "rgb8":
+        return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
+    import cv2
+
+    image = _imdecode(message.color, cv2.IMREAD_COLOR)
+    if image is None or image.shape[:2] != _size(message):
+        raise _not_an_image(message, "color", message.color_encoding.upper(), image)
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+
+
+def depth_image(message: messages.Frame) -> np.ndarray:
+    """Depth of a frame message, [H, W] uint16, perhaps a view of it; UserError if it is no such 16-bit
+    PNG."""
+    if message.depth_encoding == "u16":
+        return np.frombuffer(message.depth, "<u2").reshape(_size(message))
+    import cv2
+
+    image = _imdecode(message.depth, cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or image.shape != _size(message):
+        raise _not_an_image(message, "depth", "16-bit PNG", image)
+    return image
+
+
+def _owned(view: np.ndarray) -> np.ndarray:
+    # bytes of a payload are read-only and lie anywhere: compiled kernels would see other types
+    return np.require(view, requirements=["ALIGNED", "WRITEABLE", "C_CONTIGUOUS"])
+
+
+def _size(message: messages.Frame) -> tuple[int, int]:
+    return message.height_px, message.width_px
+
+
+def _imdecode(data: memoryview, flags: int) -> Any:
+    import cv2
+
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+
+
+def _not_an_image(message: messages.Frame, field: str, kind: str, image: Any) -> UserError:
+    found = "unreadable" if image is None else f"{image.dtype}{list(image.shape)}"
+    height, width = _size(message)
+    return UserError(
+        f"in/frame {message.index}: {field} is {found}: expected a {kind} of {width}x{height}"
+    )
+
+
+def restamped(frame: messages.Frame) -> messages.Frame:
+    """The frame as if the sensor took it now, so that latencies are those of the replay; the stamp of
+    the source, which goes into trajectories, stays."""
+    return msgspec.structs.replace(frame, stamp_ns=time.time_ns())

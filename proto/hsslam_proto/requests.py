@@ -1,0 +1,70 @@
+"""The table of requests: gateway, command line, docs and tests iterate over it."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from hsslam_proto import messages as m
+from hsslam_proto import request_messages as r
+from hsslam_proto.codec import Payload
+
+Q = TypeVar("Q", bound=m.Message)
+A = TypeVar("A", bound=m.Message)
+
+
+@dataclass(frozen=True)
+class Request(Generic[Q, A]):
+    """One row: a zenoh query on `hsslam/<robot>/rpc/<name>`, answered once.
+
+    `takes_s`: what a client should wait at least.
+    """
+
+    name: str
+    asked: Payload[Q]
+    answered: Payload[A]
+    purpose: str
+    takes_s: float = 5.0
+
+    def key(self, robot: str) -> str:
+        """The zenoh key of this request for one robot."""
+        return f"{rpc_prefix(robot)}{self.name}"
+
+
+def rpc_prefix(robot: str) -> str:
+    """What the keys of all requests of a robot begin with."""
+    return f"hsslam/{robot}/rpc/"
+
+
+_KIB, _MIB = 2**10, 2**20
+
+
+def _row(
+    name: str, asked: type[Q], answered: type[A], limit: int, purpose: str, takes_s: float = 5.0
+) -> Request[Q, A]:
+    key = f"rpc/{name}"
+    return Request(
+        name, Payload(key, asked, 4 * _KIB), Payload(key, answered, limit), purpose, takes_s
+    )
+
+
+STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "how the run goes")
+MESH = _row("mesh", r.Ask, m.Mesh, 256 * _MIB, "the newest mesh", 15.0)
+TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 15.0)
+SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name", 60.0)
+PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
+RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
+SET_MODE = _row("set-mode", r.SetMode, r.Done, 8 * _KIB, "mapping, or localise-only: the map stays")
+RESET = _row("reset", r.Ask, r.Done, 8 * _KIB, "throw the map away and start a new one", 60.0)
+STOP = _row("stop", r.Ask, r.Done, 8 * _KIB, "end the run in order")
+
+REQUESTS: tuple[Request, ...] = (
+    STATUS,
+    MESH,
+    TRAJECTORY,
+    SAVE,
+    PAUSE,
+    RESUME,
+    SET_MODE,
+    RESET,
+    STOP,
+)
+REFUSAL: Payload[r.Refusal] = Payload("rpc", r.Refusal, 16 * _KIB)

@@ -1,0 +1,92 @@
+"""The table of topics: bus, recorder, viewer, docs and contract tests iterate over it."""
+
+from dataclasses import dataclass
+from typing import Generic, Literal, TypeVar
+
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_proto import messages as m
+
+M = TypeVar("M", bound=m.Message)
+
+
+@dataclass(frozen=True)
+class Topic(Generic[M]):
+    """One row: what travels under `hsslam/<robot>/<name>`.
+
+    qos "latest": never blocks the publisher, the newest wins. qos "keep": nothing is lost while the
+    link lives. The publisher caches the last `history` messages for subscribers that come later.
+    """
+
+    name: str
+    message: type[M]
+    publisher: str
+    rate: str
+    qos: Literal["latest", "keep"]
+    size_limit_bytes: int
+    history: int = 0
+    logged: bool = True
+    drawn: bool = False
+
+    @property
+    def schema(self) -> str:
+        """Schema name with its major version, as in the encoding: `hsslam.Frame.v1`."""
+        return schema_of(self.message)
+
+    def key(self, robot: str) -> str:
+        """The zenoh key of this topic for one robot."""
+        return f"hsslam/{robot}/{self.name}"
+
+
+def schema_of(message: type[m.Message]) -> str:
+    """Schema name of a message type with its major version."""
+    return f"hsslam.{message.__name__}.v{message.MAJOR}"
+
+
+_KIB, _MIB = 2**10, 2**20
+
+FRAME = Topic("in/frame", m.Frame, "camera", "30 Hz", "latest", 64 * _MIB, drawn=True)
+SOURCE_END = Topic("in/end", m.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
+POSE = Topic("out/pose", m.Pose, "tracker", "30 Hz", "latest", 64 * _KIB, history=600, drawn=True)
+KEYFRAME = Topic(
+    "out/keyframe", m.Keyframe, "tracker", "about 1 Hz", "keep", 8 * _KIB, history=4096, drawn=True
+)
+MAP = Topic("out/map", m.MapVersion, "mapper", "1 to 10 Hz", "keep", 8 * _KIB, 16, drawn=True)
+CORRECTION = Topic(
+    "out/correction", m.Correction, "global_ba", "below 1 Hz", "keep", 4 * _MIB, 16, drawn=True
+)
+MESH = Topic("out/mesh", m.Mesh, "mesher", "below 1 Hz", "keep", 256 * _MIB, 1, drawn=True)
+VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
+STEP = Topic("sys/step", m.Step, "mapper, global_ba", "lockstep only", "keep", 8 * _KIB)
+HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)
+EVENT = Topic("sys/event", m.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
+HOLD = Topic("sys/hold", m.Hold, "supervisor", "rare", "keep", 8 * _KIB, history=1)
+STOP = Topic("sys/stop", m.Stop, "supervisor", "once", "keep", 8 * _KIB, history=1)
+
+TOPICS: tuple[Topic, ...] = (
+    FRAME,
+    SOURCE_END,
+    POSE,
+    KEYFRAME,
+    MAP,
+    CORRECTION,
+    MESH,
+    VIEW,
+    STEP,
+    HEALTH,
+    EVENT,
+    HOLD,
+    STOP,
+)
+
+
+def topic_named(name: str) -> Topic:
+    """The row of that name.
+
+    Raises:
+        UserError: there is none; the nearest is named.
+    """
+    names = [topic.name for topic in TOPICS]
+    if name not in names:
+        hint = did_you_mean(name, names) or f"; known: {', '.join(names)}"
+        raise UserError(f"topic {name!r}: unknown{hint}")
+    return TOPICS[names.index(name)]

@@ -1,0 +1,127 @@
+"""docs/wire.md, for clients in any language: `python -m hsslam_proto.wire_doc [--check] FILE`
+
+The file is written from the tables of topics and requests and the types of their messages.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import msgspec
+
+from hsslam_proto import messages as m
+from hsslam_proto.codec import MEDIA_TYPE
+from hsslam_proto.field_types import field_type
+from hsslam_proto.requests import REFUSAL, REQUESTS, Request
+from hsslam_proto.topic_table import size_text, topic_rows
+from hsslam_proto.topics import TOPICS
+
+_EXAMPLE = "examples/wire_client.py"
+_HEAD = f"""# The wire
+
+*Generated from `proto/` by `python -m hsslam_proto.wire_doc docs/wire.md`.*
+
+A run is a [zenoh](https://zenoh.io) router (`tcp/127.0.0.1:7447`; `--zenoh-port`, `--bind`) with all its
+processes as clients. Anybody else is a client as well: session mode `client`, the router as the endpoint to
+connect to, scouting off. All keys begin with `hsslam/<robot>/` (`--robot`, default `robot`).
+
+- **Payload**: one [MessagePack](https://msgpack.org) map, field names as keys. Readers ignore fields that
+  they do not know and take the default of one that is missing; a field without a default must be there.
+- **Encoding** of the zenoh message: `{MEDIA_TYPE};hsslam.<Message>.v<major>`. Another message, another major
+  version or no such encoding: not read, counted, told as an event.
+- **Attachment** of messages on topics (may be missing): 24 bytes, little endian: uint32 publisher, uint32
+  number in its sequence, int64 stamp of the sensor, int64 time of publication (ns since 1970). A message
+  with any other attachment is not read.
+- **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
+  right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
+- **Limits**: a payload above the limit of its topic or request is not read. Nothing is ever unpickled.
+- **Shared memory**: on the same machine large messages may come through that of zenoh, which locks it. What
+  is beyond the receiver's limit (`ulimit -l`) never arrives, and nobody says so: with a limit below 512 MiB
+  set `transport/shared_memory/enabled` to `false`, as the processes here do for what is not their own camera.
+
+A client that uses `eclipse-zenoh` and `msgpack` alone: [`{_EXAMPLE}`](../{_EXAMPLE}).
+"""
+_REQUESTS = """## Requests
+
+A request is a zenoh query (`get`) on `hsslam/<robot>/rpc/<name>` whose payload is the message asked. No
+payload stands for a message without required fields; a field that the service does not know is refused
+here, so that nothing is done other than meant. There is one answer:
+
+- a reply: done, the payload is the message answered;
+- an error reply with encoding `{refusal}`: refused, the payload says why;
+- an error reply of any other encoding: zenoh's own, no answer within the query's timeout;
+- no reply at all: nobody is there, such as no run of that robot.
+
+| `rpc/` | asked | answered | limit | wait at least | |
+| --- | --- | --- | --- | --- | --- |
+{rows}
+"""
+
+
+def wire_doc() -> str:
+    """The whole document."""
+    table = "\n".join(topic_rows())
+    refusal = f"{MEDIA_TYPE};{REFUSAL.schema}"
+    rows = "\n".join(map(_request_row, REQUESTS))
+    parts = [_HEAD, f"## Topics\n\n{table}\n", _REQUESTS.format(refusal=refusal, rows=rows)]
+    parts.append("## Messages\n")
+    parts += [_message(message) for message in _all_messages()]
+    return "\n".join(parts)
+
+
+def main() -> int:
+    """Command line; exit code 1 if --check finds an old file, 2 on bad input."""
+    parser = argparse.ArgumentParser(prog="wire_doc", description=__doc__)
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("--check", action="store_true", help="change nothing, tell if it is old")
+    arguments = parser.parse_args()
+    path = arguments.file
+    try:
+        if arguments.check:
+            if path.read_text() != wire_doc():
+                print(f"{path}: is old: run python -m hsslam_proto.wire_doc {path}")
+                return 1
+        else:
+            path.write_text(wire_doc())
+    except OSError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _all_messages() -> list[type[m.Message]]:
+    """Every message once, in the order of the tables."""
+    found = [topic.message for topic in TOPICS]
+    for request in REQUESTS:
+        found += [request.asked.message, request.answered.message]
+    return list(dict.fromkeys([*found, REFUSAL.message]))
+
+
+def _request_row(request: Request) -> str:
+    asked, answered = request.asked.message.__name__, request.answered.message.__name__
+    limit = size_text(request.asked.size_limit_bytes)
+    wait = f"{request.takes_s:g} s"
+    return f"| `{request.name}` | `{asked}` | `{answered}` | {limit} | {wait} | {request.purpose} |"
+
+
+def _message(message: type[m.Message]) -> str:
+    text = " ".join((message.__doc__ or "").split())
+    lines = [f"### {message.__name__} v{message.MAJOR}", "", text, ""]
+    fields = msgspec.structs.fields(message)
+    if fields:
+        lines += ["| field | type | default |", "| --- | --- | --- |"]
+    for field in fields:
+        lines.append(f"| `{field.name}` | {field_type(field.type)} | {_default(field)} |")
+    return "\n".join([*lines, ""]) if fields else "\n".join(lines)
+
+
+def _default(field: msgspec.structs.FieldInfo) -> str:
+    if field.default is not msgspec.NODEFAULT:
+        return f"`{field.default!r}`"
+    if field.default_factory is not msgspec.NODEFAULT:
+        return f"`{field.default_factory()!r}`"
+    return "-"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,1 +1,0 @@
-"""`make bench`: measures what the README claims, by running the real service."""

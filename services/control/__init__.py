@@ -1,1 +1,0 @@
-"""Requests to a running service: the gateway that answers them, the command that asks."""

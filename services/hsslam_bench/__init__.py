@@ -1,0 +1,1 @@
+"""`hsslam-bench`: measures what the README claims, by running the real service."""

@@ -1,0 +1,160 @@
+"""Accuracy of the poses of several runs, as most rows judge it.
+
+Accuracy, reproducibility and mesh, from runs in lockstep.
+
+Whether two runs have left the same trajectories.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import ServeRun, finished
+from hsslam_bench.runs.session import Session
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """ATE RMSE of the final trajectory by run, and what of the truth it is over."""
+
+    errors_m: list[float]
+    counts: list[tuple[int, int]]  # frames scored, frames that have a true pose
+    lost: int
+
+    @classmethod
+    def of(cls, runs: list[ServeRun]) -> "Accuracy":
+        """Read off the summaries of the runs."""
+        lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
+        return cls([ate_m(run) for run in runs], [scored(run) for run in runs], lost)
+
+    @property
+    def mean_m(self) -> float:
+        """Mean of the runs."""
+        return fmean(self.errors_m)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every frame is scored and none was lost."""
+        return self.lost == 0 and all(n == expected and n > 0 for n, expected in self.counts)
+
+    def each_cm(self, digits: int = 2) -> str:
+        """The runs one by one."""
+        return ", ".join(f"{100 * e:.{digits}f}" for e in self.errors_m)
+
+    def values(self, bound_m: float) -> dict[str, Any]:
+        """What the result file keeps."""
+        return {
+            "rmse_m": self.errors_m, "scored": self.counts, "lost": self.lost, "bound_m": bound_m
+        }  # fmt: skip
+
+
+def ate_m(run: ServeRun) -> float:
+    """ATE RMSE of the final trajectory, m; infinite where there is none."""
+    value = _final(run).get("rmse_m")
+    return float("inf") if value is None else float(value)
+
+
+def scored(run: ServeRun) -> tuple[int, int]:
+    """Frames that the ATE is over, and frames that have a true pose."""
+    final = _final(run)
+    return final.get("scored", 0), final.get("expected", 0)
+
+
+def _final(run: ServeRun) -> dict[str, Any]:
+    return run.summary.get("evaluation", {}).get("ate", {}).get("final", {})
+
+
+TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
+
+
+def different_files(runs: Sequence[ServeRun]) -> list[str]:
+    """Names of the trajectories that are not the same byte for byte, or missing."""
+    return [name for name in TRAJECTORIES if not _are_same(runs, name)]
+
+
+def _are_same(runs: Sequence[ServeRun], name: str) -> bool:
+    paths = [run.folder / name for run in runs]
+    return all(p.exists() for p in paths) and len({p.read_bytes() for p in paths}) == 1
+
+
+_ATE_BOUNDS_M = {
+    "livingroom": 0.008,
+    "house": 0.006,
+    "house-kinect": 0.008,
+    "kitchen": 0.04,
+    "room-kinect": 0.008,
+}
+_REPEATED = ("livingroom", "room-kinect")
+_ACCURACY_M, _COMPLETION = 0.006, 0.98
+
+
+def lockstep_checks() -> list[Check]:
+    """One check for each sequence and property."""
+    return [
+        *(_ate_check(name, bound_m) for name, bound_m in _ATE_BOUNDS_M.items()),
+        *(_repeat_check(name) for name in _REPEATED),
+        Check(
+            "mesh:house:accuracy",
+            "house, lockstep: median distance of the mesh to the truth, worst seed",
+            f"{100 * _ACCURACY_M:g} cm",
+            _mesh_accuracy,
+        ),
+        Check(
+            "mesh:house:completion",
+            "house, lockstep: share of the truth within 5 cm of the mesh, worst seed",
+            f"{_COMPLETION:.0%}",
+            _mesh_completion,
+        ),
+    ]
+
+
+def _ate_check(sequence: str, bound_m: float) -> Check:
+    def measure(session: Session) -> Measured:
+        runs = [finished(session.lockstep(sequence, seed)) for seed in session.seeds]
+        found = Accuracy.of(runs)
+        worst = max(found.errors_m)
+        fewest = min(found.counts)
+        return Measured(
+            f"{100 * worst:.2f} cm (seeds: {found.each_cm()}); "
+            f"{fewest[0]}/{fewest[1]} scored, {found.lost} lost",
+            worst <= bound_m and found.complete,
+            found.values(bound_m),
+            worst,
+            "lower",
+        )
+
+    what = f"{sequence}, lockstep: ATE RMSE, final, worst of the seeds; all scored, none lost"
+    return Check(f"ate:{sequence}", what, f"{100 * bound_m:g} cm", measure)
+
+
+def _repeat_check(sequence: str) -> Check:
+    def measure(session: Session) -> Measured:
+        runs = [finished(session.lockstep(sequence, take=take)) for take in (1, 2)]
+        different = different_files(runs)
+        text = f"different: {', '.join(different)}" if different else "identical"
+        return Measured(text, not different, {"different": different})
+
+    what = f"{sequence}, lockstep, twice with one seed: {', '.join(TRAJECTORIES)}"
+    return Check(f"repeat:{sequence}", what, "identical", measure)
+
+
+def _mesh_accuracy(session: Session) -> Measured:
+    meshes = _meshes(session)
+    worst = max(mesh.get("accuracy_median_m", float("inf")) for mesh in meshes)
+    return Measured(
+        f"{100 * worst:.2f} cm", worst <= _ACCURACY_M, {"meshes": meshes}, worst, "lower"
+    )
+
+
+def _mesh_completion(session: Session) -> Measured:
+    meshes = _meshes(session)
+    worst = min(mesh.get("completion_ratio_5cm", 0.0) for mesh in meshes)
+    return Measured(f"{worst:.1%}", worst >= _COMPLETION, {"meshes": meshes}, worst, "higher")
+
+
+def _meshes(session: Session) -> list[dict[str, Any]]:
+    runs = [finished(session.lockstep("house", seed)) for seed in session.seeds]
+    found = [run.summary.get("evaluation", {}).get("mesh", {}) for run in runs]
+    return [{k: v for k, v in mesh.items() if v is not None} for mesh in found]

@@ -1,0 +1,40 @@
+"""All rows of the benchmark's table, in its order."""
+
+from hsslam_bench.checks.accuracy import lockstep_checks
+from hsslam_bench.checks.camera import gap_checks, kidnapping_checks, localise_checks
+from hsslam_bench.checks.check import Check
+from hsslam_bench.checks.faithful import faithful_checks
+from hsslam_bench.checks.fuzz import fuzz_checks
+from hsslam_bench.checks.live import realtime_checks
+from hsslam_bench.checks.map import growth_checks, map_checks
+from hsslam_bench.checks.robustness import (
+    baseline_checks,
+    refinement_checks,
+    robustness_checks,
+    stride_checks,
+)
+from hsslam_bench.checks.speed import gpu_checks, kernel_checks
+from hsslam_bench.checks.viewer import frozen_checks, viewer_checks
+
+
+def catalogue() -> list[Check]:
+    """The rows, in the order of the table."""
+    return [
+        *lockstep_checks(),
+        *refinement_checks(),
+        *robustness_checks(),
+        *stride_checks(),
+        *map_checks(),
+        *gap_checks(),
+        *kidnapping_checks(),
+        *localise_checks(),
+        *faithful_checks(),
+        *viewer_checks(),
+        *frozen_checks(),
+        *fuzz_checks(),
+        *realtime_checks(),
+        *growth_checks(),
+        *kernel_checks(),
+        *baseline_checks(),
+        *gpu_checks(),
+    ]

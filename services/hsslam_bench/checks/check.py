@@ -1,0 +1,100 @@
+"""One row of the benchmark: what is measured, the bound it has to meet, and what came out."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from hsslam_bench.runs.serve_run import RunFailedError
+from hsslam_bench.runs.session import NotMeasured, Session, Skipped
+from hsslam_node.errors import UserError, did_you_mean
+
+Verdict = Literal["ok", "NOT MET", "measured", "skipped", "not measured"]
+Better = Literal["lower", "higher", ""]  # "": neither
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A result: as text, as raw values, and whether the bound is met (None: there is no bound)."""
+
+    text: str
+    ok: bool | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    figure: float | None = None  # the one number that another result is compared with
+    better: Better = ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A row of the table."""
+
+    name: str  # for --only; parts before a colon select whole groups
+    what: str
+    bound: str  # "" without one
+    measure: Callable[[Session], Measured]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A check with its result, as stored in the JSON file."""
+
+    name: str
+    what: str
+    bound: str
+    measured: str
+    verdict: Verdict
+    values: Mapping[str, Any] = field(default_factory=dict)
+    figure: float | None = None
+    better: Better = ""
+
+
+def perform(check: Check, session: Session) -> Row:
+    """Measure one row; what is not on disk is skipped, a run that fails is a bound not met.
+
+    What cannot be measured on this machine is not measured, with the reason.
+    """
+    verdict: Verdict
+    try:
+        result = check.measure(session)
+    except Skipped as skipped:
+        return Row(check.name, check.what, check.bound, str(skipped), "skipped")
+    except NotMeasured as reason:
+        return Row(check.name, check.what, check.bound, str(reason), "not measured")
+    except RunFailedError as failure:
+        return Row(check.name, check.what, check.bound, str(failure), "NOT MET")
+    verdict = "measured" if result.ok is None else "ok" if result.ok else "NOT MET"
+    return Row(
+        name=check.name,
+        what=check.what,
+        bound=check.bound,
+        measured=result.text,
+        verdict=verdict,
+        values=dict(result.values),
+        figure=result.figure,
+        better=result.better,
+    )
+
+
+def unmeasured(check: Check) -> Row:
+    """The row of something that was not measured."""
+    return Row(check.name, check.what, check.bound, "", "not measured")
+
+
+def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
+    """The checks of these names or groups ("ate" has "ate:house"), in the table's order; no name: all.
+
+    Raises:
+        UserError: there is no such name; the nearest is suggested.
+    """
+    checks = list(checks)
+    known = {
+        ":".join(check.name.split(":")[:depth])
+        for check in checks
+        for depth in range(1, check.name.count(":") + 2)
+    }
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, sorted(known))
+            raise UserError(f"--only {name}: no such row{hint or '; --list has the names'}")
+    if not names:
+        return checks
+    return [c for c in checks if any(f"{c.name}:".startswith(f"{name}:") for name in names)]

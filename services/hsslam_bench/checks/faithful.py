@@ -1,0 +1,127 @@
+"""Means over the seeds: trajectories, the mesh beside a TSDF, and agreement of frames without a truth."""
+
+import importlib.util
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+from hsslam_bench.checks.accuracy import Accuracy
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import finished
+from hsslam_bench.runs.session import NotMeasured, Session
+
+_ATE_BOUNDS_M = {"house-kinect": 0.003, "livingroom": 0.001, "house": 0.001}
+_NOISY = "house-kinect"
+_ACCURACY_M, _COMPLETION = 0.008, 0.99
+_DEPTH_M, _ONE_MINUS_NCC = 0.0095, 0.04
+_GAP_FRAMES = 30
+_MODULE = f"{__package__}.run_score"
+
+
+def faithful_checks() -> list[Check]:
+    """One check for each property."""
+    mesh = f"{_NOISY}, lockstep, mean of the seeds, a TSDF of the same poses and depth beside"
+    frames = f"kitchen, lockstep, frames {_GAP_FRAMES} apart, mean of the seeds"
+    return [
+        *(_ate_check(name, bound_m) for name, bound_m in _ATE_BOUNDS_M.items()),
+        Check(
+            f"faithful:{_NOISY}:accuracy",
+            f"{mesh}: mean distance of the mesh to the truth",
+            f"{100 * _ACCURACY_M:g} cm, below the TSDF",
+            _mesh_accuracy,
+        ),
+        Check(
+            f"faithful:{_NOISY}:completion",
+            f"{mesh}: share of the truth within 5 cm of the mesh",
+            f"{_COMPLETION:.0%}, above the TSDF",
+            _mesh_completion,
+        ),
+        Check(
+            "faithful:kitchen:depth",
+            f"{frames}: median depth difference",
+            f"{1000 * _DEPTH_M:g} mm",
+            _consistency("depth_median_m", 1000, " mm", _DEPTH_M),
+        ),
+        Check(
+            "faithful:kitchen:color",
+            f"{frames}: 1 - NCC of grey values",
+            f"{_ONE_MINUS_NCC:g}",
+            _consistency("one_minus_ncc", 1, "", _ONE_MINUS_NCC),
+        ),
+    ]
+
+
+def _ate_check(sequence: str, bound_m: float) -> Check:
+    def measure(session: Session) -> Measured:
+        runs = [finished(session.lockstep(sequence, seed)) for seed in session.seeds]
+        found = Accuracy.of(runs)
+        return Measured(
+            f"{100 * found.mean_m:.3f} cm (seeds: {found.each_cm(3)}); {found.lost} lost",
+            found.mean_m <= bound_m and found.complete,
+            found.values(bound_m),
+            found.mean_m,
+            "lower",
+        )
+
+    what = f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds; all scored, none lost"
+    return Check(f"faithful:{sequence}:ate", what, f"{100 * bound_m:g} cm", measure)
+
+
+def _mesh_accuracy(session: Session) -> Measured:
+    ours, tsdf, values = _both(session, "accuracy_mean_m", math.inf)
+    return Measured(
+        f"{100 * ours:.2f} cm, TSDF {100 * tsdf:.2f} cm",
+        ours <= _ACCURACY_M and ours < tsdf,
+        values,
+        ours,
+        "lower",
+    )
+
+
+def _mesh_completion(session: Session) -> Measured:
+    ours, tsdf, values = _both(session, "completion_ratio_5cm", 0.0)
+    return Measured(
+        f"{ours:.2%}, TSDF {tsdf:.2%}", ours >= _COMPLETION and ours > tsdf, values, ours, "higher"
+    )
+
+
+def _both(session: Session, key: str, missing: float) -> tuple[float, float, dict[str, Any]]:
+    """Means over the seeds for our mesh and the TSDF's, and all their metrics."""
+    if importlib.util.find_spec("open3d") is None:
+        raise NotMeasured("Open3D is not installed: pip install '.[dev]'")
+    found = [_scores(session, _NOISY, seed, "tsdf") for seed in session.seeds]
+    meshes = {
+        "ours": [score.get("mesh", {}) for score in found],
+        "tsdf": [score.get("tsdf", {}).get("mesh", {}) for score in found],
+    }
+    ours, tsdf = (_mean([mesh.get(key) for mesh in meshes[w]], missing) for w in ("ours", "tsdf"))
+    return ours, tsdf, meshes
+
+
+def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[Session], Measured]:
+    def measure(session: Session) -> Measured:
+        found = [_scores(session, "kitchen", seed, "consistency") for seed in session.seeds]
+        gaps: dict[str, list[dict[str, Any]]] = {
+            whose: [
+                next(row for row in score["consistency"][whose] if row["gap_frames"] == _GAP_FRAMES)
+                for score in found
+            ]
+            for whose in ("estimated", "given")
+        }
+        ours, given = (
+            _mean([row[key] for row in gaps[whose]], math.inf) for whose in ("estimated", "given")
+        )
+        text = f"{scale * ours:.3g}{unit}; the given poses {scale * given:.3g}{unit}"
+        return Measured(text, ours <= bound, gaps, ours, "lower")
+
+    return measure
+
+
+def _scores(session: Session, sequence: str, seed: int, what: str) -> dict[str, Any]:
+    run = finished(session.lockstep(sequence, seed))
+    return json.loads(session.python(_MODULE, str(run.folder), what))
+
+
+def _mean(values: list[float | None], missing: float) -> float:
+    return sum(missing if value is None else value for value in values) / len(values)

@@ -1,0 +1,77 @@
+"""Figures of a run on the sensor's clock: frames tracked, latency, accuracy, mapping."""
+
+import numpy as np
+
+from hsslam_bench.checks.accuracy import ate_m, scored
+from hsslam_bench.checks.check import Measured
+from hsslam_bench.runs.serve_run import ServeRun
+
+_LIGHT_POINTS = 640 * 12  # of one light iteration
+_LOOK_BYTES = 2_000  # of a frame: a viewer that took less has not seen the whole run
+
+
+def tracked(run: ServeRun, least: float) -> Measured:
+    """Share of the frames after the first that have a pose; a slow source fails the row."""
+    frames = run.summary["frames"]
+    after_first = max(frames["in"] - 1, 1)
+    share = (frames["tracked"] - 1) / after_first
+    shifts = run.summary["processes"]["camera"]["counters"].get("clock_shifts", 0)
+    notes = [f"{frames['tracked'] - 1} of {after_first}, {frames['lost']} lost"]
+    has_looked = run.viewer_bytes is None or run.viewer_bytes > _LOOK_BYTES * frames["tracked"]
+    if run.viewer_bytes is not None:
+        notes.append(f"viewer took {run.viewer_bytes / 1e6:.1f} MB")
+    slow = f"; the source was too slow: clock moved {shifts} x" if shifts else ""
+    return Measured(
+        f"{share:.1%} ({', '.join(notes)}){slow}",
+        share >= least and shifts == 0 and has_looked,
+        {"share": share, **frames, "clock_shifts": shifts, "viewer_bytes": run.viewer_bytes},
+        share,
+        "higher",
+    )
+
+
+def latency(run: ServeRun, percentile: str, bound_ms: float) -> Measured:
+    """Sensor stamp to published pose, all but the first; `percentile` ("p99") has the bound."""
+    found = run.summary.get("latency_ms")
+    if not found:
+        return Measured("no pose after the first", False)
+    text = " / ".join(f"{found[p]:.0f}" for p in ("p50", "p95", "p99"))
+    ms = found[percentile]
+    return Measured(f"p50 / p95 / p99: {text} ms", ms <= bound_ms, found, ms, "lower")
+
+
+def accuracy(run: ServeRun, lockstep: ServeRun, factor: float, margin_m: float = 0.0) -> Measured:
+    """ATE against that of the run in which every frame was waited for."""
+    ours_m, lockstep_m = ate_m(run), ate_m(lockstep)
+    bound_m = factor * lockstep_m + margin_m
+    n, expected = scored(run)
+    return Measured(
+        f"{100 * ours_m:.2f} cm, {n}/{expected} scored; "
+        f"lockstep {100 * lockstep_m:.2f}: bound {100 * bound_m:.2f} cm",
+        ours_m <= bound_m < float("inf"),
+        {"rmse_m": ours_m, "lockstep_rmse_m": lockstep_m, "scored": [n, expected]},
+        ours_m,
+        "lower",
+    )
+
+
+def iterations(run: ServeRun, least_hz: float) -> Measured:
+    """Iterations of the mapper a second, from the first pose on the map to the last pose."""
+    window = run.log.tracking_ns
+    if window is None or len(run.log.mapped) < 2:
+        return Measured("no iterations in the log", False)
+    times, counts = np.array(run.log.mapped, float).T
+    begin, end = np.interp(np.array(window, float), times, counts)
+    rate_hz = float(end - begin) / ((window[1] - window[0]) / 1e9)
+    slam = run.summary["options"]["slam"]
+    rays = slam["mapper"]["rays"]
+    samples = slam["sampling"]["free_samples"] + slam["sampling"]["surface_samples"]
+    light_hz = rate_hz * rays * samples / _LIGHT_POINTS
+    return Measured(
+        f"{rate_hz:.1f} a second of {rays} x {samples} points: as many points as {light_hz:.1f} of "
+        "640 x 12",
+        light_hz >= least_hz,
+        {"iterations_hz": rate_hz, "light_hz": light_hz},
+        light_hz,
+        "higher",
+    )

@@ -1,0 +1,191 @@
+"""What makes tracking hard: somebody in the way, changing exposure, bare walls.
+
+Fewer frames a second: only every second and every third frame.
+
+Whether refinement of poses pays: runs with bundle adjustment against runs without.
+
+Tracking by rendering: the parents' presets on our kernels, and the paper's own.
+"""
+
+import json
+import math
+from statistics import fmean
+from typing import Any
+
+from hsslam_bench.checks.accuracy import Accuracy, ate_m, scored
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import ServeRun, finished
+from hsslam_bench.runs.session import NotMeasured, Session
+from hsslam_node.presets import PRESETS
+
+_ROBUSTNESS_SEQUENCES = ("person-kinect", "room-kinect-exposure", "corridor-kinect")
+_BOUND_M = 0.02
+
+
+def robustness_checks() -> list[Check]:
+    """One check for each sequence."""
+    return [_robustness_check(name) for name in _ROBUSTNESS_SEQUENCES]
+
+
+def _robustness_check(sequence: str) -> Check:
+    def measure(session: Session) -> Measured:
+        runs = [finished(session.poses(sequence, seed)) for seed in session.seeds]
+        found = Accuracy.of(runs)
+        return Measured(
+            f"{100 * found.mean_m:.2f} cm (seeds: {found.each_cm()}), {found.lost} lost",
+            found.mean_m <= _BOUND_M and found.complete,
+            found.values(_BOUND_M),
+            found.mean_m,
+            "lower",
+        )
+
+    what = f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds; all scored, none lost"
+    return Check(f"robust:{sequence}", what, f"{100 * _BOUND_M:g} cm", measure)
+
+
+_STRIDE_SEQUENCES = ("livingroom", "kitchen")
+_STRIDES = {2: "second", 3: "third"}
+_FACTOR = 2.0  # of the ATE at full rate
+
+
+def stride_checks() -> list[Check]:
+    """One check for each sequence and stride."""
+    return [
+        _stride_check(sequence, stride) for sequence in _STRIDE_SEQUENCES for stride in _STRIDES
+    ]
+
+
+def _stride_check(sequence: str, stride: int) -> Check:
+    def measure(session: Session) -> Measured:
+        full, found = (
+            Accuracy.of([finished(session.poses(sequence, s, stride=n)) for s in session.seeds])
+            for n in (1, stride)
+        )
+        bound_m = _FACTOR * full.mean_m
+        return Measured(
+            f"{100 * found.mean_m:.2f} cm (seeds: {found.each_cm()}), {found.lost} lost; "
+            f"full rate {100 * full.mean_m:.2f} cm",
+            found.mean_m <= bound_m and found.complete,
+            found.values(bound_m),
+            found.mean_m,
+            "lower",
+        )
+
+    what = (
+        f"every {_STRIDES[stride]} frame of {sequence}, lockstep: ATE RMSE, final, mean of the "
+        "seeds; all scored, none lost"
+    )
+    return Check(f"stride:{sequence}:{stride}", what, f"{_FACTOR:g} x full rate", measure)
+
+
+_FACTORS = {"apartment-kinect": 0.6, "house": 1.05, "livingroom": 1.05}
+_MOST_M = {"apartment-kinect": 0.03}
+_LEAST_SCORED = {"lockstep": 1.0, "realtime": 0.95}  # in real time frames may be dropped
+
+
+def refinement_checks() -> list[Check]:
+    """One check for each pace and sequence."""
+    return [_refinement_check(pace, sequence) for pace in _LEAST_SCORED for sequence in _FACTORS]
+
+
+def _refinement_check(pace: str, sequence: str) -> Check:
+    factor, most_m = _FACTORS[sequence], _MOST_M.get(sequence, float("inf"))
+
+    def measure(session: Session) -> Measured:
+        runs, without = (
+            [finished(session.poses(sequence, s, pace, refined=refined)) for s in session.seeds]
+            for refined in (True, False)
+        )
+        errors_m, plain_m = [ate_m(run) for run in runs], [ate_m(run) for run in without]
+        mean_m, plain_mean_m = fmean(errors_m), fmean(plain_m)
+        bound_m = min(factor * plain_mean_m, most_m)
+        share = min(_scored_share(run) for run in (*runs, *without))
+        each, plain = (", ".join(f"{100 * e:.2f}" for e in m) for m in (errors_m, plain_m))
+        return Measured(
+            f"{100 * mean_m:.2f} cm (seeds: {each}); without {100 * plain_mean_m:.2f} ({plain}): "
+            f"{mean_m / max(plain_mean_m, 1e-9):.2f} x; {share:.1%} scored",
+            mean_m <= bound_m and share >= _LEAST_SCORED[pace],
+            {"rmse_m": errors_m, "without_m": plain_m, "bound_m": bound_m, "scored": share},
+            mean_m,
+            "lower",
+        )
+
+    limit = f" and {100 * most_m:g} cm" if sequence in _MOST_M else ""
+    return Check(
+        f"refinement:{pace}:{sequence}",
+        f"{sequence}, {pace}: ATE RMSE, final, mean of the seeds, with BA against without",
+        f"{factor:g} x{limit}",
+        measure,
+    )
+
+
+def _scored_share(run: ServeRun) -> float:
+    n, expected = scored(run)
+    return n / expected if expected else 0.0
+
+
+_BASELINES = ("eslam", "co-slam")
+_OURS = "realtime"
+_SEQUENCE, _FRAMES = "house", 100
+_SPEED_UP = 20.0
+_PAPER_FRAMES = 40  # seven seconds each on one core
+
+
+def baseline_checks() -> list[Check]:
+    """Speed and accuracy beside each of the presets; those of preset paper have no bound."""
+    return [*(check for preset in _BASELINES for check in _against(preset)), _paper()]
+
+
+def _against(preset: str) -> list[Check]:
+    def speed(session: Session) -> Measured:
+        ours, theirs = _found(session, _OURS), _found(session, preset)
+        ratio = ours["fps"] / theirs["fps"]
+        return Measured(
+            f"{ours['fps']:.1f} against {theirs['fps']:.2f} frames a second: {ratio:.0f} x",
+            ratio >= _SPEED_UP,
+            {_OURS: ours, preset: theirs, "ratio": ratio},
+            ratio,
+            "higher",
+        )
+
+    def accuracy(session: Session) -> Measured:
+        ours, theirs = _found(session, _OURS), _found(session, preset)
+        errors = [math.inf if e is None else e for e in (ours["rmse_m"], theirs["rmse_m"])]
+        return Measured(
+            f"{100 * errors[0]:.2f} against {100 * errors[1]:.2f} cm; "
+            f"lost {ours['lost']} and {theirs['lost']}",
+            errors[0] <= errors[1],
+            {_OURS: ours, preset: theirs},
+            errors[0],
+            "lower",
+        )
+
+    of = f"{_SEQUENCE}, first {_FRAMES} frames, one thread: preset {_OURS} against {preset}"
+    return [
+        Check(f"baselines:{preset}:fps", f"{of}: speed", f"{_SPEED_UP:g} x", speed),
+        Check(f"baselines:{preset}:ate", f"{of}: ATE RMSE, final", "no worse", accuracy),
+    ]
+
+
+def _paper() -> Check:
+    def measure(session: Session) -> Measured:
+        found = _found(session, "paper", _PAPER_FRAMES)
+        return Measured(
+            f"{found['fps']:.2f} frames a second, ATE RMSE {100 * found['rmse_m']:.2f} cm, "
+            f"lost {found['lost']}",
+            None,
+            found,
+            found["fps"],
+            "higher",
+        )
+
+    frames = f"{_SEQUENCE}, first {_PAPER_FRAMES} frames"
+    return Check("paper", f"{frames}, one thread: preset paper, speed and accuracy", "", measure)
+
+
+def _found(session: Session, preset: str, frames: int = _FRAMES) -> dict[str, Any]:
+    if preset not in PRESETS:
+        raise NotMeasured(f"there is no preset {preset}")
+    source = session.source(_SEQUENCE)
+    module = f"{__package__}.preset_speed"
+    return json.loads(session.python(module, preset, source, str(frames)))

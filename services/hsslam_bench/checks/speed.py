@@ -1,0 +1,150 @@
+"""Kernels against the plain PyTorch reference, one mapping iteration, and the tracker's stages.
+
+Speed and accuracy on an NVIDIA GPU; where there is none, the reason stands in the table.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.session import NotMeasured, Session
+from hsslam_node.device.choose_device import choose_device
+
+BATCHES = {"light": (640, 12), "86k": (2000, 43)}  # rays, samples a ray
+CHANNELS = (16, 32)
+_BOUNDS = {"86k": 30.0}  # times as fast
+_US_PER_POINT, _LIGHT_MS = 1.6, 15.0
+_SCRIPTS = "hsslam_bench.scripts"
+
+
+def kernel_checks() -> list[Check]:
+    """One check for each batch and width, two iterations, and one for the stages of tracking."""
+    speeds = [_kernel_speed_check(batch, channels) for batch in BATCHES for channels in CHANNELS]
+    what = (
+        "tracking of room 640x480, one thread, alone: mean ms a frame (keyframe, reference: a call)"
+    )
+    return [*_iteration_checks(), *speeds, Check("tracking", what, "", _tracking)]
+
+
+def _iteration_checks() -> list[Check]:
+    of = "one mapping iteration, forward + losses + backward + Adam, one thread"
+    return [
+        Check(
+            "iteration:24k:32",
+            f"{of}: 1500 x (5 + 11) points, 32 channels",
+            f"{_US_PER_POINT:g} us a point",
+            lambda session: _iteration(session, (1500, 5, 11, 32), us_per_point=_US_PER_POINT),
+        ),
+        Check(
+            "iteration:light",
+            f"{of}: 640 x (4 + 8) points, 16 channels",
+            f"{_LIGHT_MS:g} ms",
+            lambda session: _iteration(session, (640, 4, 8, 16), median_ms=_LIGHT_MS),
+        ),
+        Check(
+            "iteration:realtime",
+            f"{of}: 896 x (2 + 4) points, 16 channels",
+            "",
+            lambda session: _iteration(session, (896, 2, 4, 16), median_ms=None),
+        ),
+    ]
+
+
+def _iteration(session: Session, batch: Sequence[int], **bound: float | None) -> Measured:
+    """`bound`: the figure that is judged, by its name in the result, and its limit."""
+    found = json.loads(session.python(f"{_SCRIPTS}.iteration_speed", *map(str, batch)))
+    ((name, limit),) = bound.items()
+    return Measured(
+        f"{found['median_ms']:.1f} ms, {found['us_per_point']:.2f} us a point "
+        f"(least {found['least_ms']:.1f} ms)",
+        None if limit is None else found[name] <= limit,
+        found,
+        found[name],
+        "lower",
+    )
+
+
+def _kernel_speed_check(batch: str, channels: int) -> Check:
+    rays, samples = BATCHES[batch]
+
+    def measure(session: Session) -> Measured:
+        arguments = (str(rays), str(samples), str(channels))
+        found = json.loads(session.python(f"{_SCRIPTS}.kernel_speed", *arguments))
+        return Measured(
+            f"{found['kernel_ms']:.1f} ms against {found['reference_ms']:.0f} ms: "
+            f"{found['ratio']:.1f} x",
+            None if bound is None else found["ratio"] >= bound,
+            found,
+            found["ratio"],
+            "higher",
+        )
+
+    bound = _BOUNDS.get(batch)
+    what = f"field forward + backward, {rays} x {samples} points, {channels} channels, one thread"
+    return Check(
+        name=f"kernels:{batch}:{channels}",
+        what=f"{what}: kernel, PyTorch, ratio",
+        bound="" if bound is None else f"{bound:g} x",
+        measure=measure,
+    )
+
+
+def _tracking(session: Session) -> Measured:
+    found = json.loads(session.python(f"{_SCRIPTS}.tracking_stages"))
+    return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
+
+
+_FPS = {"paper": 20.0, "realtime": 60.0}
+_FRAMES = 200
+_TESTS = "tests/node/gpu_kernels"
+
+
+def gpu_checks() -> list[Check]:
+    """The bounds of the GPU path."""
+    tested = "every GPU kernel against the float64 reference, random inputs, relative"
+    return [
+        *(_gpu_speed_check(preset, fps) for preset, fps in _FPS.items()),
+        Check("gpu:kernels", tested, "1e-4", _kernels),
+    ]
+
+
+def _gpu_speed_check(preset: str, least: float) -> Check:
+    def measure(session: Session) -> Measured:
+        _expect_cuda()
+        arguments = ("--device", "cuda", preset, session.source("room"), str(_FRAMES))
+        found = json.loads(session.python(f"{__package__}.preset_speed", *arguments))
+        error = "no" if found["rmse_m"] is None else f"{100 * found['rmse_m']:.2f} cm"
+        return Measured(
+            f"{found['fps']:.1f} frames a second, {error} ATE, {found['lost']} lost; "
+            f"{found['device']}",
+            found["fps"] >= least,
+            found,
+            found["fps"],
+            "higher",
+        )
+
+    what = f"room 640x480, {_FRAMES} frames, one process, device cuda, preset {preset}"
+    return Check(f"gpu:{preset}", f"{what}: speed", f"{least:g} frames a second", measure)
+
+
+def _kernels(session: Session) -> Measured:
+    """The kernels' own tests, which take CUDA where it works."""
+    _expect_cuda()
+    root = Path(__file__).parents[3]
+    if not (root / _TESTS).is_dir():
+        raise NotMeasured(f"no {_TESTS} beside the package")
+    session.say(_TESTS)
+    command = [sys.executable, "-m", "pytest", "-q", _TESTS]
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    lines = result.stdout.strip().splitlines()
+    return Measured(lines[-1] if lines else "no test ran", result.returncode == 0)
+
+
+def _expect_cuda() -> None:
+    """Raises `NotMeasured` with the reason where CUDA does not work."""
+    device = choose_device("auto")
+    if device.kind != "cuda":
+        raise NotMeasured(device.reason)

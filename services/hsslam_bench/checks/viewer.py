@@ -1,0 +1,119 @@
+"""Everything on at once: recording, web viewer with a viewer attached, mesher and BA.
+
+A viewer frozen for ten seconds costs no tracked frame.
+"""
+
+import contextlib
+
+from hsslam_bench.checks import live_figures
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import finished
+from hsslam_bench.runs.session import Session, Skipped
+from hsslam_bench.runs.viewers import FROZEN_S, FrozenViewer
+
+_VIEWER_SEQUENCES = ("kitchen", "room")
+_TRACKED, _TRACKED_60 = 0.99, 0.95
+_P99_MS = 66.0
+_ITERATIONS_HZ = 20.0
+_ATE_FACTOR = 1.3
+_SMALL_MS = 0.05  # is not worth a word
+
+
+def viewer_checks() -> list[Check]:
+    """One check for each sequence and property, at 30 Hz and at 60 Hz."""
+    thirty = [check for sequence in _VIEWER_SEQUENCES for check in _at_30_hz(sequence)]
+    what = "30 Hz, a viewer attached: core time of the processes, ms a frame (of 66.7 on two cores)"
+    budget = Check("budget", what, "", _budget)
+    return [*thirty, *(_at_60_hz(sequence) for sequence in _VIEWER_SEQUENCES), budget]
+
+
+def _at_30_hz(sequence: str) -> list[Check]:
+    def tracked(session: Session) -> Measured:
+        return live_figures.tracked(finished(session.viewer(sequence)), _TRACKED)
+
+    def latency(session: Session) -> Measured:
+        return live_figures.latency(finished(session.viewer(sequence)), "p99", _P99_MS)
+
+    def iterations(session: Session) -> Measured:
+        return live_figures.iterations(finished(session.viewer(sequence)), _ITERATIONS_HZ)
+
+    def accuracy(session: Session) -> Measured:
+        run = finished(session.viewer(sequence))
+        return live_figures.accuracy(run, finished(session.lockstep(sequence)), _ATE_FACTOR)
+
+    name, of = f"viewer:{sequence}", f"{sequence}, 30 Hz, a viewer attached"
+    return [
+        Check(f"{name}:tracked", f"{of}: frames tracked after the first", "99%", tracked),
+        Check(
+            f"{name}:latency", f"{of}: latency to published pose", f"p99 {_P99_MS:g} ms", latency
+        ),
+        Check(
+            f"{name}:iterations",
+            f"{of}: light mapping iterations",
+            f"{_ITERATIONS_HZ:g} a second",
+            iterations,
+        ),
+        Check(f"{name}:ate", f"{of}: ATE RMSE, seed 0", f"{_ATE_FACTOR:g} x lockstep", accuracy),
+    ]
+
+
+def _at_60_hz(sequence: str) -> Check:
+    def tracked(session: Session) -> Measured:
+        return live_figures.tracked(finished(session.sixty(sequence)), _TRACKED_60)
+
+    what = f"{sequence}, 60 Hz, 320x240, a viewer attached: frames tracked after the first"
+    return Check(f"sixty:{sequence}:tracked", what, f"{_TRACKED_60:.0%}", tracked)
+
+
+def _budget(session: Session) -> Measured:
+    runs = []
+    for sequence in _VIEWER_SEQUENCES:
+        with contextlib.suppress(Skipped):
+            runs.append(finished(session.viewer(sequence)))
+    texts = []
+    for run in runs:
+        shown = {process: ms for process, ms in run.core_ms.items() if ms >= _SMALL_MS}
+        each = ", ".join(f"{process} {ms:.1f}" for process, ms in shown.items())
+        texts.append(f"{run.name}: {sum(run.core_ms.values()):.1f} ({each})")
+    return Measured("; ".join(texts), None, {run.name: run.core_ms for run in runs})
+
+
+_FROZEN_SEQUENCES = ("kitchen", "room")
+_SEQUENCE_OPTIONS = ("--pace", "realtime", "--rate-hz", "30")
+
+
+def frozen_checks() -> list[Check]:
+    """One check for each sequence."""
+    return [_check(sequence) for sequence in _FROZEN_SEQUENCES]
+
+
+def _check(sequence: str) -> Check:
+    def measure(session: Session) -> Measured:
+        run = finished(
+            session.outside(
+                f"frozen-{sequence}", sequence, FrozenViewer, *_SEQUENCE_OPTIONS, viewer="web"
+            )
+        )
+        window = run.outside.get("frozen_ns", [])
+        if len(window) < 2:
+            return Measured("the viewer was not frozen: too little came", False)
+        poses = run.log.poses
+        inside = [pose.index for pose in poses if window[0] <= pose.publish_ns < window[1]]
+        if not inside:
+            return Measured("no pose while the viewer was frozen", False)
+        span = max(inside) - min(inside) + 1
+        dropped = span - len(set(inside))
+        last = max(pose.index for pose in poses)
+        elsewhere = last + 1 - len({pose.index for pose in poses}) - dropped
+        seconds = (window[1] - window[0]) / 1e9
+        return Measured(
+            f"{len(inside)} of {span} frames in {seconds:.1f} s; {elsewhere} dropped in the rest of "
+            f"{last + 1}",
+            dropped == 0,
+            {"dropped": dropped, "frames": span, "elsewhere": elsewhere, "seconds": seconds},
+            float(dropped),
+            "lower",
+        )
+
+    what = f"{sequence}, 30 Hz, viewer and its server frozen for {FROZEN_S:g} s: frames tracked meanwhile"
+    return Check(f"frozen:{sequence}", what, "none dropped", measure)

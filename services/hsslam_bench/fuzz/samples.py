@@ -1,0 +1,88 @@
+"""A message of each kind that can be read: what malformed ones are made of."""
+
+from hsslam_proto import messages as m
+from hsslam_proto import request_messages as r
+
+_T, _Q = (0.5, -1.0, 2.0), (0.0, 0.0, 0.0, 1.0)
+_WIDTH, _HEIGHT = 4, 3
+_STAMP = 1_700_000_000_000_000_000
+
+
+def _zeros(nbytes: int) -> memoryview:
+    return memoryview(bytes(nbytes))
+
+
+_ALL: tuple[m.Message, ...] = (
+    m.Frame(
+        index=7,
+        stamp_ns=_STAMP,
+        source_stamp_ns=1,
+        width_px=_WIDTH,
+        height_px=_HEIGHT,
+        fx=3.5,
+        fy=3.5,
+        cx=1.5,
+        cy=1.0,
+        color=_zeros(3 * _WIDTH * _HEIGHT),
+        depth=_zeros(2 * _WIDTH * _HEIGHT),
+        depth_units_per_m=5000.0,
+    ),
+    m.SourceEnd(frame_count=7, reason="end of source"),
+    m.Pose(
+        index=7,
+        stamp_ns=_STAMP,
+        source_stamp_ns=1,
+        publish_ns=_STAMP,
+        status="tracked",
+        t=_T,
+        q=_Q,
+        quality=0.5,
+        inlier_ratio=0.5,
+        residual_mm=1.5,
+        map_version=1,
+        keyframe=0,
+        stage_ms={"track": 1.5},
+    ),
+    m.Keyframe(id=7, frame_index=7, source_stamp_ns=1, t=_T, q=_Q),
+    m.MapVersion(version=7, iterations=7, loss=0.5, keyframes=7, mapping_ms=1.5),
+    m.Correction(
+        pose_version=7,
+        base_version=6,
+        keyframes=[0, 1],
+        t=[_T, _T],
+        q=[_Q, _Q],
+        loss_before=0.5,
+        loss_after=0.25,
+    ),
+    m.Mesh(
+        map_version=7,
+        vertex_count=3,
+        face_count=1,
+        vertices=_zeros(36),
+        faces=memoryview(bytes([0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0])),
+        colors=_zeros(9),
+    ),
+    m.View(
+        index=7,
+        stamp_ns=_STAMP,
+        width_px=_WIDTH,
+        height_px=_HEIGHT,
+        color=_zeros(3 * _WIDTH * _HEIGHT),
+    ),
+    m.Step(stage="done", index=7),
+    m.Health(
+        process="tracker",
+        pid=7,
+        state="running",
+        rss_bytes=7,
+        counters={"tracked": 7},
+        stage_ms={"track": 1.5},
+    ),
+    m.Event(process="tracker", level="info", text="somewhere", stamp_ns=_STAMP),
+    m.Hold(paused=True),
+    m.Stop(reason="enough"),
+    r.Ask(),
+    r.SaveMap(name="room"),
+    r.SetMode(mode="mapping"),
+)
+SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}

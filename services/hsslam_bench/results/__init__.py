@@ -1,0 +1,1 @@
+"""Result files, and the documents made from them."""

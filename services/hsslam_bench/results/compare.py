@@ -1,0 +1,104 @@
+"""Two result files side by side, as ratios."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.table import Column, Table
+from rich.text import Text
+
+from hsslam_bench.checks.check import Better, Row
+from hsslam_bench.results.report import Report
+
+_NOTABLE = 0.05  # a ratio this far from 1 is coloured
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One number of both results."""
+
+    name: str  # of the row, then where the number stands in it
+    before: float
+    after: float
+    better: Better = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """After over before; None: before was nothing."""
+        return self.after / self.before if self.before else None
+
+    @property
+    def is_better(self) -> bool | None:
+        """Whether it is notably better (False: notably worse)."""
+        if self.ratio is None or not self.better or abs(self.ratio - 1) < _NOTABLE:
+            return None
+        return (self.ratio < 1) == (self.better == "lower")
+
+
+def pairs(before: Report, after: Report) -> list[Pair]:
+    """What both have measured: the figure of a row, or each of its numbers where it has no figure."""
+    found: list[Pair] = []
+    old = {row.name: row for row in before.rows}
+    for row in after.rows:
+        if row.name in old:
+            found += _pairs_of(old[row.name], row)
+    return found
+
+
+def comparison(before: Report, after: Report) -> Table:
+    """The pairs as a table for people."""
+    table = Table(Column("row", no_wrap=True), "A", "B", "B / A", "")
+    for pair in pairs(before, after):
+        ratio = "-" if pair.ratio is None else f"{pair.ratio:.2f}"
+        good = pair.is_better
+        verdict = "" if good is None else "better" if good else "worse"
+        style = "" if good is None else "green" if good else "red"
+        numbers = (f"{pair.before:.4g}", f"{pair.after:.4g}")
+        table.add_row(pair.name, *numbers, Text(ratio, style), Text(verdict, style))
+    return table
+
+
+def circumstances(before: Report, after: Report) -> list[str]:
+    """Lines about when they were measured, and about what keeps them from being compared."""
+    lines = [f"{name}: {_title(found)}" for name, found in (("A", before), ("B", after))]
+    for name, own, other in (("A", before, after), ("B", after, before)):
+        only = sorted(_measured(own) - _measured(other))
+        if only:
+            lines.append(f"only in {name}: {', '.join(only)}")
+    if before.machine.cpu != after.machine.cpu or before.machine.cores != after.machine.cores:
+        lines.append("measured on different machines: ratios say little")
+    if before.protocol.get("quick") or after.protocol.get("quick"):
+        lines.append("measured with --quick: ratios say little")
+    return lines
+
+
+def _measured(found: Report) -> set[str]:
+    return {row.name for row in found.rows if row.verdict not in ("skipped", "not measured")}
+
+
+def _pairs_of(old: Row, new: Row) -> Iterator[Pair]:
+    if old.figure is not None and new.figure is not None:
+        yield Pair(new.name, old.figure, new.figure, new.better)
+        return
+    before, after = dict(_numbers(old.values)), dict(_numbers(new.values))
+    for path, value in after.items():
+        if path in before and (value or before[path]):
+            yield Pair(f"{new.name} {' '.join(path)}", before[path], value)
+
+
+def _numbers(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
+    """All numbers below a value with the names on the way to them."""
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield path, float(value)
+    elif isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _numbers(item, (*path, str(name)))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        for number, item in enumerate(value):
+            yield from _numbers(item, (*path, str(number)))
+
+
+def _title(found: Report) -> str:
+    return f"{found.commit or 'unknown'}, {found.time}"

@@ -1,0 +1,153 @@
+"""The tables of the documents, written from result files and from nothing else.
+
+A table stands between a marker that says what it holds and `<!-- bench:end -->`:
+
+    <!-- bench:begin -->              all rows
+    <!-- bench:rows NAME ... -->      the rows of these names or groups
+    <!-- bench:columns NAME ... -->   their values, a column for each run they are of
+
+The table of a document, written from results and from nothing else.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hsslam_bench.checks.check import Check, Row, select
+from hsslam_bench.results.newest_rows import NewestRows, read_for_documents
+from hsslam_bench.results.report import Report
+from hsslam_node.errors import UserError
+
+BEGIN, END = "<!-- bench:begin -->", "<!-- bench:end -->"
+_BLOCK = re.compile(
+    r"<!-- bench:(?P<kind>begin|rows|columns)(?P<names>[^\n]*?) -->\n(?P<old>.*?)<!-- bench:end -->",
+    re.DOTALL,
+)
+_HEAD = ("name", "what", "bound", "measured", "")
+_MARKS = {"ok": "ok", "NOT MET": "**NOT MET**", "measured": "", "skipped": "", "not measured": ""}
+_SHOWN = 0.05  # values that would be shown as 0.0 in every column are left out
+
+
+def fill_document(document: Path, results: Sequence[Path]) -> None:
+    """Renew the tables between the markers; a row comes from the last file that measured it.
+
+    Raises:
+        UserError: no markers, not a result file, or one that did not follow the protocol.
+    """
+    reports = [read_for_documents(path) for path in results]
+    try:
+        old = document.read_text()
+        document.write_text(with_tables(old, str(document), reports))
+    except OSError as error:
+        raise UserError(f"--docs {document}: {error.strerror}: expected a document") from None
+
+
+def with_tables(text: str, name: str, reports: Sequence[Report]) -> str:
+    """The text with its tables renewed.
+
+    Raises:
+        UserError: the markers are not there, or name rows that are not.
+    """
+    newest = NewestRows.of(reports)
+
+    def renewed(block: re.Match) -> str:
+        marker = block.group(0).partition("\n")[0]
+        checks = select(newest.checks, block["names"].split())
+        table = _columns if block["kind"] == "columns" else _table
+        lines = [*table([newest.rows[c.name] for c in checks]), *_origins(newest, checks)]
+        return "\n".join((marker, *lines, END))
+
+    filled, count = _BLOCK.subn(renewed, text)
+    if count == 0:
+        raise UserError(f"--docs {name}: expected the lines {BEGIN} and {END}")
+    return filled
+
+
+def _origins(newest: NewestRows, checks: Sequence[Check]) -> list[str]:
+    """Lines that say when and where these rows were measured."""
+    rows = [newest.rows[check.name] for check in checks]
+    groups = newest.by_report(row for row in rows if row.verdict != "not measured")
+    lines = []
+    for found, its in groups:
+        which = "All" if len(groups) == 1 else ", ".join(f"`{row.name}`" for row in its)
+        lines += ["", f"{which}: {_circumstances(found)}"]
+    return lines
+
+
+def _table(rows: Sequence[Row]) -> list[str]:
+    cells = [
+        (f"`{r.name}`", r.what, r.bound or "-", _measured_text(r), _MARKS[r.verdict]) for r in rows
+    ]
+    return _lines([_HEAD, *cells])
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    """Values of rows that hold a mapping for every run: a line for each value, its row before it."""
+    columns = list({run: None for row in rows for run in row.values})
+    cells: list[tuple[str, ...]] = []
+    for row in rows:
+        if not row.values:
+            cells.append((f"`{row.name}`", _measured_text(row), *[""] * len(columns)))
+            continue
+        names = {name: None for values in row.values.values() for name in values}
+        shown = [[row.values.get(run, {}).get(name) for run in columns] for name in names]
+        lines = [
+            (name, *map(_number, values))
+            for name, values in zip(names, shown, strict=True)
+            if any(value is not None and value >= _SHOWN for value in values)
+        ]
+        cells += [(f"`{row.name}`" if k == 0 else "", *line) for k, line in enumerate(lines)]
+    return _lines([("row", "", *columns), *cells])
+
+
+def _measured_text(row: Row) -> str:
+    if row.verdict != "not measured":
+        return row.measured
+    return f"not measured: {row.measured}" if row.measured else "not measured"
+
+
+def _number(value: Any) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def _lines(cells: Sequence[Sequence[str]]) -> list[str]:
+    ruled = [cells[0], ["---"] * len(cells[0]), *cells[1:]]
+    return [f"| {' | '.join(_escaped(cell) for cell in row)} |" for row in ruled]
+
+
+def _circumstances(found: Report) -> str:
+    machine, versions = found.machine, found.versions
+    names = ("python", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
+    return (
+        f"{found.time}, commit {found.commit or 'unknown'}, {machine.cpu}, {machine.cores} cores, "
+        f"{machine.memory_bytes / 2**30:.0f} GiB, {machine.system}, "
+        f"load before {machine.load_before:.1f}; "
+        + ", ".join(f"{name} {versions[name]}" for name in names if name in versions)
+        + "."
+    )
+
+
+def _escaped(cell: str) -> str:
+    return cell.replace("|", "\\|").replace("\n", " ")
+
+
+_END = "<!-- table:end -->"
+
+
+def fill_table(document: Path, name: str, text: str) -> None:
+    """Put the text between the lines `<!-- table:NAME -->` and `<!-- table:end -->`.
+
+    Raises:
+        UserError: the document or its lines are not there.
+    """
+    begin = f"<!-- table:{name} -->"
+    try:
+        old = document.read_text()
+        pattern = re.compile(f"{re.escape(begin)}\n.*?{re.escape(_END)}", re.DOTALL)
+        new, count = pattern.subn(lambda _: f"{begin}\n{text.strip()}\n{_END}", old)
+        if count == 0:
+            raise UserError(f"--docs {document}: expected the lines {begin} and {_END}")
+        document.write_text(new)
+    except OSError as error:
+        raise UserError(f"--docs {document}: {error.strerror}: expected a document") from None

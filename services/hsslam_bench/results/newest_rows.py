@@ -1,0 +1,86 @@
+"""Of many result files, the newest of every row.
+
+The newest figure of every row, kept beside the documents as result files without their runs.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from hsslam_bench.checks.catalogue import catalogue
+from hsslam_bench.checks.check import Check, Row, unmeasured
+from hsslam_bench.results.report import Report, read_report, write_report
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class NewestRows:
+    """A row for every check of the catalogue, and which report it is from, if any."""
+
+    checks: Sequence[Check]
+    rows: Mapping[str, Row]
+    origin: Mapping[str, Report]
+
+    @staticmethod
+    def of(reports: Sequence[Report]) -> "NewestRows":
+        """A row comes from the last report that measured it; without one, the last that says why not.
+
+        A row that was measured as something else, or against another bound, does not count.
+        """
+        checks = {check.name: check for check in catalogue()}
+        rows = {name: unmeasured(check) for name, check in checks.items()}
+        origin: dict[str, Report] = {}
+        for found in reports:
+            for row in found.rows:
+                check = checks.get(row.name)
+                if check is None or (row.what, row.bound) != (check.what, check.bound):
+                    continue
+                is_measured = row.verdict not in ("skipped", "not measured")
+                if is_measured or row.verdict == rows[row.name].verdict == "not measured":
+                    rows[row.name], origin[row.name] = row, found
+        return NewestRows(list(checks.values()), rows, origin)
+
+    def by_report(self, rows: Iterable[Row]) -> list[tuple[Report, list[Row]]]:
+        """These rows by the report that each is from; a row of none is left out."""
+        groups: dict[int, tuple[Report, list[Row]]] = {}
+        for row in rows:
+            if (found := self.origin.get(row.name)) is not None:
+                groups.setdefault(id(found), (found, []))[1].append(row)
+        return list(groups.values())
+
+
+def read_for_documents(path: Path) -> Report:
+    """A result file that followed the protocol.
+
+    Raises:
+        UserError: not a result file, or measured otherwise.
+    """
+    found = read_report(path)
+    if found.protocol.get("quick") or found.protocol.get("extra_options"):
+        raise UserError(f"{path}: measured with --quick or extra options: expected neither")
+    return found
+
+
+def keep(folder: Path, results: Sequence[Path]) -> list[Path]:
+    """Take in the rows of `results`; what they replace goes, and what the catalogue no longer has.
+
+    Returns the files that `folder` then has, oldest first: one for each benchmark, named by its time.
+
+    Raises:
+        UserError: not a result file, or one that did not follow the protocol; `folder` cannot be written.
+    """
+    before = sorted(folder.glob("*.json"))
+    reports = [read_for_documents(path) for path in (*before, *results)]
+    newest = NewestRows.of(sorted(reports, key=lambda found: found.time))
+    after: list[Path] = []
+    for found, rows in newest.by_report(newest.rows.values()):
+        after.append(folder / f"{found.time.replace(':', '')}.json")
+        write_report(after[-1], msgspec.structs.replace(found, rows=tuple(rows), runs=[]))
+    for path in set(before) - set(after):
+        try:
+            path.unlink()
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}: expected a file to replace") from None
+    return sorted(after)

@@ -1,0 +1,38 @@
+"""What `hsslam-eval` says of a run of the benchmark, as JSON on stdout; pictures go into its folder.
+
+`python -m hsslam_bench.runs.run_score RUN tsdf|consistency`
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from hsslam_node.evaluation.evaluate import Evaluator, Wanted
+from hsslam_node.evaluation.scores import scores_as_json
+from hsslam_node.evaluation.tsdf_baseline import TsdfOptions
+from hsslam_services.commands.evaluate.subject import run_subject
+
+
+def main() -> None:
+    """tsdf: the run's mesh and a TSDF of its poses and depth; consistency: its frames' agreement."""
+    folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
+    subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))
+    with_tsdf = what == "tsdf"
+    wanted = Wanted(
+        depth_views=0,
+        rendering=False,
+        consistency=not with_tsdf,
+        tsdf=TsdfOptions() if with_tsdf else None,
+    )
+    if not with_tsdf:
+        subject = subject.without_mesh()
+    found = Evaluator(subject, wanted).evaluate()
+    if with_tsdf:
+        from hsslam_node.evaluation.plots import draw_plots
+
+        draw_plots(found, subject.trajectories, Path(folder) / "evaluation")
+    print(json.dumps(scores_as_json(found.figures), allow_nan=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""One run of `hsslam-serve` as a user makes it, and everything that is read off it afterwards."""
+
+import dataclasses
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import psutil
+
+from hsslam_bench.runs.run_log import LogContent, read_log
+from hsslam_bench.runs.usage import Sample, Usage, core_ms_per_frame
+from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary
+
+_TIMEOUT_S = 3600.0
+_POLL_S = 0.2
+_BULKY = ("run*.mcap", "run*.rrd", "map.safetensors")  # removed once they have been looked at
+
+
+class Watcher(Protocol):
+    """Something that looks at a run while it goes on."""
+
+    def poll(self) -> None: ...
+
+
+class Outsider(Watcher, Protocol):
+    """Somebody who deals with a run from outside: a viewer, a client."""
+
+    def close(self) -> None: ...
+
+    def found(self) -> Mapping[str, Any]: ...
+
+
+class RunFailedError(Exception):
+    """A process of the benchmark that did not end as it should."""
+
+
+@dataclass(frozen=True)
+class ServeRun:
+    """A finished run."""
+
+    name: str
+    folder: Path
+    command: Sequence[str]
+    started_ns: int  # wall clock, just before the command
+    seconds: float
+    exit_code: int
+    error: str  # its last words if it failed
+    summary: Mapping[str, Any]
+    log: LogContent
+    view_error: str  # of run.rrd; "" if it can be opened
+    usage: Sequence[Sample] = ()
+    disk_bytes: Mapping[str, int] = field(default_factory=dict)  # by file of the run folder
+    outside: Mapping[str, Any] = field(default_factory=dict)  # what the outsider has found
+    left_behind: Sequence[str] = field(default_factory=tuple)  # processes, port, shared memory
+
+    @property
+    def viewer_bytes(self) -> int | None:
+        """That the attached viewer took; None: none was attached."""
+        return self.outside.get("viewer_bytes")
+
+    @property
+    def core_ms(self) -> dict[str, float]:
+        """Core time of each process while frames were tracked, ms a frame of the sensor."""
+        return self.core_ms_of_last(None)
+
+    def core_ms_of_last(self, frames: int | None) -> dict[str, float]:
+        """The same over the last so many frames (None: all)."""
+        window = self.log.tracking_ns
+        if window is None or len(self.usage) < 2:
+            return {}
+        last = max(pose.index for pose in self.log.poses)
+        inside = [p for p in self.log.poses if p.publish_ns >= window[0]]
+        if frames is not None:
+            inside = [p for p in inside if p.index > last - frames] or inside
+        first = min(inside, key=lambda pose: pose.index)
+        return core_ms_per_frame(self.usage, (first.publish_ns, window[1]), last - first.index)
+
+    def as_json(self) -> dict[str, Any]:
+        """For the result file; the configuration stays, being what was measured."""
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        command = self.command[2:]
+        return {**fields, "folder": self.folder.name, "command": command, "core_ms": self.core_ms}
+
+
+def serve(
+    name: str,
+    folder: Path,
+    options: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    *,
+    viewer: str = "none",
+    outsider: Callable[[Path], Outsider] | None = None,
+) -> ServeRun:
+    """Run the service to its end in `folder`; bulky results are not kept.
+
+    `outsider` makes somebody who deals with it meanwhile, from its folder.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    port = int(free_endpoint().rpartition(":")[2])
+    places = ("--viewer", viewer, "--out", str(folder), "--zenoh-port", str(port))
+    command = [sys.executable, "-m", "hsslam_services.commands.serve", *places, *options]
+    messages = folder.parent / f"{name}.stderr"
+    with messages.open("wb") as stderr:
+        started_ns = time.time_ns()
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
+        )
+        usage = Usage(psutil.Process(process.pid), folder.absolute())
+        somebody = outsider(folder) if outsider else None
+        try:
+            _wait(process, [usage, somebody] if somebody else [usage])
+        finally:
+            if somebody:
+                somebody.close()
+        ended_ns = time.time_ns()
+    run = ServeRun(
+        name=name,
+        folder=folder,
+        command=command,
+        started_ns=started_ns,
+        seconds=(ended_ns - started_ns) / 1e9,
+        exit_code=process.returncode,
+        error=_last_line(messages) if process.returncode else "",
+        summary=read_summary(folder),
+        log=read_log(folder / "run.mcap"),
+        view_error=_verify_view(folder / "run.rrd"),
+        usage=usage.samples,
+        disk_bytes=_sizes(folder),
+        outside=somebody.found() if somebody else {},
+        left_behind=_left_behind(folder, port),
+    )
+    for pattern in _BULKY:
+        for path in folder.glob(pattern):
+            path.unlink()
+    return run
+
+
+def finished(run: ServeRun) -> ServeRun:
+    """The run, if it may be judged.
+
+    Raises:
+        RunFailedError: another exit code than 0, or no summary.
+    """
+    if run.exit_code != 0 or not run.summary.get("frames"):
+        raise RunFailedError(f"{run.name} ended with code {run.exit_code}: {run.error}")
+    return run
+
+
+def _wait(process: subprocess.Popen, watchers: Sequence[Watcher]) -> None:
+    """Wait for the end, letting the watchers look every now and then."""
+    deadline = time.monotonic() + _TIMEOUT_S
+    try:
+        while process.poll() is None:
+            if time.monotonic() > deadline:
+                process.terminate()
+                process.wait()
+            for watcher in watchers:
+                watcher.poll()
+            time.sleep(_POLL_S)
+    except KeyboardInterrupt:  # it got the signal, too, and saves what it has
+        process.wait()
+        raise
+
+
+def _sizes(folder: Path) -> dict[str, int]:
+    return {str(p.relative_to(folder)): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
+
+
+def _verify_view(path: Path) -> str:
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
+    result = subprocess.run(command, capture_output=True, text=True)
+    return "" if result.returncode == 0 else (result.stderr.strip() or "rrd verify failed")
+
+
+def _left_behind(folder: Path, port: int) -> tuple[str, ...]:
+    left = [
+        f"process {process.pid}"
+        for process in psutil.process_iter(["cmdline", "status"])
+        if str(folder) in (process.info["cmdline"] or [])
+        and process.info["status"] != psutil.STATUS_ZOMBIE
+    ]
+    if (folder / "run.json").exists() and (arena := RunInfo.read(folder).arena_dir):
+        left += [arena] if Path(arena).exists() else []
+    listening = any(
+        c.status == psutil.CONN_LISTEN and c.laddr and c.laddr.port == port
+        for c in psutil.net_connections("tcp")
+    )
+    return (*left, f"port {port}") if listening else tuple(left)
+
+
+def _last_line(path: Path) -> str:
+    lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1] if lines else "no message"

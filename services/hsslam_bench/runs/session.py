@@ -1,0 +1,209 @@
+"""One benchmark session: which runs of the service it needs, each made once."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hsslam_node.kernels.cache_folder import warm_stamp
+from hsslam_bench.runs.viewers import AttachedViewer
+from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
+from hsslam_services.launch.process_table import WARM_UP
+from hsslam_services.launch.spawn import child_environment
+
+QUICK_FRAMES = 40
+_COLD_FRAMES = 60
+_GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
+_HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
+_POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
+_SEEDS = (0, 1, 2)
+_SCENES = ("room", "apartment", "corridor", "person")
+_SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
+
+
+class Skipped(Exception):  # noqa: N818 - not an error
+    """What a check needs is not on disk."""
+
+
+class NotMeasured(Exception):  # noqa: N818 - not an error
+    """What this machine cannot show, with the reason."""
+
+
+@dataclass
+class Session:
+    """Runs of `hsslam-serve`, kept for all checks that look at them.
+
+    `quick`: one seed and a few frames, to see whether the benchmark itself works. `extra` options
+    are added to every run; the figures are then not those of the protocol.
+    """
+
+    data: Path
+    folder: Path  # of the runs
+    quick: bool = False
+    extra: Sequence[str] = ()
+    say: Callable[[str], None] = lambda _: None
+    runs: dict[str, ServeRun] = field(default_factory=dict)
+    outputs: dict[tuple[str, ...], str] = field(default_factory=dict)  # of modules run alone
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Seeds of the accuracy figures."""
+        return _SEEDS[:1] if self.quick else _SEEDS
+
+    def lockstep(
+        self, sequence: str, seed: int = 0, take: int = 1, frames: int | None = None
+    ) -> ServeRun:
+        """Every frame, or the first `frames`, tracked and mapped; `sequence` as "house-kinect"."""
+        name = f"lockstep-{sequence}-seed{seed}" + (f"-take{take}" if take > 1 else "")
+        options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
+        if frames is None:
+            return self._run(name, options)
+        return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
+
+    def realtime(self, sequence: str, seed: int = 0) -> ServeRun:
+        """On the clock of a 30 Hz sensor, recording on."""
+        name = f"realtime-{sequence}" + (f"-seed{seed}" if seed else "")
+        pace = ("--pace", "realtime", "--rate-hz", "30", "--seed", str(seed))
+        return self._run(name, (*self._source(sequence), *pace))
+
+    def poses(
+        self,
+        sequence: str,
+        seed: int,
+        pace: str = "lockstep",
+        stride: int = 1,
+        refined: bool = True,
+    ) -> ServeRun:
+        """A run for its poses alone: what comes after the last frame, which cannot move them, is cut short.
+
+        `stride`: only every so many-th frame. `refined`: with bundle adjustment.
+        """
+        name = f"poses-{pace}-{sequence}-seed{seed}"
+        options = (*self._source(sequence), "--pace", pace, "--seed", str(seed), *_POSES_ALONE)
+        if pace == "realtime":
+            options = (*options, "--rate-hz", "30")
+        if stride > 1:
+            name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
+        if not refined:
+            name, options = f"{name}-unrefined", (*options, "--slam.ba.no-enabled")
+        return self._run(name, options)
+
+    def viewer(self, sequence: str) -> ServeRun:
+        """The same with a web viewer that somebody looks at."""
+        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
+        return self._run(f"viewer-{sequence}", options, outsider=AttachedViewer, viewer="web")
+
+    def sixty(self, sequence: str) -> ServeRun:
+        """The same at 60 Hz and half the size, 320x240."""
+        options = (*self._source(sequence, half=True), "--pace", "realtime", "--rate-hz", "60")
+        options = (*options, "--seed", "0")
+        return self._run(f"sixty-{sequence}", options, outsider=AttachedViewer, viewer="web")
+
+    def outside(
+        self,
+        name: str,
+        sequence: str,
+        outsider: Callable[[Path], Outsider] | None,
+        *options: str,
+        viewer: str = "none",
+    ) -> ServeRun:
+        """A run that somebody (None: nobody) deals with meanwhile; `sequence` as in the others."""
+        options = (*self._source(sequence), "--seed", "0", *options)
+        return self._run(name, options, outsider=outsider, viewer=viewer)
+
+    def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
+        """So many frames of the built-in room in real time; `room_m`: length of its sides."""
+        if self.quick:
+            frames = max(frames // 25, 12)
+        name = f"growth-{frames}" if room_m is None else f"growth-{room_m:g}m"
+        size = () if room_m is None else ("--synth.size-m", str(room_m), str(room_m), "2.6")
+        options = ("--source", "synth:room", "--synth.length", str(_GROWTH_LENGTH), *size)
+        return self._run(name, (*options, "--frames", str(frames), "--rate-hz", "30"))
+
+    def cold_start(self) -> ServeRun:
+        """A short real-time run of the built-in room with an empty cache of kernels."""
+        cache = self.folder / "empty-cache"
+        shutil.rmtree(cache, ignore_errors=True)
+        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        environment["XDG_CACHE_HOME"] = str(cache.absolute())
+        frames = min(_COLD_FRAMES, QUICK_FRAMES) if self.quick else _COLD_FRAMES
+        options = ("--source", "synth:room", "--frames", str(frames))
+        try:
+            return self._run("realtime-room-cold", options, environment)
+        finally:
+            shutil.rmtree(cache, ignore_errors=True)
+
+    def python(self, module: str, *arguments: str) -> str:
+        """What a module prints, run alone, once, with one numeric thread and compiled kernels."""
+        key = (module, *arguments)
+        if key not in self.outputs:
+            self._warm_up()
+            self.say(" ".join((module.rpartition(".")[2], *arguments)))
+            quick = ("--quick",) if self.quick else ()
+            self.outputs[key] = _python(module, *quick, *arguments)
+        return self.outputs[key]
+
+    def source(self, sequence: str) -> str:
+        """The source of a sequence: a folder of the data, or a built-in scene.
+
+        Raises:
+            Skipped: the folder is not there.
+        """
+        if sequence in _SCENES:
+            return f"synth:{sequence}"
+        folder = (self.data / sequence).absolute()
+        if not folder.is_dir():
+            raise Skipped(f"{folder} is not on disk")
+        return f"{_SOURCES[sequence]}:{folder}"
+
+    def _run(
+        self,
+        name: str,
+        options: Sequence[str],
+        environment: dict[str, str] | None = None,
+        *,
+        outsider: Callable[[Path], Outsider] | None = None,
+        viewer: str = "none",
+    ) -> ServeRun:
+        if name not in self.runs:
+            if environment is None:
+                self._warm_up()
+            self.say(name)
+            arguments = (*options, *self.extra)
+            folder = self.folder / name
+            self.runs[name] = serve(
+                name, folder, arguments, environment, viewer=viewer, outsider=outsider
+            )
+        return self.runs[name]
+
+    def _source(self, sequence: str, *, half: bool = False) -> tuple[str, ...]:
+        """Options of a sequence, as "house", "house-kinect" or "house-kinect-exposure"."""
+        place, *changes = sequence.split("-")
+        noise = "kinect" if "kinect" in changes else "none"
+        exposure = ("--exposure", "drift") if "exposure" in changes else ()
+        size = () if not half else _HALF_ROOM if place == "room" else _HALF
+        frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
+        return ("--source", self.source(place), "--noise", noise, *exposure, *size, *frames)
+
+    def _warm_up(self) -> None:
+        """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
+        if not warm_stamp().exists():
+            self.say("compiling kernels")
+            _python(WARM_UP)
+
+
+def _python(module: str, *arguments: str) -> str:
+    """Output of a module, run with one numeric thread and the cache of kernels."""
+    result = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        env=child_environment(),
+        capture_output=True,
+        text=True,
+    )
+    if result.returncode:
+        lines = result.stderr.strip().splitlines()
+        raise RunFailedError(f"{module} ended with code {result.returncode}: {lines[-1:]}")
+    return result.stdout

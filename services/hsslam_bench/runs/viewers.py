@@ -1,0 +1,125 @@
+"""A viewer attached to a run with `--viewer web`: rerun's own client, without a window.
+
+A viewer that is frozen for a while, together with what serves it.
+"""
+
+import os
+import subprocess
+from pathlib import Path
+from urllib.parse import parse_qs, urlparse
+import psutil
+import rerun_cli
+import contextlib
+import signal
+import time
+from pathlib import Path
+from typing import Any
+import psutil
+
+
+_TOLD = "viewer: open "  # in the log of the process that serves the page
+_END_S = 5.0
+
+
+class AttachedViewer:
+    """Connects to the address that the page of the web viewer connects to, and takes all data.
+
+    `rerun --save /dev/null URL` subscribes as the page does, decodes every message and writes it
+    away. It draws nothing: a browser draws on its user's machine.
+    """
+
+    def __init__(self, run_folder: Path) -> None:
+        self._run_folder = run_folder
+        self._process: subprocess.Popen | None = None
+        self.received_bytes = 0
+
+    def poll(self) -> None:
+        """Attach as soon as there is a page, again if it was too early; read how much has come."""
+        if self._process is not None and self._process.poll() is None:
+            self.received_bytes = max(self.received_bytes, _written_bytes(self._process.pid))
+            return
+        url = _served_url(self._run_folder)
+        if url is not None:
+            program = str(Path(rerun_cli.__file__).parent / "rerun")
+            self._process = subprocess.Popen(
+                [program, "--bind", "127.0.0.1", "--port", "auto", "--save", os.devnull, url],
+                env=os.environ | {"RUST_LOG": "error"},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+
+    def found(self) -> dict[str, int]:
+        """Bytes that it took."""
+        return {"viewer_bytes": self.received_bytes}
+
+    def close(self) -> None:
+        """End it if the end of the run has not."""
+        if self._process is not None:
+            self._process.terminate()
+            try:
+                self._process.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+
+def _served_url(run_folder: Path) -> str | None:
+    """Where the page of the run gets its data; None: it has not been told yet."""
+    for log in (run_folder / "logs").glob("*.log"):
+        for line in log.read_text(errors="replace").splitlines():
+            _, told, page = line.partition(_TOLD)
+            if told:
+                return parse_qs(urlparse(page.strip()).query).get("url", [None])[0]
+    return None
+
+
+def _written_bytes(pid: int) -> int:
+    try:
+        return int(psutil.Process(pid).io_counters().write_chars)
+    except (psutil.Error, OSError):
+        return 0
+
+
+FROZEN_S = 10.0
+_FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
+
+
+class FrozenViewer(AttachedViewer):
+    """Takes data, then is stopped (SIGSTOP) for ten seconds, then goes on."""
+
+    def __init__(self, run_folder: Path) -> None:
+        super().__init__(run_folder)
+        self._frozen: list[psutil.Process] = []
+        self._window_ns: list[int] = []  # of the frozen time, wall clock
+
+    def poll(self) -> None:
+        """Freeze it when data flows, thaw it when its time is over."""
+        super().poll()
+        if not self._window_ns and self.received_bytes > _FLOWING_BYTES:
+            self._frozen = _programs_of_rerun()
+            self._signal(signal.SIGSTOP)
+        elif len(self._window_ns) == 1 and time.time_ns() - self._window_ns[0] > 1e9 * FROZEN_S:
+            self._signal(signal.SIGCONT)
+
+    def close(self) -> None:
+        """Thaw and end it."""
+        if len(self._window_ns) == 1:
+            self._signal(signal.SIGCONT)
+        super().close()
+
+    def found(self) -> dict[str, Any]:
+        """Bytes that it took, and from when to when it was frozen."""
+        return {**super().found(), "frozen_ns": self._window_ns}
+
+    def _signal(self, number: signal.Signals) -> None:
+        self._window_ns.append(time.time_ns())
+        for process in self._frozen:
+            with contextlib.suppress(psutil.Error):
+                process.send_signal(number)
+
+
+def _programs_of_rerun() -> list[psutil.Process]:
+    """The viewer and the server of its data, wherever they are below this process."""
+    below = psutil.Process().children(recursive=True)
+    return [process for process in below if process.name() == "rerun"]

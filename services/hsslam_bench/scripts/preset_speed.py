@@ -1,0 +1,92 @@
+"""Speed and accuracy of one preset in one process, as JSON on stdout.
+
+`python -m hsslam_bench.scripts.preset_speed PRESET SOURCE FRAMES`, alone, one numeric thread:
+tracking and mapping of a frame one after the other, so that no preset gains by leaving work out.
+"""
+
+import argparse
+import json
+import time
+from typing import Any
+
+import numpy as np
+import torch
+
+from hsslam_bench.scripts.known_source import with_poor_first_map
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.choose_device import choose_device
+from hsslam_node.device.device import Device
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ate import ate
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.presets import PRESETS
+from hsslam_node.rehearsal import rehearse
+from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import SourceOptions
+
+_QUICK_FRAMES = 3
+_GPU_SETTLING = 30  # frames
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="preset_speed", description=__doc__)
+    parser.add_argument("preset")
+    parser.add_argument("source")
+    parser.add_argument("frames", type=int)
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
+    parser.add_argument("--quick", action="store_true", help="a few frames, a poor first map")
+    arguments = parser.parse_args()
+    config = _preset(arguments.preset)
+    frames = arguments.frames
+    if arguments.quick:
+        config, frames = with_poor_first_map(config), min(frames, _QUICK_FRAMES)
+    device = choose_device(arguments.device)
+    print(json.dumps(preset_speed(config, arguments.source, frames, device)))
+
+
+def preset_speed(config: SlamConfig, source: str, frames: int, device: Device) -> dict[str, Any]:
+    """Frames per second after the first (its map is made once), and ATE over all of them.
+
+    Reading the images is not counted; on a GPU, neither are the frames while kernels are compiled.
+    """
+    torch.set_num_threads(1)
+    options = SourceOptions(frames=frames)
+    truth = open_ground_truth(source, options)
+    rehearse(config, device)  # machine code is loaded, for all presets alike
+    slam = Slam(config, device=device)
+    seconds, stamps_ns, results = [], [], []
+    for frame in open_source(source, options).frames():
+        assert isinstance(frame, Frame)
+        start = time.perf_counter()
+        results.append(slam.process(frame))
+        seconds.append(time.perf_counter() - start)
+        stamps_ns.append(frame.stamp_ns)
+    assert slam.store is not None and truth is not None
+    T_world_keyframe = slam.store.poses()
+    final = np.array([T_world_keyframe[r.keyframe] @ r.T_keyframe_cam for r in results])
+    error = ate(
+        Trajectory(np.array(stamps_ns), final), Trajectory(truth.stamps_ns, truth.T_world_cam)
+    )
+    first = min(_GPU_SETTLING, len(seconds) // 2) if device.uses_triton else 1
+    return {
+        "fps": (len(seconds) - first) / sum(seconds[first:]),
+        "first_s": seconds[0],
+        "rmse_m": error.rmse_m,
+        "scored": error.scored,
+        "lost": sum(result.status == "lost" for result in results),
+        "device": str(device),
+    }
+
+
+def _preset(name: str) -> SlamConfig:
+    configs = {str(known): config for known, config in PRESETS.items()}
+    if name not in configs:
+        raise UserError(f"preset {name}: expected one of {', '.join(configs)}")
+    return configs[name]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""Mean and standard deviation over the seeds, and what disagrees with the paper.
+
+A measured table for people: on the terminal, and as markdown.
+"""
+
+import math
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from rich.table import Table
+from rich.text import Text
+
+from hsslam_bench.tables.paper_tables import PaperRow, PaperTable
+from hsslam_bench.tables.plan import RunResult
+
+HIGHER_IS_BETTER = ("completion_pct", "fps")
+_UNORDERED = ("model_mib", "fps", "lost")  # what the paper's ablation says nothing about
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Mean over the seeds; the deviation is that of a sample, None with one seed."""
+
+    mean: float
+    deviation: float | None
+    seeds: int
+
+
+@dataclass(frozen=True)
+class MeasuredRow:
+    """A row with its figures by metric, and the paper's beside them."""
+
+    row: PaperRow
+    figures: Mapping[str, Figure]
+    paper: Mapping[str, float]
+    note: str = ""  # why something is missing
+
+
+def measured_rows(
+    table: PaperTable, rows: Sequence[PaperRow], results: Iterable[RunResult], method: str
+) -> list[MeasuredRow]:
+    """The rows, and their mean where the table has one (over sequences first, then over seeds)."""
+    good = [result for result in results if not result.error]
+    seeds = {result.seed for result in good}
+    found = []
+    for row in rows:
+        mine = [result for result in good if result.row == row.name]
+        figures = {metric: _figure(mine, metric) for metric in table.metrics}
+        found.append(_measured(row, figures, method, _note(mine, seeds)))
+    if table.mean is not None:
+        measured = {row.row.name for row in found if row.figures}
+        of_rows = [result for result in good if result.row in measured]
+        figures = {metric: _figure(of_rows, metric) for metric in table.metrics}
+        note = "" if len(measured) == len(table.rows) else f"of {len(measured)}/{len(table.rows)}"
+        found.append(_measured(table.mean, figures, method, note))
+    return found
+
+
+def disagreements(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
+    """A line for each row that is better than the first one where the paper says worse, or the other
+    way round.
+
+    Differences below one standard deviation (of both, added in squares) say nothing, nor does one seed.
+    """
+    full, *others = rows
+    lines = []
+    for other in others:
+        found = []
+        for metric in (m for m in metrics if m not in _UNORDERED):
+            ours = _difference(full, other, metric)
+            if ours * _paper_difference(full, other, metric) < 0:
+                word = "better" if ours > 0 else "worse"
+                here = f"{_text(other.figures[metric])} against {_text(full.figures[metric])}"
+                paper = f"{other.paper[metric]:g} against {full.paper[metric]:g}"
+                found.append(f"{metric} {word} ({here}; paper {paper})")
+        if found:
+            title = f"({other.row.name}) {other.row.title}"
+            lines.append(
+                f"Not as in the paper, against the full model: {title}: {', '.join(found)}."
+            )
+    return lines
+
+
+def _note(results: Sequence[RunResult], seeds: set[int]) -> str:
+    """What is missing of a row whose other rows have these seeds."""
+    mine = {result.seed for result in results}
+    if not mine:
+        return "no result"
+    return "" if mine == seeds else f"{len(mine)} of {len(seeds)} seeds"
+
+
+def _measured(
+    row: PaperRow, figures: Mapping[str, Figure | None], method: str, note: str
+) -> MeasuredRow:
+    present = {metric: figure for metric, figure in figures.items() if figure is not None}
+    return MeasuredRow(row, present, row.paper.get(method, {}), note)
+
+
+def _figure(results: Sequence[RunResult], metric: str) -> Figure | None:
+    """Over the seeds that have a value on every sequence that any seed has one on."""
+    by_seed: dict[int, dict[tuple[str, str], float]] = {}
+    for result in results:
+        value = result.values.get(metric)
+        if value is not None and math.isfinite(value):
+            by_seed.setdefault(result.seed, {})[result.row, result.sequence] = value
+    places = {place for values in by_seed.values() for place in values}
+    means = [
+        statistics.fmean(values.values()) for values in by_seed.values() if values.keys() == places
+    ]
+    if not means:
+        return None
+    deviation = statistics.stdev(means) if len(means) > 1 else None
+    return Figure(statistics.fmean(means), deviation, len(means))
+
+
+def _difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
+    """How much better `other` is than `full`; 0 where that is not known."""
+    a, b = full.figures.get(metric), other.figures.get(metric)
+    if a is None or b is None or a.deviation is None or b.deviation is None:
+        return 0.0
+    if a.seeds != b.seeds:  # one seed may be harder than the others
+        return 0.0
+    better = (b.mean - a.mean) * _sign(metric)
+    return better if abs(better) > math.hypot(a.deviation, b.deviation) else 0.0
+
+
+def _paper_difference(full: MeasuredRow, other: MeasuredRow, metric: str) -> float:
+    if metric not in full.paper or metric not in other.paper:
+        return 0.0
+    return (other.paper[metric] - full.paper[metric]) * _sign(metric)
+
+
+def _sign(metric: str) -> float:
+    return 1.0 if metric in HIGHER_IS_BETTER else -1.0
+
+
+def _text(figure: Figure) -> str:
+    return f"{figure.mean:.3g}" + ("" if figure.deviation is None else f" ± {figure.deviation:.2g}")
+
+
+_HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
+    {
+        "accuracy_cm": ("acc. cm", 2),
+        "completion_cm": ("comp. cm", 2),
+        "completion_pct": ("comp. %", 2),
+        "depth_l1_cm": ("depth L1 cm", 2),
+        "ate_cm": ("ATE cm", 3),
+        "ate_mean_cm": ("ATE mean cm", 3),
+        "ate_online_cm": ("ATE online cm", 3),
+        "lost": ("lost", 1),
+        "model_mib": ("model MiB", 1),
+        "fps": ("frames/s", 2),
+    }
+)
+
+
+def rich_table(title: str, rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> Table:
+    """Mean ± deviation in each cell, the paper's number below it."""
+    shown = _shown(rows, metrics)
+    table = Table("row", title=title, caption="below: the paper")
+    for metric in shown:
+        table.add_column(_HEADS[metric][0], no_wrap=True)
+    for row in rows:
+        cells = [
+            Text.assemble(_ours(row, m), "\n", (_paper(row, m), "dim"))
+            if row.paper
+            else _ours(row, m)
+            for m in shown
+        ]
+        table.add_row(_title(row), *cells)
+    return table
+
+
+def markdown_table(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> str:
+    """Mean ± deviation, the paper's number in brackets."""
+    shown = _shown(rows, metrics)
+    head = ["row", *(_HEADS[m][0] for m in shown)]
+    lines = [head, ["---"] * len(head)]
+    for row in rows:
+        cells = []
+        for metric in shown:
+            paper = _paper(row, metric)
+            cells.append(_ours(row, metric) + (f" ({paper})" if paper else ""))
+        lines.append([_title(row), *cells])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _shown(rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> list[str]:
+    """Metrics of which there is a number."""
+    return [m for m in metrics if any(m in row.figures or m in row.paper for row in rows)]
+
+
+def _title(row: MeasuredRow) -> str:
+    name, title = row.row.name, row.row.title
+    text = title if name in (title, "mean", "full") else f"({name}) {title}"
+    return f"{text} ({row.note})" if row.note else text
+
+
+def _ours(row: MeasuredRow, metric: str) -> str:
+    figure = row.figures.get(metric)
+    if figure is None:
+        return "-"
+    digits = _HEADS[metric][1]
+    text = f"{figure.mean:.{digits}f}"
+    return text if figure.deviation is None else f"{text} ± {figure.deviation:.{digits}f}"
+
+
+def _paper(row: MeasuredRow, metric: str) -> str:
+    return f"{row.paper[metric]:g}" if metric in row.paper else ""

@@ -1,0 +1,167 @@
+"""Which runs a table needs, and which of them cannot be made.
+
+Where the sequences of the tables lie under one folder of data.
+
+One run of a table: what is run, and what came out.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from hsslam_bench.tables.options import TableOptions, parsed_overrides, with_overrides
+from hsslam_bench.tables.paper_tables import PaperRow, PaperTable, TableName
+from hsslam_node.config import SlamConfig
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.presets import PRESETS
+from hsslam_node.sources.source import SourceOptions
+
+_COLLECTIONS = ("", "Replica", "replica", "TUM", "tum", "ScanNet", "scannet", "scans")
+_OWN = {"house": "replica", "livingroom": "tum", "kitchen": "tum"}  # kinds of the test sequences
+_FREIBURG = {
+    "fr1/desk": "rgbd_dataset_freiburg1_desk",
+    "fr2/xyz": "rgbd_dataset_freiburg2_xyz",
+    "fr3/office": "rgbd_dataset_freiburg3_long_office_household",
+}
+
+
+def find_sequence(data: Path, name: str) -> str | None:
+    """The `--source` of a sequence such as room0, fr1/desk, scene0000_00 or house; None: not on disk.
+
+    Looked for in the folder itself and in Replica, TUM, ScanNet or scans below it. `room` is built in.
+    """
+    if name == "room":
+        return "synth:room"
+    for kind, path in _candidates(name):
+        for collection in _COLLECTIONS:
+            place = data / collection / path
+            if place.exists():
+                return f"{kind}:{place.absolute()}"
+    return None
+
+
+def expected_place(data: Path, name: str) -> str:
+    """What to look at when it is not there."""
+    return str(data / next(_candidates(name))[1])
+
+
+def _candidates(name: str) -> Iterator[tuple[str, str]]:
+    """Kind of source and path, as the archives unpack."""
+    if name in _OWN:
+        yield _OWN[name], name
+    elif name in _FREIBURG:
+        yield "tum", _FREIBURG[name]
+        yield "tum", name
+    elif name.startswith("scene"):
+        yield "scannet", f"{name}/{name}.sens"
+        yield "scannet", f"{name}.sens"
+        yield "scannet", name
+    else:
+        yield "replica", name  # as in the archive of NICE-SLAM
+        yield "replica", f"{name[:-1]}_{name[-1]}/imap/00"  # of vMAP
+
+
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """One configuration on one sequence with one seed, complete: a process needs nothing else."""
+
+    table: TableName
+    row: str
+    sequence: str
+    source: str  # as for --source
+    seed: int
+    protocol: str  # in words; preset and changes to it are in the configuration
+    config: SlamConfig
+    frames: SourceOptions
+    device: Literal["auto", "cpu", "cuda"] = "cpu"
+
+    @property
+    def name(self) -> str:
+        """For people and for the run's folder."""
+        return f"{self.row}-{self.sequence.replace('/', '-')}-seed{self.seed}"
+
+    @property
+    def key(self) -> str:
+        """Equal for jobs that do the same; where the data lies is no matter."""
+        same = msgspec.structs.replace(self, source=self.source.rpartition("/")[2])
+        return hashlib.sha256(msgspec.json.encode(same)).hexdigest()[:16]
+
+
+class RunResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What came out of a job. New fields have defaults."""
+
+    key: str
+    row: str
+    sequence: str
+    seed: int
+    protocol: str
+    commit: str  # ends with + where files had been changed
+    time: str = ""  # UTC
+    values: dict[str, float | None] = {}  # by metric
+    details: dict[str, Any] = {}  # the evaluation's report, the model's parts, frames
+    error: str = ""  # its last words if it failed
+    scored_by: str = ""  # commit of a later evaluation of the same trajectories and mesh
+
+    def answers(self, job: Job) -> bool:
+        """Whether this is of the job's row, sequence, seed and protocol, be it of another commit."""
+        mine = (self.row, self.sequence, self.seed, self.protocol)
+        return mine == (job.row, job.sequence, job.seed, job.protocol)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The runs, seed by seed: what there is early on is a whole table of few seeds."""
+
+    rows: tuple[PaperRow, ...]
+    jobs: tuple[Job, ...]
+    skipped: tuple[str, ...]  # one line each
+
+
+def plan_table(table: PaperTable, options: TableOptions) -> Plan:
+    """The runs of the rows that were asked for.
+
+    Raises:
+        UserError: no such row or parameter, or a value that it cannot have.
+    """
+    rows = _rows(table, options.rows)
+    base = with_overrides(PRESETS[options.preset], parsed_overrides(options.set))
+    configs = {row.name: with_overrides(base, row.overrides) for row in rows}
+    frames = SourceOptions(noise=options.noise, stride=options.stride, frames=options.frames)
+    if options.sequences and not table.sequences:
+        raise UserError(f"--sequences: the rows of {table.name} are sequences: expected --rows")
+    skipped: dict[str, str] = {}
+    jobs = []
+    for seed in options.seeds:
+        for row in rows:
+            for sequence in options.sequences or table.sequences or (row.name,):
+                source = find_sequence(options.data, sequence)
+                if source is None and not options.show:
+                    place = expected_place(options.data, sequence)
+                    skipped[sequence] = f"skipped {sequence}: {place} is not on disk"
+                    continue
+                jobs.append(
+                    Job(
+                        table=table.name,
+                        row=row.name,
+                        sequence=sequence,
+                        source=source or "",
+                        seed=seed,
+                        protocol=options.protocol,
+                        config=configs[row.name],
+                        frames=replace(frames, seed=seed),
+                        device=options.device,
+                    )
+                )
+    return Plan(rows, tuple(jobs), tuple(skipped.values()))
+
+
+def _rows(table: PaperTable, names: tuple[str, ...]) -> tuple[PaperRow, ...]:
+    known = {row.name: row for row in table.rows}
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known, cutoff=0.4)
+            raise UserError(f"--rows {name}: expected some of {', '.join(known)}{hint}")
+    return tuple(row for row in table.rows if not names or row.name in names)

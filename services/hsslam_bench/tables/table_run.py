@@ -1,0 +1,169 @@
+"""One run of a table, in a process of its own: `python -m ... FOLDER/JOB.json [--score]`.
+
+Tracks and maps every frame in turn, with one numeric thread, as lockstep does; leaves trajectories, mesh
+and `result.json` in FOLDER. With `--score` the trajectories and mesh are there already. Progress is a line
+on stdout, "frames done" and "frames in all".
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import torch
+
+from hsslam_bench.tables.plan import Job
+from hsslam_node.checkpoint import MapCheckpoint
+from hsslam_node.device.choose_device import choose_device
+from hsslam_node.device.device import Device
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.evaluate_run import evaluate_run
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.rehearsal import rehearse
+from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import Source
+from hsslam_node.tracking.pose_log import (
+    INITIAL,
+    LOST,
+    POSE_ROW,
+    TRACKED,
+    final_trajectory,
+    online_trajectory,
+    pose_row,
+)
+from hsslam_node.tracking.track_result import TrackResult
+from hsslam_services.processes.saver import final_mesh
+
+RESULT = "result.json"
+_STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
+_TELL_EVERY = 5  # frames
+_CM = 100.0
+
+
+def main() -> None:
+    """Exit code 0: done; 2: told in one line on stderr."""
+    path = Path(sys.argv[1])
+    try:
+        job = msgspec.json.decode(path.read_bytes(), type=Job)
+        if sys.argv[2:] == ["--score"]:
+            found = score(job, path.parent)
+        else:
+            found = table_run(job, path.parent, lambda done, all: print(done, all, flush=True))
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    (path.parent / RESULT).write_bytes(msgspec.json.encode(found))
+
+
+def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[str, Any]:
+    """Run a job, leave its files in `folder`; returns {"values": by metric, "details": ...}.
+
+    Raises:
+        UserError: the source cannot be read, or nothing could be tracked.
+    """
+    torch.set_num_threads(1)
+    source = open_source(job.source, job.frames)  # what is wrong with it is told at once
+    device = choose_device(job.device)
+    rehearse(job.config, device)  # machine code is loaded, for all rows alike
+    slam = Slam(job.config, job.seed, device=device)
+    rows, seconds = _track(source, slam, tell, device)
+    if slam.store is None or slam.parameters is None:
+        raise UserError(f"{job.source}: no frame could be read: expected some")
+    poses = slam.store.poses()
+    write_tum(folder / "trajectory_online.txt", online_trajectory(rows))
+    write_tum(folder / "trajectory.txt", final_trajectory(rows, poses))
+    stamps = slam.store.stamps_ns()[: len(poses)]
+    write_tum(folder / "keyframes.txt", Trajectory(stamps, poses))
+    params = slam.parameters
+    checkpoint = MapCheckpoint(params.layout, params.params, stamps, poses)
+    mesh = final_mesh(checkpoint, slam.store, job.config.mesher.final_voxel_m, device)
+    if len(mesh.faces):
+        mesh.export(folder / "mesh.ply")
+    found = score(job, folder)
+    sizes = params.layout.size_bytes_by_part()
+    found["details"] |= {
+        "model_bytes": sizes,
+        "frames": len(rows),
+        "keyframes": slam.store.count,
+        "adam_steps": params.step,
+        "seconds": seconds,
+        "device": str(device),
+    }
+    found["values"] |= {
+        "lost": float(np.count_nonzero(rows["status"] == LOST)),
+        "model_mib": sum(sizes.values()) / 2**20,
+        "fps": len(rows) / seconds,
+    }
+    return found
+
+
+def score(job: Job, folder: Path) -> dict[str, Any]:
+    """The accuracy of the trajectories and the mesh in `folder`, as `table_run` returns it."""
+    report = evaluate_run(folder, job.source, job.frames) or {}
+    return {"values": _accuracy(report), "details": {"evaluation": report}}
+
+
+def _track(
+    source: Source, slam: Slam, tell: Callable[[int, int], None], device: Device
+) -> tuple[np.ndarray, float]:
+    """Rows of POSE_ROW, and the time for them: of the processor alone where there is no other device,
+    so that it does not matter what else runs."""
+    clock = time.perf_counter if device.uses_triton else time.process_time
+    rows: list[np.ndarray] = []
+    seconds = 0.0
+    for frame in source.frames():
+        if not isinstance(frame, Frame):
+            continue
+        start = clock()
+        result = slam.process(frame)
+        seconds += clock() - start
+        rows.append(_row(result, frame))
+        if len(rows) % _TELL_EVERY == 0:
+            tell(len(rows), source.frame_count or 0)
+    start = clock()
+    slam.finish()
+    return np.array(rows, POSE_ROW), seconds + clock() - start
+
+
+def _row(result: TrackResult, frame: Frame) -> np.ndarray:
+    return pose_row(
+        index=frame.index,
+        source_stamp_ns=frame.stamp_ns,
+        stamp_ns=frame.stamp_ns,
+        publish_ns=frame.stamp_ns,
+        status=_STATUS[result.status],
+        keyframe=result.keyframe,
+        T_world_cam=result.T_world_cam,
+        T_keyframe_cam=result.T_keyframe_cam,
+        quality=result.quality,
+        map_version=0,
+    )
+
+
+def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
+    """The metrics of the tables from the evaluation's report; what it does not have is left out."""
+    ate, mesh = report.get("ate", {}), report.get("mesh", {})
+    final, online = ate.get("final", {}), ate.get("online", {})
+    found = {
+        "ate_cm": _times(final.get("rmse_m"), _CM),
+        "ate_mean_cm": _times(final.get("mean_m"), _CM),
+        "ate_online_cm": _times(online.get("rmse_m"), _CM),
+        "accuracy_cm": _times(mesh.get("accuracy_mean_m"), _CM),
+        "completion_cm": _times(mesh.get("completion_mean_m"), _CM),
+        "completion_pct": _times(mesh.get("completion_ratio_5cm"), 100.0),
+        "depth_l1_cm": _times(mesh.get("depth_l1_m"), _CM),
+    }
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How processes talk: sessions, topics and requests over zenoh."""

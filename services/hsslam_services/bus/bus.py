@@ -1,0 +1,158 @@
+"""One process's place on the bus."""
+
+import atexit
+import os
+import re
+import secrets
+import threading
+import time
+from typing import NamedTuple, TypeVar
+
+from hsslam_node.errors import UserError
+from hsslam_proto.messages import Message
+from hsslam_proto.topics import Topic
+from hsslam_services.bus.publisher import Publisher
+from hsslam_services.bus.requests import RequestQueue
+from hsslam_services.bus.subscription import Subscription
+from hsslam_services.bus.zenoh_session import (
+    NO_SETTINGS,
+    Settings,
+    free_endpoint,
+    open_client,
+    open_router,
+)
+from hsslam_services.security.credentials import client_settings
+
+__all__ = ["Bus", "LiveProcess", "free_endpoint", "open_router"]
+
+M = TypeVar("M", bound=Message)
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+
+
+class LiveProcess(NamedTuple):
+    """A process that holds its liveliness token; a hung one does too."""
+
+    process: str
+    pid: int
+
+
+class Bus:
+    """A client session at the router of a run; holds the liveliness token of this process.
+
+    `security`: folder of the certificate for an endpoint `tls/HOST:PORT`. `settings`: of zenoh,
+    beside those of this system.
+
+    Never fork while one is open: the child would hang. Use it as a context manager or call `close`.
+
+    Raises:
+        UserError: no router at `endpoint`, or a name that cannot be part of a key.
+    """
+
+    def __init__(
+        self,
+        endpoint: str,
+        robot: str,
+        process: str,
+        security: str = "",
+        settings: Settings = NO_SETTINGS,
+    ) -> None:
+        for field, name in (("robot", robot), ("process", process)):
+            if not _NAME.fullmatch(name):
+                raise UserError(f"{field} {name!r}: expected letters, digits, _ and - only")
+        self.robot = robot
+        self.process = process
+        self._arrivals = threading.Condition()
+        self._publishers: list[Publisher] = []
+        self._subscriptions: list[Subscription] = []
+        self._queues: list[RequestQueue] = []
+        self._closed = False
+        given = {**client_settings(endpoint, security), **settings}
+        self._session = open_client(endpoint, settings=given)
+        atexit.register(self.close)  # an open session can keep the interpreter from ending
+        token_key = f"{self._live_prefix}/{process}/{os.getpid()}"
+        self._token = self._session.liveliness().declare_token(token_key)
+
+    def publisher(self, topic: Topic[M], block: bool | None = None) -> Publisher[M]:
+        """A publisher of the topic; `block` overrides its qos (lockstep blocks for frames)."""
+        key = topic.key(self.robot)
+        publisher = Publisher(self._session, key, topic, secrets.randbits(32), block)
+        self._publishers.append(publisher)
+        return publisher
+
+    def subscribe(
+        self, topic: Topic[M], depth: int = 1, history: bool | None = None
+    ) -> Subscription[M]:
+        """A subscription with room for `depth` messages.
+
+        `history`: first what the publishers still hold in their caches, and again what was lost
+        on the way; default: topics with qos "keep".
+        """
+        wanted = topic.qos == "keep" if history is None else history
+        subscription = Subscription(
+            self._session,
+            topic.key(self.robot),
+            topic,
+            depth,
+            wanted and topic.history > 0,
+            self._arrivals,
+        )
+        self._subscriptions.append(subscription)
+        return subscription
+
+    def requests(self) -> RequestQueue:
+        """The requests to this robot; one process answers them."""
+        queue = RequestQueue(self._session, self.robot)
+        self._queues.append(queue)
+        return queue
+
+    @property
+    def subscriptions(self) -> tuple[Subscription, ...]:
+        """All subscriptions made here, with their counters."""
+        return tuple(self._subscriptions)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until any subscription of this bus has a message; False after `timeout_s`."""
+        deadline = time.monotonic() + timeout_s
+        with self._arrivals:
+            while not any(subscription.pending() for subscription in self._subscriptions):
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    return False
+                self._arrivals.wait(left_s)
+        return True
+
+    def live_processes(self, timeout_s: float = 1.0) -> frozenset[LiveProcess]:
+        """The processes of this robot whose liveliness tokens the router holds."""
+        replies = self._session.liveliness().get(f"{self._live_prefix}/*/*", timeout=timeout_s)
+        keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+        return frozenset(_live_process(key) for key in keys)
+
+    def is_connected(self) -> bool:
+        """Whether the router is there now; the session reconnects by itself."""
+        return not self._closed and bool(self._session.info.routers_zid())
+
+    def close(self) -> None:
+        """Withdraw from all topics and end the session; the interpreter can exit after it."""
+        if self._closed:
+            return
+        self._closed = True
+        atexit.unregister(self.close)
+        for end in (*self._queues, *self._subscriptions, *self._publishers):
+            end.close()
+        self._token.undeclare()
+        self._session.close()
+
+    def __enter__(self) -> "Bus":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def _live_prefix(self) -> str:
+        return f"hsslam/{self.robot}/sys/live"
+
+
+def _live_process(key: str) -> LiveProcess:
+    process, pid = key.rsplit("/", 2)[1:]
+    return LiveProcess(process, int(pid) if pid.isdecimal() else 0)

@@ -1,0 +1,50 @@
+"""Which processes of the run take work, heard from their heartbeats."""
+
+import time
+from collections.abc import Iterable
+from typing import Protocol
+
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
+
+_POLL_S = 0.1
+_LONGEST_WAIT_S = 30.0  # for processes that the run can do without
+
+
+class CanStop(Protocol):
+    """Who waits, and for how long: a worker until it is told to end."""
+
+    def should_stop(self) -> bool: ...
+
+
+class Peers:
+    """Listens to the heartbeats of the others."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._health = bus.subscribe(topics.HEALTH, 64)
+        self._pids: dict[str, int] = {}
+
+    def wait(self, names: Iterable[str], others: Iterable[str], waiting: CanStop) -> None:
+        """Return when all of `names` run, and `others`, too, or have had their time.
+
+        Also when the one that waits must stop.
+        """
+        needed = set(names)
+        missing = needed | set(others)
+        give_up_s = time.monotonic() + _LONGEST_WAIT_S
+        while missing and not waiting.should_stop():
+            if not missing & needed and time.monotonic() > give_up_s:
+                return
+            health = self._health.wait(_POLL_S)
+            if health is not None and health.state == "running":
+                self._pids[health.process] = health.pid
+                missing.discard(health.process)
+
+    def restarted(self) -> bool:
+        """Whether one that ran has been replaced, and its successor runs, since the last call."""
+        found = False
+        for health in self._health.drain():
+            if health.state == "running":
+                found |= self._pids.get(health.process, health.pid) != health.pid
+                self._pids[health.process] = health.pid
+        return found

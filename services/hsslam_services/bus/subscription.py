@@ -1,0 +1,191 @@
+"""The receiving end of one topic: a ring where the newest wins, filled by one reader thread."""
+
+import threading
+import time
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import zenoh
+import zenoh.ext
+
+from hsslam_proto.codec import Rejected, check, decode
+from hsslam_proto.envelope import Envelope
+from hsslam_proto.messages import Message
+from hsslam_proto.topics import Topic
+
+M = TypeVar("M", bound=Message)
+_KEPT_REJECTIONS = 16
+_LARGE_BYTES = 2**23
+_RING, _LARGE_RING = 1024, 64  # messages between two turns of the reader; of topics of large ones
+_PUBLISHERS = 64  # whose sequences are followed
+
+
+@dataclass(frozen=True)
+class Received(Generic[M]):
+    """A message and its payload as it came; `envelope` is None for publishers without one."""
+
+    message: M
+    payload: bytes
+    envelope: Envelope | None
+    arrival_ns: int
+
+
+class Subscription(Generic[M]):
+    """Messages of one topic, oldest kept first; `Bus.subscribe` makes it.
+
+    At most `depth` messages wait; one more pushes the oldest out. What cannot be read never waits,
+    and so pushes nothing out. Counters: `received`, `dropped` (pushed out, or missing in a publisher's
+    sequence) and `rejected` (could not be read).
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        topic: Topic[M],
+        depth: int,
+        history: bool,
+        arrivals: threading.Condition,
+    ) -> None:
+        self.topic = topic
+        self.received = 0
+        self.dropped = 0
+        self.rejected = 0
+        self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
+        self._next_sequence: OrderedDict[int, int] = OrderedDict()
+        self._arrivals = arrivals
+        self._waiting: deque[Received[M]] = deque()
+        self._depth = depth
+        ring = max(depth, _RING if topic.size_limit_bytes < _LARGE_BYTES else _LARGE_RING)
+        self._subscriber = _declare(session, key, zenoh.handlers.RingChannel(ring), history)
+        # recv() on the subscriber itself would make undeclare() fail while the thread waits in it
+        self._thread = threading.Thread(
+            target=self._read, args=(self._subscriber.handler,), name=topic.name, daemon=True
+        )
+        self._thread.start()
+
+    def poll(self) -> M | None:
+        """The oldest waiting message, or None at once."""
+        received = self.poll_received()
+        return None if received is None else received.message
+
+    def poll_received(self) -> Received[M] | None:
+        """As `poll`, with how and when the message came."""
+        try:
+            return self._waiting.popleft()
+        except IndexError:
+            return None
+
+    def wait(self, timeout_s: float) -> M | None:
+        """The oldest waiting message; waits up to `timeout_s` for one."""
+        received = self.wait_received(timeout_s)
+        return None if received is None else received.message
+
+    def wait_received(self, timeout_s: float) -> Received[M] | None:
+        """As `wait`, with how and when the message came."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            received = self.poll_received()
+            if received is not None:
+                return received
+            with self._arrivals:
+                left_s = deadline - time.monotonic()
+                if left_s <= 0:
+                    return None
+                if not self._waiting:
+                    self._arrivals.wait(left_s)
+
+    def drain(self) -> list[M]:
+        """All waiting messages, oldest first."""
+        messages = []
+        while (message := self.poll()) is not None:
+            messages.append(message)
+        return messages
+
+    def pending(self) -> int:
+        """Messages that wait now."""
+        return len(self._waiting)
+
+    def take_rejections(self) -> list[Rejected]:
+        """Why payloads were rejected since the last call (at most the last 16)."""
+        taken = []
+        while self._rejections:
+            taken.append(self._rejections.popleft())
+        return taken
+
+    def close(self) -> None:
+        """Withdraw from the topic; what waits stays readable."""
+        self._subscriber.undeclare()
+        self._thread.join(timeout=2.0)
+
+    def _read(self, handler: zenoh.Handler[zenoh.Sample]) -> None:
+        sample: zenoh.Sample | None
+        while True:
+            try:
+                sample = handler.recv()
+                # all that has come meanwhile: recv() lets go of the interpreter's lock and, in a busy
+                # process, has it back 5 ms later only: too late for a ring that fills
+                while sample is not None:
+                    self._take(sample)
+                    del sample  # hands its shared memory back before the next wait
+                    sample = handler.try_recv()
+            except zenoh.ZError:  # the subscriber is undeclared or the session closed
+                return
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        self.received += 1
+        received = self._readable(sample)
+        if isinstance(received, Rejected):
+            self.rejected += 1
+            self._rejections.append(received)
+            return
+        if received.envelope is not None:
+            self._count_gap(received.envelope)
+        with self._arrivals:
+            if len(self._waiting) >= self._depth:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(received)
+            self._arrivals.notify_all()
+
+    def _readable(self, sample: zenoh.Sample) -> Received[M] | Rejected:
+        encoding = str(sample.encoding)
+        rejected = check(self.topic, len(sample.payload), encoding)  # before anything is copied
+        if rejected is not None:
+            return rejected
+        attachment = sample.attachment
+        try:
+            envelope = None if attachment is None else Envelope.unpack(attachment.to_bytes())
+        except ValueError as error:
+            return Rejected(self.topic.name, "attachment", f"{self.topic.name}: {error}")
+        payload = sample.payload.to_bytes()
+        message = decode(self.topic, payload, encoding)
+        if isinstance(message, Rejected):
+            return message
+        return Received(message, payload, envelope, time.time_ns())
+
+    def _count_gap(self, envelope: Envelope) -> None:
+        expected = self._next_sequence.pop(envelope.publisher, None)
+        if expected is not None and envelope.sequence > expected:
+            self.dropped += envelope.sequence - expected
+        self._next_sequence[envelope.publisher] = max(expected or 0, envelope.sequence + 1)
+        if len(self._next_sequence) > _PUBLISHERS:
+            self._next_sequence.popitem(last=False)
+
+
+def _declare(
+    session: zenoh.Session,
+    key: str,
+    ring: "zenoh.handlers.RingChannel[zenoh.Sample]",
+    history: bool,
+) -> "zenoh.Subscriber | zenoh.ext.AdvancedSubscriber":
+    if not history:
+        return session.declare_subscriber(key, ring)
+    return zenoh.ext.declare_advanced_subscriber(
+        session,
+        key,
+        ring,
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+    )

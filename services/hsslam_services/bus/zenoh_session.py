@@ -1,0 +1,173 @@
+"""Zenoh sessions as this system uses them: one router on loopback, everybody else its client.
+
+What zenoh passes through shared memory, given how much memory a process may lock.
+
+Zenoh locks every pool, in its sender and in all who hear it, and keeps it locked after the sender's
+death. What does not fit under the limit (`ulimit -l`) is lost without a word (zenoh issues 2787, 2788).
+"""
+
+import json
+import os
+import re
+import resource
+import socket
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import zenoh
+
+from hsslam_node.errors import OutOfMemoryError, UserError
+
+_SHARED = "transport/shared_memory"
+_POOL = f"{_SHARED}/transport_optimization/pool_size"
+_FROM = f"{_SHARED}/transport_optimization/message_size_threshold"
+_POOL_BYTES = 32 * 2**20
+_LEAST_POOL_BYTES = 2**20
+_LARGE_BYTES = 65_536  # frames and meshes; what is smaller is cheaper on the socket
+_NEVER = 2**40
+_ALL_POOLS_BYTES = 16 * _POOL_BYTES  # of all senders of a run that a process may come to hear
+_BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
+_CAP_IPC_LOCK = 14  # capabilities(7): the limit does not count
+
+
+def shared_memory_settings() -> dict[str, object]:
+    """Of any session: shared memory if there is room for the pools of all."""
+    is_roomy = lockable_bytes() >= _ALL_POOLS_BYTES
+    return {f"{_SHARED}/enabled": is_roomy, _POOL: _POOL_BYTES, _FROM: _LARGE_BYTES}
+
+
+def shared_memory_of_run(source: str, sends_frames: bool) -> dict[str, object]:
+    """Of a process of a run, or its router: where there is little room, it is the camera's alone.
+
+    `sends_frames`: of the first camera; the pool of one that died still counts. Frames that come from
+    outside (`zenoh:`) may be in any pool: then they come through sockets.
+    """
+    lockable = lockable_bytes()
+    pool = min(lockable - _BESIDE_POOL_BYTES, _POOL_BYTES)
+    if lockable >= _ALL_POOLS_BYTES or pool < _LEAST_POOL_BYTES or source.startswith("zenoh:"):
+        return {}
+    threshold = _LARGE_BYTES if sends_frames else _NEVER
+    return {f"{_SHARED}/enabled": True, _POOL: pool, _FROM: threshold}
+
+
+def lockable_bytes() -> int:
+    """How much memory this process may lock."""
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    return sys.maxsize if limit == resource.RLIM_INFINITY or _is_exempt() else limit
+
+
+def _is_exempt() -> bool:
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    effective = next(line for line in status.splitlines() if line.startswith("CapEff:"))
+    return bool(int(effective.split()[1], 16) >> _CAP_IPC_LOCK & 1)
+
+
+Settings = Mapping[str, object]
+
+_CONNECT_TIMEOUT_S = 10.0
+NO_SETTINGS: Settings = MappingProxyType({})
+_COMMON: Settings = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,  # nobody is scouted, so open at once
+    "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
+    "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
+    "transport/link/rx/max_message_size": 512 * 2**20,
+    # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
+}
+
+
+def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Session:
+    """The router of a run, listening on `endpoints` only (such as `tcp/127.0.0.1:7447`).
+
+    `settings`: of zenoh, beside those of this system.
+
+    Raises:
+        UserError: the port is taken, or it is no zenoh endpoint.
+        OutOfMemoryError: /dev/shm is full.
+    """
+    own = {
+        "mode": "router",
+        "listen/endpoints": endpoints,
+        "listen/exit_on_failure": True,
+        "listen/timeout_ms": 0,
+    }
+    try:
+        return zenoh.open(_config({**own, **settings}))
+    except zenoh.ZError as error:
+        reason = _reason(error)
+        _expect_shared_memory(reason)
+        is_elsewhere = reason.startswith(("Cannot assign", "failed to lookup"))
+        expected = "an address of this machine" if is_elsewhere else "a free port"
+        raise UserError(
+            f"zenoh endpoint {endpoints[0]}: cannot listen there: {reason}: expected {expected}"
+        ) from None
+
+
+def open_client(
+    endpoint: str, timeout_s: float = _CONNECT_TIMEOUT_S, settings: Settings = NO_SETTINGS
+) -> zenoh.Session:
+    """A client session that is connected to the router at `endpoint`.
+
+    Raises:
+        UserError: no router answers there within `timeout_s`, or it does not take this client.
+        OutOfMemoryError: /dev/shm is full.
+    """
+    own = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": int(timeout_s * 1000),
+        "connect/exit_on_failure": True,
+    }
+    deadline = time.monotonic() + timeout_s
+    try:
+        session = zenoh.open(_config({**own, **settings}))
+    except zenoh.ZError as error:
+        reason = _reason(error)
+        _expect_shared_memory(reason)
+        expected = "a router"
+        if endpoint.startswith("tls/"):
+            expected = "a router that takes this certificate, and with one of the same CA"
+        raise UserError(f"zenoh endpoint {endpoint}: expected {expected} ({reason})") from None
+    while not session.info.routers_zid():
+        if time.monotonic() > deadline:
+            session.close()
+            raise UserError(f"zenoh endpoint {endpoint}: no router within {timeout_s:g} s")
+        time.sleep(0.005)
+    return session
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint whose port is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def _config(settings: Settings) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in {**_COMMON, **shared_memory_settings(), **settings}.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _expect_shared_memory(reason: str) -> None:
+    if "shm segment" in reason:
+        shm = os.statvfs("/dev/shm")
+        raise OutOfMemoryError(
+            f"/dev/shm: zenoh needs thousands of bytes for a session, {shm.f_bavail * shm.f_frsize} "
+            f"are free: expected more shared memory (docker: --shm-size) ({reason})"
+        ) from None
+
+
+def _reason(error: Exception) -> str:
+    """What the operating system says, or zenoh's own words without the places in its source."""
+    text = str(error).splitlines()[0]
+    if said := re.search(r"([A-Z][a-z ]+) \(os error \d+\)", text):
+        return said[1]
+    return re.sub(r" at /\S+\.rs:\d+\.?", "", text)[:160].rstrip(".")

@@ -1,0 +1,1 @@
+"""Frames from any source, and when they are published."""

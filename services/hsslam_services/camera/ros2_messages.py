@@ -1,0 +1,119 @@
+"""CDR payloads of sensor_msgs into images and cameras.
+
+Keys of rmw_zenoh: `<domain>/<topic>/<package>::msg::dds_::<Type>_/<hash>`.
+"""
+
+import re
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.ros2.raw_image import RawImage
+
+_IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+class CdrMessages:
+    """Decodes with the package rosbags.
+
+    Raises:
+        UserError: it is not installed.
+    """
+
+    def __init__(self) -> None:
+        try:
+            from rosbags.serde import SerdeError
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise UserError(
+                "source ros2: package rosbags is not there: pip install 'hsslam-node[ros2]'"
+            ) from None
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._error = SerdeError
+
+    def image(self, payload: bytes, type_name: str) -> RawImage:
+        """An `Image` or a `CompressedImage`.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+        """
+        if type_name not in (_IMAGE, _COMPRESSED):
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {_IMAGE}")
+        message = self._decoded(payload, type_name)
+        stamp_ns = _stamp_ns(message)
+        data = np.asarray(message.data, np.uint8)
+        if type_name == _COMPRESSED:
+            return RawImage(stamp_ns, str(message.format), data, is_compressed=True)
+        return RawImage(
+            stamp_ns=stamp_ns,
+            encoding=str(message.encoding),
+            data=data,
+            width_px=int(message.width),
+            height_px=int(message.height),
+            step_bytes=int(message.step),
+            is_big_endian=bool(message.is_bigendian),
+        )
+
+    def camera(self, payload: bytes, type_name: str, is_rectified: bool) -> Camera:
+        """The camera of a `CameraInfo`: K and D, or P of rectified images.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+            UserError: the numbers are no camera, or of a lens model that is not known.
+        """
+        if type_name != _INFO:
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {_INFO}")
+        info = self._decoded(payload, type_name)
+        size = (int(info.width), int(info.height))
+        if is_rectified:
+            p = [float(v) for v in info.p]
+            return Camera(*size, fx=p[0], fy=p[5], cx=p[2], cy=p[6])
+        k = [float(v) for v in info.k]
+        lens = _distortion(str(info.distortion_model), [float(v) for v in info.d])
+        return Camera(*size, fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=lens)
+
+    def _decoded(self, payload: bytes, type_name: str) -> Any:
+        try:
+            return self._store.deserialize_cdr(payload, type_name)
+        except self._error as error:
+            raise BadImageError(f"no {type_name} in CDR: {error}") from None
+
+
+def _stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def _distortion(model: str, lens: list[float]) -> tuple[float, ...]:
+    """OpenCV's k1 k2 p1 p2 [k3]; the rational model only where its further terms are 0."""
+    if not any(lens):
+        return ()
+    if model not in ("plumb_bob", "rational_polynomial") or any(lens[5:]) or len(lens) < 4:
+        raise UserError(
+            f"camera_info: distortion {model} {lens}: expected plumb_bob, or images that are rectified"
+        )
+    return tuple(lens[:5])
+
+
+def topic_keys(domain: int, topic: str) -> str:
+    """The key expression of whatever is published on a topic, `/camera/color/image_raw`."""
+    return f"{domain}/{topic.strip('/')}/*/*"
+
+
+def all_topics(domain: int) -> str:
+    """The key expression of all messages of sensor_msgs in a domain."""
+    return f"{domain}/**/sensor_msgs$*/*"
+
+
+def type_of(key: str) -> str:
+    """The message type of a key, `sensor_msgs/msg/Image`; empty of a key of something else."""
+    match = re.fullmatch(r".+/(\w+)::msg::dds_::(\w+)_/[^/]+", key)
+    return f"{match[1]}/msg/{match[2]}" if match else ""
+
+
+def topic_of(key: str) -> str:
+    """The topic of a key, `/camera/color/image_raw`."""
+    return "/" + "/".join(key.split("/")[1:-2])

@@ -1,0 +1,188 @@
+"""A camera of ROS 2 as a source: `--source ros2:/camera`."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import zenoh
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.live_selection import selected_live
+from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_node.sources.ros2.stamp_pairs import StampPairs
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.undistortion import Undistortion
+from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.camera.ros2_messages import (
+    CdrMessages,
+    all_topics,
+    topic_keys,
+    topic_of,
+    type_of,
+)
+
+_RING = 4  # images of a topic that wait for us: the newest
+_POLL_S = 0.001
+_SILENCE_S = 5.0
+_LOOK_AROUND_S = 1.0
+_RATE_HZ = 30.0  # of frames that come when they come
+
+
+class Ros2Source:
+    """Subscribes to colour, depth and intrinsics of a camera; images that are late push older ones out.
+
+    Frames carry the stamps of the colour images, and are undistorted with what `camera_info` tells; where
+    the colour's topic has "rect" in its name, they are so already. `should_stop` ends the frames.
+
+    Raises:
+        UserError: rosbags is missing, no router there, or no images in time: says what was heard.
+    """
+
+    def __init__(
+        self, name: str, options: SourceOptions, should_stop: Callable[[], bool] = lambda: False
+    ) -> None:
+        self._cdr = CdrMessages()
+        self._options = options
+        self._should_stop = should_stop
+        self._topics = options.ros2.topics_under(name)
+        self._pairs = StampPairs(round(1e6 * options.ros2.max_dt_ms))
+        self._session = open_client(options.ros2.connect)
+        domain = options.ros2.domain
+        self._color, self._depth, self._info = (
+            self._session.declare_subscriber(
+                topic_keys(domain, topic), zenoh.handlers.RingChannel(_RING)
+            )
+            for topic in self._topics
+        )
+        try:
+            camera, first = self._wait(name)
+            self._encoded_units = _expect_registered(name, camera, *first)
+        except BaseException:
+            self._session.close()
+            raise
+        self._undistortion = Undistortion(camera)
+        self.name = f"ros2:{name}"
+        self.camera = camera.undistorted()
+        self.rate_hz = _RATE_HZ
+        self.frame_count: int | None = options.frames
+        self.depth_units_per_m = options.camera.depth_scale or self._encoded_units
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`."""
+        try:
+            yield from selected_live(self._live(), self._options)
+        finally:
+            self._session.close()
+
+    def _live(self) -> Iterator[Frame | BadFrame]:
+        heard_s = time.monotonic()
+        while not self._should_stop():
+            try:
+                pair = self._next_pair()
+            except BadImageError as error:
+                yield BadFrame(0, time.time_ns(), str(error))
+                continue
+            if pair is not None:
+                heard_s = time.monotonic()
+                yield self._frame(pair)
+            elif time.monotonic() - heard_s > _SILENCE_S:
+                heard_s = time.monotonic()
+                yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
+            else:
+                time.sleep(_POLL_S)
+
+    def _frame(self, pair: tuple[RawImage, RawImage]) -> Frame | BadFrame:
+        color, depth = pair
+        try:
+            depth_raw, units = depth.depth()
+            if units != self._encoded_units:
+                raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
+            return Frame(
+                index=0,
+                stamp_ns=color.stamp_ns,
+                camera=self.camera,
+                color=self._undistortion.color(color.color()),
+                depth_raw=self._undistortion.depth(depth_raw),
+                depth_units_per_m=self.depth_units_per_m,
+            )
+        except (BadImageError, UserError) as error:
+            return BadFrame(0, color.stamp_ns, str(error))
+
+    def _next_pair(self) -> tuple[RawImage, RawImage] | None:
+        """A pair of what has come, None if there is none yet; raises BadImageError."""
+        for subscriber, add in (
+            (self._color, self._pairs.add_color),
+            (self._depth, self._pairs.add_depth),
+        ):
+            while (sample := subscriber.try_recv()) is not None:
+                pair = add(
+                    self._cdr.image(sample.payload.to_bytes(), type_of(str(sample.key_expr)))
+                )
+                if pair is not None:
+                    return pair
+        return None
+
+    def _wait(self, name: str) -> tuple[Camera, tuple[RawImage, RawImage]]:
+        """Intrinsics and the first pair."""
+        camera, pair, problem = None, None, ""
+        is_rectified = "rect" in self._topics[0]
+        deadline = time.monotonic() + self._options.ros2.timeout_s
+        while (camera is None or pair is None) and time.monotonic() < deadline:
+            if self._should_stop():
+                raise UserError(f"source ros2:{name}: stopped before the first frame")
+            try:
+                if camera is None and (sample := self._info.try_recv()) is not None:
+                    kind = type_of(str(sample.key_expr))
+                    camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
+                pair = self._next_pair() or pair
+            except BadImageError as error:
+                problem = f"; {error}"
+            time.sleep(_POLL_S)
+        if camera is None or pair is None:
+            missing = "no camera_info" if camera is None else "no colour with its depth"
+            waited = f"within {self._options.ros2.timeout_s:g} s"
+            raise UserError(
+                f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
+                f"{problem or self._why_none()}; heard: {self._heard()}"
+            )
+        return camera, pair
+
+    def _why_none(self) -> str:
+        nearest_ns = self._pairs.nearest_ns
+        if nearest_ns is None:
+            return ""
+        limit = f"--ros2.max-dt-ms {self._options.ros2.max_dt_ms:g}"
+        return f"; colour and depth are {nearest_ns / 1e6:.1f} ms apart, {limit}"
+
+    def _heard(self) -> str:
+        """Topics of sensor_msgs that are published at the moment."""
+        channel = zenoh.handlers.RingChannel(256)
+        around = self._session.declare_subscriber(all_topics(self._options.ros2.domain), channel)
+        time.sleep(_LOOK_AROUND_S)
+        keys = set()
+        while (sample := around.try_recv()) is not None:
+            keys.add(str(sample.key_expr))
+        found = sorted(f"{topic_of(key)} ({type_of(key).rpartition('/')[2]})" for key in keys)
+        return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
+
+
+def _expect_registered(name: str, camera: Camera, color: RawImage, depth: RawImage) -> float:
+    """Units per metre of a depth image that has the colour image's size, which is the camera's."""
+    try:
+        height, width = color.color().shape[:2]
+        depth_raw, units = depth.depth()
+    except BadImageError as error:
+        raise UserError(f"source ros2:{name}: {error}") from None
+    if (camera.width_px, camera.height_px) != (width, height):
+        raise UserError(
+            f"source ros2:{name}: camera_info is for {camera.width_px}x{camera.height_px} pixels: expected "
+            f"{width}x{height} as the images (--ros2.info)"
+        )
+    if depth_raw.shape != (height, width):
+        raise UserError(
+            f"source ros2:{name}: depth has {depth_raw.shape[1]}x{depth_raw.shape[0]} pixels: expected "
+            f"{width}x{height} as colour, registered to it (realsense: align_depth.enable:=true)"
+        )
+    return units

@@ -1,0 +1,123 @@
+"""`hsslam-certs`: a CA and a certificate for each role, in folders that `--security` takes.
+
+What a user can ask of `hsslam-certs`: one frozen dataclass; every field is an option.
+"""
+
+import os
+import re
+import socket
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.security.access import ROLES
+from hsslam_services.security.certificates import CertificateAuthority
+from hsslam_services.security.credentials import CA_FILE, CERTIFICATE_FILE, KEY_FILE, ROUTER
+
+_HOST = r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,252}[A-Za-z0-9])?|::1?"
+
+
+@dataclass(frozen=True)
+class CertsOptions:
+    """Makes throw-away certificates for a service that is reached from other machines.
+
+    $ hsslam-certs certs --host 10.0.0.7 robot.local
+    $ hsslam-serve --bind 0.0.0.0 --security certs/router
+    $ hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
+
+    DIR gets a folder for the CA, one for the router, and one for each role: camera, viewer, operator. Each
+    is complete: copy it to the machine that needs it, and no other. Keys can be read by their owner alone.
+
+    Exit code 0: made; 2: bad input, told in one line.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    folder: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")] = ""
+    """New folder for the certificates."""
+    host: tuple[str, ...] = ()
+    """Names and addresses by which clients reach the router, beside this machine's name and loopback."""
+    days: int = 90
+    """How long all of them are valid, days."""
+
+    def __post_init__(self) -> None:
+        for host in self.host:
+            if not re.fullmatch(_HOST, host):
+                raise UserError(f"--host {host}: expected names or addresses")
+        if not 1 <= self.days <= 3650:
+            raise UserError(f"--days {self.days}: expected 1 to 3650")
+
+
+_PROG = "hsslam-certs"
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: made; 2: bad input."""
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _certs(parse_options(CertsOptions, _PROG, given))):
+        sys.exit(code)
+
+
+def make_certificates(folder: Path, hosts: Sequence[str], days: int) -> list[str]:
+    """Make them all, in a folder that is new or empty; returns the hosts of the router's certificate.
+
+    Raises:
+        UserError: there is something already, or it cannot be written.
+    """
+    authority = CertificateAuthority(days)
+    every = list(dict.fromkeys((*_LOOPBACK, socket.gethostname(), *hosts)))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise UserError(f"{folder}: holds something already: expected a new folder")
+        _write(folder / "ca", {CA_FILE: authority.certificate_pem, KEY_FILE: authority.key_pem})
+        for name in (ROUTER, *(role.name for role in ROLES)):
+            certificate, key = authority.issue(name, every if name == ROUTER else ())
+            files = {
+                CA_FILE: authority.certificate_pem,
+                CERTIFICATE_FILE: certificate,
+                KEY_FILE: key,
+            }
+            _write(folder / name, files)
+    except OSError as error:
+        raise UserError(
+            f"{folder}: {error.strerror}: expected a folder that can be written"
+        ) from None
+    return every
+
+
+def _certs(options: CertsOptions) -> None:
+    if not options.folder:
+        raise UserError(f"no folder: expected {_PROG} DIR")
+    folder = Path(options.folder)
+    hosts = make_certificates(folder, options.host, options.days)
+    table = Table("folder", "for")
+    table.add_row(f"{folder}/ca", "nobody: with its key more certificates can be made")
+    table.add_row(f"{folder}/{ROUTER}", "hsslam-serve --security")
+    for role in ROLES:
+        table.add_row(f"{folder}/{role.name}", role.purpose)
+    Console(emoji=False, highlight=False, markup=False).print(table)
+    print(f"valid for {options.days} days; the router is known as {', '.join(hosts)}")
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files that only their owner can read, in a folder that only he can enter."""
+    folder.mkdir(mode=0o700)
+    for name, data in files.items():
+        fd = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(fd, "wb") as file:
+            file.write(data)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""`hsslam-ctl`: asks a running service, on this machine or another.
+
+The answer to `status` for people.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import tum_text
+from hsslam_proto import requests as rpc
+from hsslam_proto.mesh_codec import mesh_arrays
+from hsslam_proto.messages import Mesh, Message
+from hsslam_proto.request_messages import (
+    Ask,
+    Done,
+    SavedMap,
+    SaveMap,
+    SetMode,
+    Status,
+    TrajectoryRows,
+)
+from hsslam_services.bus.ask import NobodyThereError, NotDoneError, ask
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.ctl_options import CtlOptions
+from hsslam_services.requests.mesh_and_trajectory import trajectory_of
+from hsslam_services.run.find_run import running_runs
+from hsslam_services.run.run_info import RunInfo
+
+
+def print_status(status: Status) -> None:
+    """Print it as a table, names to the left."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in _rows(status):
+        table.add_row(name, value)
+    Console(emoji=False, highlight=False, markup=False).print(table)
+
+
+def _rows(status: Status) -> list[tuple[str, str]]:
+    resets = f", thrown away {status.world} x" if status.world else ""
+    processes = "  ".join(f"{name}:{state}" for name, state in status.processes.items())
+    restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
+    return [
+        ("state", f"{status.state}, {status.mode}"),
+        ("run", f"{status.run_id}, {status.source}, preset {status.preset}, pace {status.pace}"),
+        ("time", f"{status.seconds:.0f} s"),
+        (
+            "frames",
+            f"{status.frames_sent} sent, {status.frames_tracked} tracked, "
+            f"{status.frames_lost} lost, {status.frames_dropped} dropped",
+        ),
+        ("rate", f"{status.fps:.1f} FPS, {status.latency_ms:.0f} ms from sensor to pose"),
+        ("tracking", f"{status.tracking}, quality {status.quality:.2f}"),
+        (
+            "map",
+            f"version {status.map_version}, {status.keyframes} keyframes, "
+            f"{status.ba_rounds} rounds of bundle adjustment{resets}",
+        ),
+        ("memory", f"{status.memory_mb} MB"),
+        ("requests", f"{status.requests}, {status.requests_refused} refused"),
+        ("messages", f"{status.messages_rejected} could not be read"),
+        ("processes", processes),
+        ("restarts", restarts or "none"),
+    ]
+
+
+_PROG = "hsslam-ctl"
+_DEFAULT_ROBOT = "robot"
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: done; 1: nobody there, refused, no answer; 2: bad input."""
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _asked(given)):
+        sys.exit(code)
+
+
+def _asked(args: Sequence[str]) -> int:
+    try:
+        _ask(_options(args))
+    except NotDoneError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _options(args: Sequence[str]) -> CtlOptions:
+    options = parse_options(CtlOptions, _PROG, args)
+    options.expect_request()
+    return options
+
+
+def _ask(options: CtlOptions) -> None:
+    endpoint, robot = _whom(options)
+    request = next(request for request in rpc.REQUESTS if request.name == options.request)
+    message: Message = Ask()
+    if request is rpc.SAVE:
+        message = SaveMap(name=options.name, replace=options.replace)
+    if request is rpc.SET_MODE:
+        message = msgspec.convert({"mode": options.name}, SetMode)
+    answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
+    _show(answer, options)
+
+
+def _whom(options: CtlOptions) -> tuple[str, str]:
+    """Endpoint and robot of the service that is meant."""
+    if options.connect:
+        return options.connect, options.robot or _DEFAULT_ROBOT
+    if options.run is not None:
+        run = RunInfo.read(options.run)
+        return run.endpoint, options.robot or run.robot
+    runs = [run for run in running_runs() if options.robot in ("", run.robot)]
+    if not runs:
+        of_robot = f" of robot {options.robot!r}" if options.robot else ""
+        raise NobodyThereError(f"nobody there: no run{of_robot} on this machine; see --connect")
+    if len(runs) > 1:
+        found = ", ".join(f"--run {run.run_dir}" for run in runs)
+        raise UserError(f"{len(runs)} runs on this machine: expected one of {found}")
+    return runs[0].endpoint, runs[0].robot
+
+
+def _show(answer: Message, options: CtlOptions) -> None:
+    match answer:
+        case Status() if options.json:
+            print(msgspec.json.format(msgspec.json.encode(answer)).decode())
+        case Status():
+            print_status(answer)
+        case Mesh():
+            _write_mesh(answer, options.out or Path("mesh.ply"))
+        case TrajectoryRows() if options.out is None:
+            print(tum_text(trajectory_of(answer)), end="")
+        case TrajectoryRows():
+            _write(options.out, tum_text(trajectory_of(answer)).encode())
+            print(f"{options.out}: {answer.count} poses")
+        case SavedMap():
+            size_mb = answer.nbytes / 2**20
+            print(f"{answer.path}: {answer.keyframes} keyframes, {size_mb:.1f} MiB")
+        case Done():
+            print(answer.text)
+
+
+def _write_mesh(mesh: Mesh, path: Path) -> None:
+    import trimesh
+
+    vertices, faces, colors = mesh_arrays(mesh)
+    triangles = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
+    data = triangles.export(file_type="ply")
+    assert isinstance(data, bytes)
+    _write(path, data)
+    print(f"{path}: {mesh.face_count} triangles of map version {mesh.map_version}")
+
+
+def _write(path: Path | None, data: bytes) -> None:
+    assert path is not None
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise UserError(f"--out {path}: {error.strerror}: expected a file to write") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,160 @@
+"""`hsslam-doctor`: looks at a source before a run and says in plain words what is wrong with it."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import tyro
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from hsslam_node.doctor.examine import examine
+from hsslam_node.doctor.finding import Finding
+from hsslam_node.doctor.recorded_stamps import RecordedStamps, recorded_stamps
+from hsslam_node.doctor.sample import Sample, take_sample
+from hsslam_node.errors import UserError
+from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.realsense_options import RealsenseOptions
+from hsslam_node.sources.record_options import RecordOptions
+from hsslam_node.sources.ros2_options import Ros2Options
+from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.run.run_info import write_atomically
+
+_PROG = "hsslam-doctor"
+_STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
+
+
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Looks at a source before a run: stamps, association, depth, intrinsics, registration, motion.
+
+    $ hsslam-doctor tum:my_recording --json findings.json
+
+    Sources are those of hsslam-serve, without zenoh:. A few frames are read, in runs of three spread over
+    the sequence (of a live camera its first ones), and all stamps of a TUM folder or a log. No ground truth
+    is looked at.
+
+    Exit code 0: no fault; 1: faults; 2: bad input, told in one line.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")] = ""
+    """What to look at, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, mcap:LOG, synth:room."""
+    sample_frames: int = 60
+    """So many frames are looked at, at most."""
+    json: Path | None = None
+    """File for all findings."""
+    noise: Literal["none", "kinect"] = "none"
+    """Depth noise added to an exact source."""
+    synth: SynthOptions = field(default_factory=SynthOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    record: RecordOptions = field(default_factory=RecordOptions)
+    ros2: Ros2Options = field(default_factory=Ros2Options)
+    realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
+
+    def __post_init__(self) -> None:
+        if not 6 <= self.sample_frames <= 3000:
+            raise UserError(f"--sample-frames {self.sample_frames}: expected 6 to 3000")
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: no fault; 1: faults, or interrupted; 2: bad input."""
+    given = sys.argv[1:] if args is None else args
+    sys.exit(exit_code(lambda: 1 if _look(_options(given)) else 0))
+
+
+def _options(args: Sequence[str]) -> DoctorOptions:
+    options = parse_options(DoctorOptions, _PROG, args)
+    if not options.source:
+        raise UserError("SOURCE: missing: expected what to look at, as tum:FOLDER")
+    return options
+
+
+def _look(options: DoctorOptions) -> int:
+    """The number of faults."""
+    wanted = SourceOptions(
+        noise=options.noise,
+        synth=options.synth,
+        camera=options.camera,
+        record=options.record,
+        ros2=options.ros2,
+        realsense=options.realsense,
+    )
+    stamps = _stamps(options.source)  # may have to be fetched, which shows a bar of its own
+    with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
+        sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
+        findings = list(examine(sample, stamps))
+    if options.json is not None:
+        _write_json(options.json, sample, findings)
+    console = Console(emoji=False, highlight=False, markup=False)
+    console.print(_table(sample, findings))
+    for finding in findings:
+        if finding.severity == "fault":
+            console.print(_mending(finding), soft_wrap=True)
+    faults = sum(finding.severity == "fault" for finding in findings)
+    notes = sum(finding.severity == "note" for finding in findings)
+    console.print(f"{_counted(faults, 'fault')}, {_counted(notes, 'note')}")
+    return faults
+
+
+def _stamps(spec: str) -> RecordedStamps | None:
+    kind, _, place = spec.partition(":")
+    if kind == "mcap" and place:
+        from hsslam_services.log.source import McapSource
+
+        return RecordedStamps(McapSource(place, SourceOptions()).stamps_ns)
+    return recorded_stamps(spec)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def _table(sample: Sample, findings: Sequence[Finding]) -> Table:
+    of = "" if sample.frame_count is None else f" of {sample.frame_count}"
+    looked_at = len(sample.frames) + len(sample.bad)
+    table = Table(
+        title=f"{sample.name}: {looked_at}{of} frames looked at", title_justify="left", expand=False
+    )
+    for name in ("check", "", "seen", "expected"):
+        table.add_column(name, no_wrap=name in ("check", ""))
+    for finding in findings:
+        severity = Text(finding.severity, style=_STYLES[finding.severity])
+        seen = finding.seen
+        if finding.severity == "note" and finding.advice:
+            seen = f"{seen}. {finding.advice[0].upper()}{finding.advice[1:]}"
+        table.add_row(finding.name, severity, seen, finding.expected)
+    return table
+
+
+def _mending(finding: Finding) -> Text:
+    """A fault and what to do about it, as one line."""
+    text = Text(f"{finding.name}: ", style=_STYLES["fault"])
+    return text.append(f"{finding.seen}. To mend it: {finding.advice}.", style="not bold default")
+
+
+def _write_json(path: Path, sample: Sample, findings: Sequence[Finding]) -> None:
+    document = {
+        "source": sample.name,
+        "frames": sample.frame_count,
+        "frames_looked_at": len(sample.frames) + len(sample.bad),
+        "faults": sum(finding.severity == "fault" for finding in findings),
+        "findings": [asdict(finding) for finding in findings],
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, msgspec.json.format(msgspec.json.encode(document)))
+    except OSError as error:
+        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+
+
+if __name__ == "__main__":
+    main()

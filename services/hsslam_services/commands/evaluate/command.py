@@ -1,0 +1,121 @@
+"""`hsslam-eval`: a run, or a trajectory and a mesh, against ground truth: table, JSON, pictures."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from rich.console import Console
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
+from hsslam_node.evaluation.scores import scores_as_json
+from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.sources.source import SourceOptions
+from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
+from hsslam_services.commands.evaluate.options import EvalOptions
+from hsslam_services.commands.evaluate.subject import run_subject
+from hsslam_services.commands.evaluate.table import eval_table
+from hsslam_services.log.reader import is_log
+from hsslam_services.log.source import RecordedSource, recorded_source
+from hsslam_services.run.run_info import write_atomically
+from hsslam_services.run.summary import source_commit
+
+_PROG = "hsslam-eval"
+_VIEWS_FILE = "virtual_views.txt"
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Exit code 0: scored; 1: interrupted; 2: bad input."""
+    given = sys.argv[1:] if args is None else args
+    if code := exit_code(lambda: _evaluate(_options(given))):
+        sys.exit(code)
+
+
+def _options(args: Sequence[str]) -> EvalOptions:
+    options = parse_options(EvalOptions, _PROG, args)
+    options.expect_subject()
+    return options
+
+
+def _evaluate(options: EvalOptions) -> None:
+    subject, about = _subject(options)
+    wanted = Wanted(
+        depth_views=options.depth_views,
+        cull_views=options.cull_views,
+        rendering=options.rendering,
+        consistency=options.consistency,
+        tsdf=options.tsdf if options.against == "tsdf" else None,
+        seed=options.seed,
+    )
+    with terminal_progress() as progress:
+        found = Evaluator(subject, wanted, progress.track).evaluate()
+    figures: dict[str, Any] = scores_as_json({**about, **found.figures})
+    console = Console(emoji=False, highlight=False, markup=False)
+    for table in eval_table(figures):
+        console.print(table)
+    written: list[Path] = []
+    if options.json is not None:
+        written.append(_write_json(options.json, figures))
+    folder = options.plots or _own_folder(options.run)
+    if folder is not None:
+        from hsslam_node.evaluation.plots import draw_plots  # matplotlib takes its time
+
+        written += draw_plots(found, subject.trajectories, folder)
+    beside = folder or (options.json.parent if options.json else None)
+    if found.judge is not None and beside is not None:
+        poses = found.judge.virtual_poses
+        path = beside / _VIEWS_FILE
+        write_tum(path, Trajectory(np.arange(len(poses)) * 1_000_000_000, poses))
+        written.append(path)
+    for path in written:
+        console.print(str(path), soft_wrap=True)
+
+
+def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
+    """What is judged, and what is said of it beside the figures."""
+    about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
+    source = RecordedSource(options.source, _source_options(options)) if options.source else None
+    if options.run:
+        subject, of_run = run_subject(options.run, source, _say)
+        return subject, about | of_run
+    assert source is not None  # expect_subject
+    source = recorded_source(source.spec, source.options, _say)
+    trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
+    about |= {"source": options.source, "noise": options.noise}
+    return Subject(source.spec, source.options, trajectories, options.mesh), about
+
+
+def _source_options(options: EvalOptions) -> SourceOptions:
+    return SourceOptions(
+        noise=options.noise,
+        seed=options.seed,
+        start=options.start,
+        stride=options.stride,
+        frames=options.frames,
+        synth=options.synth,
+    )
+
+
+def _own_folder(run: str) -> Path | None:
+    """Where the pictures of a run go if nothing is said."""
+    return Path(run) / "evaluation" if run and not is_log(run) else None
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _write_json(path: Path, figures: dict[str, Any]) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, msgspec.json.format(msgspec.json.encode(figures)))
+    except OSError as error:
+        raise UserError(f"--json {path}: {error.strerror}: expected a file to write") from None
+    return path
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""A run as something to judge: its folder, or its log alone.
+
+The log of a run as something to judge: what a killed run has left, or all that was kept of one.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.evaluate import Subject
+from hsslam_node.evaluation.evaluate_run import run_trajectories
+from hsslam_node.sources.source import SourceOptions
+from hsslam_proto import messages
+from hsslam_proto.topics import FRAME
+from hsslam_services.camera.open_source import is_live, open_any_source
+from hsslam_services.log.poses import LoggedPoses, logged_poses, newest_mesh
+from hsslam_services.log.reader import Say, bus_messages, is_log, log_parts
+from hsslam_services.log.recovery import parts
+from hsslam_services.log.source import RecordedSource, logged_options, recorded_source
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary
+
+
+def log_subject(
+    place: str, given: RecordedSource | None, say: Say
+) -> tuple[Subject, dict[str, Any]]:
+    """Poses and the newest mesh of the log (a file or a run folder), and what is said of them.
+
+    `given`: the source whose truth is meant; none: as the log tells. Of a live camera, which has no truth,
+    the frames are those of the log.
+
+    Raises:
+        UserError: not a log, or none that tells its source; or it holds no poses.
+    """
+    files = log_parts(place, say)
+    found = logged_poses(files)
+    if not len(found.online):
+        raise UserError(f"{place}: holds no poses: expected the log of a run that has tracked")
+    run = logged_options(files)
+    source = given
+    if source is None and run is None:
+        raise UserError(f"{place}: does not tell what it was recorded from: expected --source too")
+    if source is None and run is not None:
+        if is_live(run.source) or run.source == "zenoh:":
+            source = RecordedSource(f"mcap:{place}", SourceOptions())
+        else:
+            first, count = _stretch(files, found)
+            of_run = run.source_options
+            start = of_run.start + first * of_run.stride
+            used = replace(of_run, start=start, frames=count)
+            source = recorded_source(run.source, used, say)
+    assert source is not None
+    subject = Subject(
+        source=source.spec,
+        options=source.options,
+        trajectories={
+            "online": found.online,
+            "final": found.final,
+            "keyframes": found.keyframes,
+        },
+        mesh=newest_mesh(files),
+        slam=run.slam if run else None,
+        open_it=open_any_source,
+    )
+    lost = len(found.poses) - len(found.online)
+    frames = {"tracked": len(found.online), "lost": lost}
+    about: dict[str, Any] = {"run": place, "source": source.spec, "frames": frames}
+    if run is not None:
+        about |= {name: getattr(run, name) for name in ("noise", "preset", "seed", "pace")}
+    return subject, about
+
+
+def _stretch(files: list[Path], found: LoggedPoses) -> tuple[int, int]:
+    """Index of the first frame that the log holds (or has a pose of), and how many there are from it on."""
+    indices = [pose.index for pose in found.poses]
+    for logged in bus_messages(files, {FRAME.name}):
+        message = logged.message()
+        assert isinstance(message, messages.Frame)
+        indices.append(message.index)
+    return min(indices), max(indices) - min(indices) + 1
+
+
+def run_subject(
+    place: str, given: RecordedSource | None, say: Say
+) -> tuple[Subject, dict[str, Any]]:
+    """What the run left, and what is said of it beside its figures; of a log, or where a killed run has
+    left no trajectory, what the log has.
+
+    `given`: the source whose truth is meant, for a log that does not tell.
+
+    Raises:
+        UserError: neither run folder nor log, or a file in it is malformed.
+    """
+    folder = Path(place)
+    if is_log(place):
+        return log_subject(place.removeprefix("mcap:"), given, say)
+    if folder.is_dir() and parts(folder) and not (folder / "trajectory.txt").exists():
+        say(f"{place}: no trajectory.txt: what its log has is scored")
+        return log_subject(place, given, say)
+    return _folder_subject(folder, say)
+
+
+def _folder_subject(folder: Path, say: Say) -> tuple[Subject, dict[str, Any]]:
+    run = RunInfo.read(folder).options
+    counts = read_summary(folder).get("frames", {})
+    read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
+    mesh, saved = folder / "mesh.ply", folder / "map.safetensors"
+    used = replace(run.source_options, frames=read or run.frames)
+    source = recorded_source(run.source, used, say)
+    subject = Subject(
+        source=source.spec,
+        options=source.options,
+        trajectories=run_trajectories(folder),
+        mesh=mesh if mesh.exists() else None,
+        map=saved if saved.exists() else None,
+        slam=run.slam,
+    )
+    about = {
+        "run": str(folder),
+        "source": run.source,
+        "noise": run.noise,
+        "preset": run.preset,
+        "seed": run.seed,
+        "pace": run.pace,
+        "frames": counts,
+    }
+    return subject, about

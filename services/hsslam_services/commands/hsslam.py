@@ -1,0 +1,69 @@
+"""`hsslam`: tells the version and the commands there are; `hsslam NAME ...` is `hsslam-NAME ...`."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_services.commands.cli import exit_code
+
+_PROG = "hsslam"
+COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
+    "serve": ("hsslam_services.commands.serve", "tracks a camera, grows a mesh, logs everything"),
+    "ctl": (
+        "hsslam_services.commands.ctl",
+        "asks a running service: status, mesh, save, pause, stop, ...",
+    ),
+    "doctor": ("hsslam_services.commands.doctor", "looks at a camera or a recording before a run"),
+    "log": ("hsslam_services.commands.log.command", "logs: info, recover, trim, export"),
+    "replay": ("hsslam_services.commands.log.replay", "publishes a log again"),
+    "mesh": ("hsslam_services.commands.maps.mesh", "a finer mesh of a saved map"),
+    "render": ("hsslam_services.commands.maps.render", "new views of a saved map"),
+    "eval": (
+        "hsslam_services.commands.evaluate.command",
+        "scores a run, or a trajectory and a mesh",
+    ),
+    "certs": ("hsslam_services.commands.certs", "certificates for other machines"),
+    "bench": ("hsslam_bench.__main__", "measures what the README claims"),
+}
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Exit code 0: told; 2: no such command; otherwise that of the command."""
+    return exit_code(lambda: _hsslam(sys.argv[1:] if args is None else args))
+
+
+def _hsslam(args: Sequence[str]) -> int | None:
+    name = args[0] if args else "--help"
+    if name == "--version":
+        print(f"{_PROG} {__version__}")
+    elif name in ("-h", "--help"):
+        _show_commands()
+    elif name.removeprefix("hsslam-") in COMMANDS:
+        return _run(name.removeprefix("hsslam-"), args[1:])
+    else:
+        known = list(COMMANDS)
+        raise UserError(f"{name}: expected one of {', '.join(known)}{did_you_mean(name, known)}")
+    return None
+
+
+def _run(name: str, args: Sequence[str]) -> int | None:
+    module = importlib.import_module(COMMANDS[name][0])
+    sys.argv = [f"hsslam-{name}", *args]
+    return module.main()
+
+
+def _show_commands() -> None:
+    print(f"usage: {_PROG} COMMAND ...; each command has its own --help\n")
+    table = Table.grid(padding=(0, 2))
+    for name, (_, purpose) in COMMANDS.items():
+        table.add_row(f"hsslam-{name}", purpose)
+    Console(highlight=False).print(table)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

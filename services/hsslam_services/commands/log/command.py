@@ -1,0 +1,103 @@
+"""`hsslam-log info|recover|trim|export`: what is in a log, and what it becomes."""
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.log.options import (
+    ExportOptions,
+    InfoOptions,
+    RecoverOptions,
+    TrimOptions,
+)
+from hsslam_services.log.reader import log_parts
+
+_PROG = "hsslam-log"
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Exit code 0: done; 1: interrupted; 2: bad input, told in one line."""
+    return exit_code(lambda: _command(sys.argv[1:] if args is None else args))
+
+
+def _command(args: Sequence[str]) -> None:
+    name, rest = (args[0] if args else "--help"), args[1:]
+    if name in ("-h", "--help"):
+        print(f"usage: {_PROG} {'|'.join(_COMMANDS)} ...; each has its own --help\n{__doc__}")
+    elif name == "--version":
+        print(f"{_PROG} {__version__}")
+    elif name in _COMMANDS:
+        _COMMANDS[name](rest)
+    else:
+        known = list(_COMMANDS)
+        raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
+
+
+def _info(args: Sequence[str]) -> None:
+    from hsslam_services.commands.log.info import log_info
+
+    options = parse_options(InfoOptions, f"{_PROG} info", args)
+    if not options.files:
+        raise UserError("info: no log: expected FILE...")
+    console = Console(emoji=False, highlight=False, markup=False)
+    for place in options.files:
+        for path in log_parts(place, _say):
+            for shown in log_info(path):
+                console.print(shown, soft_wrap=isinstance(shown, Text))
+
+
+def _recover(args: Sequence[str]) -> None:
+    options = parse_options(RecoverOptions, f"{_PROG} recover", args)
+    told: list[str] = []
+    files = log_parts(_given("recover", "FILE", options.file), told.append)
+    for line in told or [f"{path}: was finished already" for path in files]:
+        print(line)
+
+
+def _trim(args: Sequence[str]) -> None:
+    from hsslam_services.commands.log.trim import trim
+
+    options = parse_options(TrimOptions, f"{_PROG} trim", args)
+    files = log_parts(_given("trim", "IN", options.log), _say)
+    out = Path(_given("trim", "OUT", options.out))
+    count = trim(files, out, options.start, options.end)
+    print(f"{out}: {count} messages")
+
+
+def _export(args: Sequence[str]) -> None:
+    from hsslam_services.commands.log.export import export
+
+    options = parse_options(ExportOptions, f"{_PROG} export", args)
+    place = Path(_given("export", "FILE", options.file))
+    files = log_parts(place, _say)
+    folder = options.out or place.with_name(f"{place.resolve().stem}-export")
+    for line in export(files, folder, options.only, _say):
+        print(line)
+
+
+def _given(command: str, what: str, value: str) -> str:
+    if not value:
+        raise UserError(f"{command}: {what} is missing: see {_PROG} {command} --help")
+    return value
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
+    "info": _info,
+    "recover": _recover,
+    "trim": _trim,
+    "export": _export,
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""A log as files that other programs read.
+
+The poses of a log as text.
+"""
+
+import csv
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import Trajectory, format_stamp, write_tum
+from hsslam_proto import messages
+from hsslam_services.commands.log.options import Part
+from hsslam_services.log.poses import logged_worlds
+from hsslam_services.log.reader import Say
+
+
+def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) -> Iterator[str]:
+    """Write the wanted parts of the log into the folder; yields a line for each that is written.
+
+    What the log does not hold is told through `say`.
+
+    Raises:
+        UserError: the folder cannot be written, or holds such files of another log that are in the way.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if "trajectory" in only:
+            yield from export_trajectory(files, folder, say)
+        if "mesh" in only:
+            from hsslam_services.commands.log.export_mesh import export_mesh
+
+            yield from export_mesh(files, folder, say)
+        if "frames" in only:
+            from hsslam_services.commands.log.export_frames import export_frames
+
+            yield from export_frames(files, folder / "frames", say)
+        if "rrd" in only:
+            from hsslam_services.commands.log.export_rrd import export_rrd
+
+            yield from export_rrd(files, folder / "run.rrd")
+    except OSError as error:
+        place = error.filename or folder
+        raise UserError(f"{place}: {error.strerror}: expected a folder to write to") from None
+
+
+_COLUMNS = (
+    *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
+    *("quality", "inlier_ratio", "residual_mm", "latency_ms", "map_version", "keyframe", "world"),
+)
+
+
+def export_trajectory(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
+    """trajectory_online.txt (TUM) and .csv: poses as they were published, those of lost frames in the
+    CSV only; trajectory.txt (TUM): the same as refined later; keyframes.txt (TUM): keyframes where the
+    last correction put them. Where the map was thrown away, these are of the last world, and those before
+    have the number of theirs in the name, as trajectory.world0.txt. Yields what it wrote."""
+    worlds = logged_worlds(files)
+    poses = [pose for found in worlds.values() for pose in found.poses]
+    if not poses:
+        say("no trajectory: the log holds no poses")
+        return
+    suffixes = {world: "" if world == max(worlds) else f".world{world}" for world in worlds}
+    for world, found in worlds.items():
+        yield _write(folder / f"trajectory_online{suffixes[world]}.txt", found.online)
+    yield _write_csv(folder / "trajectory_online.csv", poses)
+    for world, found in worlds.items():
+        if len(found.keyframes):
+            yield _write(folder / f"trajectory{suffixes[world]}.txt", found.final)
+            yield _write(folder / f"keyframes{suffixes[world]}.txt", found.keyframes)
+
+
+def _write(path: Path, trajectory: Trajectory) -> str:
+    write_tum(path, trajectory)
+    return f"{path}: {len(trajectory)} poses"
+
+
+def _write_csv(path: Path, poses: list[messages.Pose]) -> str:
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(_COLUMNS)
+        for p in poses:
+            latency_ms = f"{(p.publish_ns - p.stamp_ns) / 1e6:.3f}"
+            quality = (p.quality, p.inlier_ratio, p.residual_mm, latency_ms)
+            stamp = format_stamp(p.source_stamp_ns)
+            of_map = (p.map_version, p.keyframe, p.world)
+            writer.writerow((p.index, stamp, *p.t, *p.q, p.status, *quality, *of_map))
+    return f"{path}: {len(poses)} poses"

@@ -1,0 +1,26 @@
+"""The newest mesh of a log as files."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_services.log.poses import newest_mesh
+from hsslam_services.log.reader import Say
+
+_UP = np.diag([1.0, -1.0, -1.0, 1.0])  # from x right, y down, z forward to glTF's y up, z back
+
+
+def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
+    """mesh.ply in the world of the poses, and mesh.glb turned to y up; vertex colours, m. Yields what
+    it wrote; nothing where there is none of the last map."""
+    mesh = newest_mesh(files)
+    if mesh is None:
+        say("no mesh: the log holds none")
+        return
+    for name in ("mesh.ply", "mesh.glb"):
+        path = folder / name
+        if name.endswith(".glb"):
+            mesh.apply_transform(_UP)
+        mesh.export(path)
+        yield f"{path}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"

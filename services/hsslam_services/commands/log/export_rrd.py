@@ -1,0 +1,26 @@
+"""A log as a recording for the rerun viewer, with its mesh, which rerun's own MCAP import leaves out."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import rerun as rr
+
+from hsslam_proto.topics import TOPICS
+from hsslam_services.commands.log.progress import log_progress
+from hsslam_services.log.reader import bus_messages
+from hsslam_services.viewer.scene import RerunScene, blueprint
+
+
+def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
+    """Draw every message that the viewer shows, none thinned out; yields what it wrote."""
+    stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
+    stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
+    scene = RerunScene(stream, poses_every_s=1.0)
+    with log_progress("rrd", files) as progress:
+        drawn = bus_messages(files, {topic.name for topic in TOPICS if topic.drawn})
+        for logged in progress.over(drawn):
+            scene.draw(logged.message())
+    scene.finish()
+    stream.flush()
+    stream.disconnect()
+    yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"

@@ -1,0 +1,43 @@
+"""A bar on stderr while a log is read through."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
+from hsslam_services.commands.cli import terminal_progress
+from hsslam_services.log.reader import Logged, end_ns, log_reader, start_ns
+
+
+@contextmanager
+def log_progress(what: str, files: list[Path]) -> Iterator["LogProgress"]:
+    """How much of the log's time lies behind; shown on a terminal only, and nothing of it stays there.
+
+    Raises:
+        UserError: the first or the last file is damaged.
+    """
+    with log_reader(files[0]) as first, log_reader(files[-1]) as last:
+        start, end = start_ns(first), end_ns(last)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} of {task.total:.1f} s"),
+        TimeRemainingColumn(),
+    )
+    with terminal_progress(*columns) as progress:
+        task = progress.add_task(what, total=max(1e-9, (end - start) / 1e9))
+        yield LogProgress(lambda ns: progress.update(task, completed=(ns - start) / 1e9))
+
+
+class LogProgress:
+    """Moves the bar while somebody takes what lies in the log."""
+
+    def __init__(self, move: Callable[[int], None]) -> None:
+        self.move = move  # to what was logged at this time, wall clock, ns
+
+    def over(self, logged: Iterable[Logged]) -> Iterator[Logged]:
+        """The same, in the same order."""
+        for entry in logged:
+            self.move(entry.log_ns)
+            yield entry

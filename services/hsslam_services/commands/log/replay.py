@@ -1,0 +1,182 @@
+"""`hsslam-replay`: the bus layer of a log on a zenoh router again.
+
+What a user can ask of `hsslam-replay`: one frozen dataclass; every field is an option.
+"""
+
+import contextlib
+import math
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+import zenoh
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages
+from hsslam_proto.frame_codec import restamped
+from hsslam_proto.topics import FRAME, POSE, TOPICS
+from hsslam_services.bus.bus import Bus, open_router
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.log.progress import log_progress
+from hsslam_services.commands.log.replay_step import StepByStep
+from hsslam_services.log.reader import Logged, bus_messages, log_parts
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """Publishes a log again: the same payloads on the same zenoh keys, in the order of the log.
+
+    $ hsslam-replay run.mcap --rate 2
+    $ hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
+
+    Without --connect it is the router itself, for viewers and tools that connect to it. With --connect
+    and --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) frame by frame, each when
+    the last is done with, so that a lossless log gives the same poses each time.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    log: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
+    """The log, or a run folder with all its parts."""
+    rate: float = 1.0
+    """How many times as fast as it was recorded."""
+    step: bool = False
+    """Frames one by one, each when the service has tracked the last (and mapped it, in lockstep)."""
+    only: tuple[str, ...] = ()
+    """Keys below hsslam/ROBOT/ that are published, such as in/** or out/** (none: all but those of sys;
+    with --step: in/**)."""
+    connect: str = ""
+    """Router to connect to, as tcp/HOST:PORT (empty: be the router)."""
+    security: str = ""
+    """Folder of your certificate (hsslam-certs), for --connect tls/HOST:PORT."""
+    zenoh_port: int = 7447
+    """TCP port to listen on as the router."""
+    bind: str = "127.0.0.1"
+    """Address to listen on as the router."""
+    delay: float = 2.0
+    """Seconds before the first message, for others to connect."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate) and self.rate > 0):
+            raise UserError(f"--rate {self.rate:g}: expected a number above 0")
+        if not (math.isfinite(self.delay) and self.delay >= 0):
+            raise UserError(f"--delay {self.delay:g}: expected seconds, 0 or more")
+        if not 1 <= self.zenoh_port <= 65535:
+            raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
+        if self.security and not self.connect:
+            raise UserError(f"--security {self.security}: expected with --connect tls/HOST:PORT")
+        if self.step and not self.connect:
+            raise UserError("--step: waits for a service: expected --connect tcp/HOST:PORT")
+        if self.step and self.rate != 1.0:
+            raise UserError("--rate: expected without --step, which goes as fast as it is answered")
+
+
+_PROG = "hsslam-replay"
+_FLUSH_S = 0.5  # for the last message to leave
+_LONGEST_SLEEP_S = 0.2
+_ALL = ("in/**", "out/**")
+_STEP = ("in/**",)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Exit code 0: replayed; 1: interrupted; 2: bad input, told in one line."""
+    return exit_code(lambda: _replay(sys.argv[1:] if args is None else args))
+
+
+def _replay(args: Sequence[str]) -> None:
+    options = parse_options(ReplayOptions, _PROG, args)
+    if not options.log:
+        raise UserError(f"no log: expected FILE; see {_PROG} --help")
+    names = wanted_names(options.only or (_STEP if options.step else _ALL))
+    files = log_parts(Path(options.log), _say)
+    robot = next((logged.robot for logged in bus_messages(files, names)), None)
+    if robot is None:
+        raise UserError(
+            f"{options.log}: none of {', '.join(sorted(names))}: expected such messages"
+        )
+    with contextlib.ExitStack() as stack:
+        endpoint = options.connect
+        if not endpoint:
+            endpoint = f"tcp/{options.bind}:{options.zenoh_port}"
+            stack.callback(open_router(endpoint).close)
+            _say(f"router at {endpoint}, keys hsslam/{robot}/...")
+        bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
+        if not options.step:
+            time.sleep(options.delay)
+        progress = stack.enter_context(log_progress("replayed", files))
+        logged = progress.over(bus_messages(files, names))
+        if options.step:
+            sent = StepByStep(bus, _say).replay(logged)
+        else:
+            sent = publish(bus, logged, options.rate, POSE.name not in names)
+        time.sleep(_FLUSH_S)
+    _show(sent)
+
+
+def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = False) -> Counter[str]:
+    """Publish each message when its time has come, `rate` times as fast as it was logged.
+
+    Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
+    Returns how many went out of each topic.
+    """
+    publishers = {}
+    sent: Counter[str] = Counter()
+    start_s, first_ns = time.monotonic(), None
+    for message in logged:
+        first_ns = message.log_ns if first_ns is None else first_ns
+        due_s = start_s + (message.log_ns - first_ns) / 1e9 / rate
+        while (wait_s := due_s - time.monotonic()) > 0:
+            time.sleep(min(wait_s, _LONGEST_SLEEP_S))
+        if message.topic not in publishers:
+            publishers[message.topic] = bus.publisher(message.topic)
+        frame = message.message() if restamp and message.topic is FRAME else None
+        if isinstance(frame, messages.Frame):
+            publishers[FRAME].put(restamped(frame))
+        else:
+            publishers[message.topic].put_payload(message.payload, message.publish_ns)
+        sent[message.topic.name] += 1
+    return sent
+
+
+def wanted_names(patterns: Sequence[str]) -> set[str]:
+    """Names of the topics that one of the zenoh key expressions intersects.
+
+    Raises:
+        UserError: one is no key expression, or there is no such topic.
+    """
+    names: set[str] = set()
+    for pattern in patterns:
+        try:
+            expression = zenoh.KeyExpr(pattern)
+        except zenoh.ZError:
+            raise UserError(f"--only {pattern}: expected keys such as in/** or out/pose") from None
+        found = {t.name for t in TOPICS if expression.intersects(zenoh.KeyExpr(t.name))}
+        if not found:
+            known = ", ".join(topic.name for topic in TOPICS)
+            raise UserError(f"--only {pattern}: no such topic: expected some of {known}")
+        names |= found
+    return names
+
+
+def _show(sent: Counter[str]) -> None:
+    table = Table("topic")
+    table.add_column("messages", justify="right")
+    for name, count in sorted(sent.items()):
+        table.add_row(name, str(count))
+    Console(emoji=False, highlight=False, markup=False).print(table)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

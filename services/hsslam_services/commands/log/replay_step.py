@@ -1,0 +1,125 @@
+"""Replay to a running service, frame by frame: the next goes out when the last is done with."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages
+from hsslam_proto.frame_codec import restamped
+from hsslam_proto.topics import FRAME, MAP, POSE, STEP
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.peers import Peers
+from hsslam_services.bus.publisher import Publisher
+from hsslam_services.log.reader import Logged
+
+_SERVICE = ("tracker", "mapper", "global_ba")
+_POLL_S = 0.05
+_RESEND_S = 30.0
+_PATIENCE_S = 300.0
+_NO_STEP_S = 3.0  # after the map, or a lost pose: in lockstep the step would have come
+
+
+class StepByStep:
+    """Sends frames and waits for the answer of each: the step `done` in lockstep, else the pose.
+
+    `say` takes a line when the service is not in lockstep.
+    """
+
+    def __init__(
+        self, bus: Bus, say: Callable[[str], None], patience_s: float = _PATIENCE_S
+    ) -> None:
+        self._bus = bus
+        self._say = say
+        self._patience_s = patience_s
+        self._give_up_s = time.monotonic() + patience_s
+        self._poses = bus.subscribe(POSE, 256, history=False)
+        self._steps = bus.subscribe(STEP, 256)
+        self._maps = bus.subscribe(MAP, 16, history=False)
+        self._peers = Peers(bus)
+        self._in_lockstep: bool | None = None  # not known before the first answer
+
+    def should_stop(self) -> bool:
+        """Whether the service has had its time to answer."""
+        return time.monotonic() > self._give_up_s
+
+    def replay(self, logged: Iterable[Logged]) -> Counter[str]:
+        """Publish all; a frame that lies there twice goes out once. Returns how many of each topic.
+
+        Raises:
+            UserError: no service answers.
+        """
+        self._peers.wait(_SERVICE, (), self)
+        if self.should_stop():
+            raise UserError("--step: no service there: expected hsslam-serve --source zenoh:")
+        publishers = {}
+        sent: Counter[str] = Counter()
+        newest = -1
+        for entry in logged:
+            if entry.topic not in publishers:
+                publishers[entry.topic] = self._bus.publisher(entry.topic, block=True)
+            if entry.topic is FRAME:
+                message = entry.message()
+                assert isinstance(message, messages.Frame)
+                if message.index <= newest:
+                    continue
+                newest = message.index
+                self._send_until_answered(publishers[FRAME], message)
+            else:
+                publishers[entry.topic].put_payload(entry.payload)
+            sent[entry.topic.name] += 1
+        return sent
+
+    def _send_until_answered(self, frames: Publisher, message: messages.Frame) -> None:
+        self._give_up_s = time.monotonic() + self._patience_s
+        answer = _Answer(message.index)
+        frames.put(restamped(message))
+        sent_s = time.monotonic()
+        while not self._is_answered(answer):
+            if self.should_stop():
+                raise UserError(
+                    f"frame {message.index}: no answer in {self._patience_s:g} s: expected a "
+                    "service with --source zenoh:"
+                )
+            if self._peers.restarted() or time.monotonic() - sent_s > _RESEND_S:
+                frames.put(restamped(message))
+                sent_s = time.monotonic()
+
+    def _is_answered(self, answer: "_Answer") -> bool:
+        self._bus.wait(_POLL_S)
+        answer.hear(self._poses.drain(), self._steps.drain(), self._maps.drain())
+        if answer.is_done:
+            self._in_lockstep = True
+        elif self._in_lockstep is None and answer.lacks_step():
+            self._in_lockstep = False
+            self._say("the service is not in lockstep: the replay waits for its poses alone")
+        return answer.is_done or (self._in_lockstep is False and answer.has_pose)
+
+
+class _Answer:
+    """What was heard of one frame."""
+
+    def __init__(self, index: int) -> None:
+        self._index = index
+        self._step_is_due_s = float("inf")
+        self._heard_step = False
+        self.has_pose = False
+        self.is_done = False
+
+    def hear(
+        self,
+        poses: list[messages.Pose],
+        steps: list[messages.Step],
+        maps: list[messages.MapVersion],
+    ) -> None:
+        """Take in what came."""
+        mine = [pose for pose in poses if pose.index == self._index]
+        self.has_pose |= bool(mine)
+        self._heard_step |= bool(steps)
+        self.is_done |= any(s.index == self._index and s.stage == "done" for s in steps)
+        if any(pose.status == "lost" for pose in mine) or (self.has_pose and maps):
+            self._step_is_due_s = min(self._step_is_due_s, time.monotonic() + _NO_STEP_S)
+
+    def lacks_step(self) -> bool:
+        """Whether a service in lockstep would have told a step by now."""
+        return not self._heard_step and time.monotonic() > self._step_is_due_s

@@ -1,0 +1,96 @@
+"""A stretch of a log as a log of its own."""
+
+from pathlib import Path
+
+from mcap.records import Channel, Schema
+from mcap.writer import CompressionType, Writer
+
+from hsslam_node import __version__
+from hsslam_node.errors import UserError
+from hsslam_services.commands.log.progress import LogProgress, log_progress
+from hsslam_services.log.reader import log_reader, start_ns
+
+
+def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> int:
+    """Copy all messages from `start_s` to before `end_s`, seconds after the first one, of the parts of
+    a log into one file, metadata included; returns how many. The file appears when it is whole.
+
+    Raises:
+        UserError: nothing lies there, a part is damaged, or `out` is one of them or cannot be written.
+    """
+    if out.exists() and any(out.samefile(path) for path in files):
+        raise UserError(f"{out}: is the log itself: expected another file")
+    copy = out.with_name(f".{out.name}.trimming")
+    try:
+        try:
+            with copy.open("wb") as stream:
+                count = _Trimmed(Writer(stream, compression=CompressionType.LZ4)).copy(
+                    files, start_s, end_s
+                )
+            if count == 0:
+                stretch = f"{start_s:g} to {'its end' if end_s is None else f'{end_s:g} s'}"
+                raise UserError(f"{files[0]}: no message from {stretch}: expected a shorter time")
+            copy.replace(out)
+        finally:
+            copy.unlink(missing_ok=True)
+    except OSError as error:
+        raise UserError(f"{out}: {error.strerror}: expected a file that can be written") from None
+    return count
+
+
+class _Trimmed:
+    """The writer with what it has registered; schemas and channels of all parts are one set."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._channels: dict[str, int] = {}
+
+    def copy(self, files: list[Path], start_s: float, end_s: float | None) -> int:
+        self._writer.start(library=f"hsslam-node {__version__}")
+        with log_progress("trimmed", files) as progress:
+            count = self._copy(files, start_s, end_s, progress)
+        self._writer.finish()
+        return count
+
+    def _copy(
+        self, files: list[Path], start_s: float, end_s: float | None, progress: LogProgress
+    ) -> int:
+        count = 0
+        first_ns: int | None = None
+        for path in files:
+            with log_reader(path) as reader:
+                if first_ns is None:
+                    first_ns = start_ns(reader)
+                    for record in reader.iter_metadata():
+                        self._writer.add_metadata(record.name, record.metadata)
+                low = first_ns + round(1e9 * start_s)
+                high = None if end_s is None else first_ns + round(1e9 * end_s)
+                for schema, channel, message in reader.iter_messages(
+                    starting_at=low, ending_before=high
+                ):
+                    self._writer.add_message(
+                        self._channel(channel, schema),
+                        message.log_time,
+                        message.data,
+                        message.publish_time,
+                        message.sequence,
+                    )
+                    progress.move(message.log_time)
+                    count += 1
+        return count
+
+    def _channel(self, channel: Channel, schema: Schema | None) -> int:
+        if channel.topic not in self._channels:
+            self._channels[channel.topic] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, self._schema(schema), channel.metadata
+            )
+        return self._channels[channel.topic]
+
+    def _schema(self, schema: Schema | None) -> int:
+        if schema is None:
+            return 0
+        key = (schema.name, schema.encoding, schema.data)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(*key)
+        return self._schemas[key]

@@ -1,0 +1,45 @@
+"""`hsslam-serve warm-up`: compile all kernels now, so that no run has to."""
+
+import os
+import time
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from hsslam_services.launch.process_table import environment_of_threads
+from hsslam_services.launch.warm_up import warm_up
+
+_HELP = """usage: hsslam-serve warm-up
+
+Compile all kernels for this machine into the cache (about 40 s) and make the
+pictures of the built-in room; does nothing where that has been done."""
+
+
+def warm_up_command(args: Sequence[str]) -> int:
+    """Run the command; returns the exit code.
+
+    Raises:
+        UserError: an argument, or a cache folder that cannot be written.
+    """
+    if args and args[0] in ("-h", "--help"):
+        print(_HELP)
+        return 0
+    if args:
+        raise UserError(f"warm-up {args[0]}: expected no arguments")
+    os.environ.update(environment_of_threads(1))
+    console = Console(stderr=True, highlight=False)
+    start = time.monotonic()
+    with console.status("compiling kernels") as status:
+
+        def tell(part: str) -> None:
+            line = f"compiling kernels, {time.monotonic() - start:.0f} s: {part}"
+            status.update(line)
+            if not console.is_terminal:
+                console.print(line, soft_wrap=True)
+
+        compiled = warm_up(tell)
+    took = f"compiled in {time.monotonic() - start:.0f} s" if compiled else "compiled before"
+    print(f"kernels {took}: {kernel_cache_folder()}")
+    return 0

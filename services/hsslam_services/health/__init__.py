@@ -1,0 +1,1 @@
+"""What is known of a run, and who is told: status, metrics, the status line."""

@@ -1,0 +1,91 @@
+"""`/metrics` and `/healthz` over HTTP, served by threads that never ask the supervisor's loop."""
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler
+from socketserver import ThreadingTCPServer
+
+from hsslam_node.errors import UserError
+from hsslam_services.health.snapshot import Snapshot, health_of
+
+_EVERY_S = 0.5
+_SLOWEST_CLIENT_S = 5.0
+_JSON = "application/json"
+
+
+class MetricsServer:
+    """Serves the last snapshot on 127.0.0.1; nothing where `port` is None.
+
+    Raises:
+        UserError: the port is taken.
+    """
+
+    def __init__(self, port: int | None) -> None:
+        self._server: _Server | None = None
+        self._due_s = 0.0
+        if port is None:
+            return
+        import hsslam_services.health.prometheus  # noqa: F401, for the first that asks
+
+        try:
+            self._server = _Server(("127.0.0.1", port), _Handler)
+        except OSError as error:
+            text = f"--metrics-port {port}: {error.strerror}: expected a free port"
+            raise UserError(text) from None
+        threading.Thread(target=self._server.serve_forever, name="metrics", daemon=True).start()
+
+    def tick(self, take: Callable[[], Snapshot]) -> None:
+        """Take a snapshot, if it is time to; never blocks."""
+        now_s = time.monotonic()
+        if self._server is not None and now_s >= self._due_s:
+            self._due_s = now_s + _EVERY_S
+            self._server.snapshot = take()
+
+    def close(self) -> None:
+        """Serve no more."""
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+
+
+class _Server(ThreadingTCPServer):
+    allow_reuse_address = True
+    daemon_threads = True
+    snapshot: Snapshot | None = None
+
+    def handle_error(self, *_: object) -> None:
+        """A client that has gone is no news."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    timeout = _SLOWEST_CLIENT_S
+
+    def do_GET(self) -> None:
+        from hsslam_services.health.prometheus import exposition
+
+        snapshot = self.server.snapshot
+        match self.path.partition("?")[0]:
+            case "/metrics":
+                self._send(200, *exposition(snapshot, self.headers.get("Accept", "")))
+            case "/healthz":
+                code, body = health_of(snapshot)
+                self._send(code, json.dumps(body).encode() + b"\n", _JSON)
+            case _:
+                self._send(404, b'{"error": "expected /metrics or /healthz"}\n', _JSON)
+
+    do_HEAD = do_GET
+
+    def _send(self, code: int, body: bytes, content_type: str) -> None:
+        self.send_response(code)
+        self.send_header("Content-Type", content_type)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        """A scrape every few seconds is no news."""

@@ -1,0 +1,112 @@
+"""A snapshot of a run as metrics of Prometheus."""
+
+from collections.abc import Iterator
+
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+    StateSetMetricFamily,
+)
+from prometheus_client.exposition import choose_encoder
+from prometheus_client.registry import CollectorRegistry
+
+from hsslam_node import __version__
+from hsslam_services.health.run_state import BOUNDS_MS
+from hsslam_services.health.snapshot import Snapshot
+
+_STATES = ("starting", "running", "paused", "stopping")
+_DROPPED = "dropped "  # followed by the topic's name in each heartbeat
+
+
+def exposition(snapshot: Snapshot | None, accept: str = "") -> tuple[bytes, str]:
+    """Body and content type, in the format that the header `Accept` asks for."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Collector(snapshot))
+    encode, content_type = choose_encoder(accept)
+    return encode(registry), content_type
+
+
+class _Collector:
+    """What the registry asks when it is asked."""
+
+    def __init__(self, snapshot: Snapshot | None) -> None:
+        self._snapshot = snapshot
+
+    def describe(self) -> list[Metric]:
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        if self._snapshot is not None:
+            yield from _of_run(self._snapshot)
+            yield from _of_processes(self._snapshot)
+
+
+def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
+    run = snapshot.status
+    labels = {"run_id": run.run_id, "source": run.source, "preset": run.preset, "pace": run.pace}
+    yield InfoMetricFamily("hsslam_run", "What runs", labels | {"version": __version__})
+    states = {name: name == run.state for name in _STATES}
+    yield StateSetMetricFamily("hsslam_state", "State of the run", states)
+    yield _gauge("uptime_seconds", "Seconds since the start of the run", run.seconds)
+    yield _counter("frames_sent", "Frames that the camera process sent", run.frames_sent)
+    yield _counter("frames_tracked", "Frames with a pose", run.frames_tracked)
+    yield _counter("frames_lost", "Frames whose pose was not found", run.frames_lost)
+    yield _counter("frames_dropped", "Frames that came too late", run.frames_dropped)
+    yield _gauge("pose_rate_hertz", "Poses per second, of the last seconds", run.fps)
+    buckets = [str(bound / 1e3) for bound in BOUNDS_MS] + ["+Inf"]
+    yield HistogramMetricFamily(
+        "hsslam_latency_seconds",
+        "From the sensor's stamp to the published pose",
+        buckets=list(zip(buckets, snapshot.latency_counts, strict=True)),
+        sum_value=snapshot.latency_sum_ms / 1e3,
+    )
+    yield _gauge("tracking_quality", "Share of depth within 2 cm of the map, 0 to 1", run.quality)
+    yield _gauge("keyframes", "Keyframes", run.keyframes)
+    yield _gauge("map_version", "Version of the map", run.map_version)
+    yield _counter("resets", "How often the map was thrown away", run.world)
+    yield _counter("map_iterations", "Iterations of the map", snapshot.iterations)
+    yield _counter("ba_rounds", "Rounds of global bundle adjustment", run.ba_rounds)
+    yield _gauge("memory_bytes", "Memory of all processes (PSS)", 1e6 * run.memory_mb)
+    yield _counter("requests", "Requests that came", run.requests)
+    yield _counter("requests_refused", "Requests that were refused", run.requests_refused)
+    rejected = CounterMetricFamily(
+        "hsslam_messages_rejected", "Messages that could not be read", labels=["topic"]
+    )
+    for topic, count in snapshot.rejected.items():
+        rejected.add_metric([topic], count)
+    yield rejected
+
+
+def _of_processes(snapshot: Snapshot) -> Iterator[Metric]:
+    run = snapshot.status
+    up = GaugeMetricFamily("hsslam_process_up", "1: takes work", labels=["process"])
+    restarts = CounterMetricFamily("hsslam_process_restarts", "Restarts", labels=["process"])
+    for name, state in run.processes.items():
+        up.add_metric([name], float(state == "running"))
+        restarts.add_metric([name], run.restarts.get(name, 0))
+    memory = GaugeMetricFamily("hsslam_process_memory_bytes", "PSS", labels=["process"])
+    stages = GaugeMetricFamily(
+        "hsslam_stage_seconds", "Running mean of the time of a stage", labels=["process", "stage"]
+    )
+    dropped = CounterMetricFamily(
+        "hsslam_messages_dropped", "Messages that a process missed", labels=["process", "topic"]
+    )
+    for name, health in snapshot.health.items():
+        memory.add_metric([name], 1e6 * health.counters.get("pss_mb", 0))
+        for stage, took_ms in health.stage_ms.items():
+            stages.add_metric([name, stage], took_ms / 1e3)
+        for counter, count in health.counters.items():
+            if counter.startswith(_DROPPED):
+                dropped.add_metric([name, counter.removeprefix(_DROPPED)], count)
+    yield from (up, restarts, memory, stages, dropped)
+
+
+def _gauge(name: str, text: str, value: float) -> Metric:
+    return GaugeMetricFamily(f"hsslam_{name}", text, value)
+
+
+def _counter(name: str, text: str, value: float) -> Metric:
+    return CounterMetricFamily(f"hsslam_{name}", text, value)

@@ -1,0 +1,89 @@
+"""What the supervisor knows of a run at one moment, for threads that serve it.
+
+Whether a run is healthy: the answer to `/healthz`.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hsslam_proto.messages import Health
+from hsslam_proto.request_messages import Status
+from hsslam_services.health.run_state import RunState
+from hsslam_services.launch.child import Child
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """`needed`: processes that the run cannot do without. `taken_s`: by the monotonic clock."""
+
+    status: Status
+    needed: frozenset[str]
+    iterations: int
+    latency_counts: tuple[int, ...]  # as `LatencyBins.cumulative`
+    latency_sum_ms: float
+    rejected: Mapping[str, int]  # by topic
+    health: Mapping[str, Health]  # the last heartbeat of each process that lives
+    taken_s: float
+
+
+def take_snapshot(
+    status: Status, rejected: Mapping[str, int], state: RunState, children: Mapping[str, Child]
+) -> Snapshot:
+    """Copies of everything that changes."""
+    return Snapshot(
+        status=status,
+        needed=frozenset(
+            name for name, child in children.items() if child.spec.is_needed(status.pace)
+        ),
+        iterations=state.map.iterations if state.map else 0,
+        latency_counts=tuple(state.latency_bins.cumulative()),
+        latency_sum_ms=state.latency_bins.sum_ms,
+        rejected=dict(rejected),
+        health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
+        taken_s=time.monotonic(),
+    )
+
+
+_HUNG_S = 10.0  # the supervisor comes round every 50 ms
+_CAMERA = "camera"
+
+
+def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[int, dict[str, Any]]:
+    """Status code of HTTP and body. 200: all needed processes run, or the run ends in order; else 503.
+
+    `status` in the body: ok, paused, degraded (runs without one that it can do without), stopping;
+    starting, down, hung.
+    """
+    if snapshot is None:
+        return 503, {"status": "starting"}
+    run = snapshot.status
+    age_s = (time.monotonic() if now_s is None else now_s) - snapshot.taken_s
+    missing = {name: state for name, state in run.processes.items() if state != "running"}
+    if missing.get(_CAMERA) == "ended":  # the source has ended
+        del missing[_CAMERA]
+    body = {
+        "status": _word(snapshot, missing, age_s),
+        "not_running": missing,
+        "run_id": run.run_id,
+        "seconds": round(run.seconds, 1),
+        "tracking": run.tracking,
+        "fps": round(run.fps, 1),
+    }
+    return 503 if body["status"] in ("starting", "down", "hung") else 200, body
+
+
+def _word(snapshot: Snapshot, missing: dict[str, str], age_s: float) -> str:
+    run = snapshot.status
+    if age_s > _HUNG_S:
+        return "hung"
+    if run.state == "stopping":
+        return "stopping"
+    needed = [missing[name] for name in missing if name in snapshot.needed or name == _CAMERA]
+    if needed:
+        never_ran = not run.restarts and all(state in ("waiting", "starting") for state in needed)
+        return "starting" if never_ran and run.state == "starting" else "down"
+    if run.state == "paused":
+        return "paused"
+    return "degraded" if missing else "ok"

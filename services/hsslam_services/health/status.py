@@ -1,0 +1,130 @@
+"""The answer to `status`, from what the supervisor has heard.
+
+How many messages could not be read, counted by those who listen to them.
+"""
+
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import msgspec
+
+from hsslam_proto.request_messages import Status
+from hsslam_services.bus.requests import RequestQueue
+from hsslam_services.bus.subscription import Subscription
+from hsslam_services.health.run_state import RunState
+from hsslam_services.launch.child import Child
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_json, read_summary, versions
+
+_RECORDER_FILE = "recorder.json"  # what the recorder says of its log
+
+
+def run_status(
+    run: RunInfo,
+    state: RunState,
+    children: Mapping[str, Child],
+    requests: RequestQueue,
+    phase: Literal["running", "paused", "stopping"],
+    memory_mb: int,
+    rejected: int = 0,
+) -> Status:
+    """The run in numbers; `phase` is refined to starting before the first pose in a map."""
+    pose = state.pose
+    is_starting = pose is None and phase == "running"
+    return Status(
+        run_id=run.run_id,
+        state="starting" if is_starting else phase,
+        source=run.options.source,
+        preset=run.options.preset,
+        pace=run.options.pace,
+        seconds=(time.time_ns() - run.started_ns) / 1e9,
+        frames_sent=_sent(children, state),
+        frames_tracked=state.tracked,
+        frames_lost=state.lost,
+        frames_dropped=_counter(children, "tracker", "dropped in/frame"),
+        fps=state.fps,
+        latency_ms=state.latency_ms,
+        tracking="none" if pose is None else pose.status,
+        quality=0.0 if pose is None else pose.quality,
+        keyframes=state.last_keyframe + 1,
+        map_version=state.map.version if state.map else 0,
+        ba_rounds=state.ba_rounds,
+        memory_mb=memory_mb,
+        requests=requests.received,
+        requests_refused=requests.refused,
+        messages_rejected=rejected,
+        processes={name: child.state for name, child in children.items()},
+        restarts={name: child.restarts for name, child in children.items() if child.restarts},
+    )
+
+
+def process_section(
+    run: RunInfo, children: Mapping[str, Child], state: RunState, stop_reason: str, end_ns: int
+) -> dict[str, Any]:
+    """What the supervisor knows: frames in, processes, stage times, configuration, versions."""
+    end = state.source_end
+    frames: dict[str, int] = {}
+    if end is not None:
+        known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
+        answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
+        frames = {"in": end.frame_count, "bad": end.bad_frame_count}
+        frames["dropped"] = max(end.frame_count - answered, 0)
+    return {
+        "run_id": run.run_id,
+        "source": run.options.source,
+        "stop_reason": stop_reason,
+        "seed": run.options.seed,
+        "seconds": (end_ns - run.started_ns) / 1e9,
+        "started_ns": run.started_ns,
+        "frames": frames,
+        "map": {
+            "versions": state.map.version if state.map else 0,
+            "iterations": state.map.iterations if state.map else 0,
+        },
+        "ba_rounds": state.ba_rounds,
+        "log": read_json(run.path / _RECORDER_FILE),
+        "processes": {name: _process(child) for name, child in children.items()},
+        "options": msgspec.to_builtins(run.options),
+        "versions": versions(),
+    }
+
+
+def _process(child: Child) -> dict[str, Any]:
+    health = child.health
+    return {
+        "state": child.state,
+        "restarts": child.restarts,
+        "peak_rss_bytes": child.peak_rss_bytes,
+        "stage_ms": dict(health.stage_ms) if health else {},
+        "counters": dict(health.counters) if health else {},
+    }
+
+
+def _sent(children: Mapping[str, Child], state: RunState) -> int:
+    """By the camera's last heartbeat, which is older than the last pose; 0 without a camera of ours."""
+    if "camera" not in children:
+        return 0
+    return max(_counter(children, "camera", "sent"), state.tracked + state.lost)
+
+
+def _counter(children: Mapping[str, Child], process: str, name: str) -> int:
+    child = children.get(process)
+    return child.health.counters.get(name, 0) if child and child.health else 0
+
+
+_COUNTER = "rejected "  # followed by the topic's name in each heartbeat
+
+
+def rejected_messages(own: Iterable[Subscription], children: Mapping[str, Child]) -> dict[str, int]:
+    """Rejected messages of each topic that had some: as many as the receiver counts that saw most.
+
+    All receivers of a topic reject the same; one that was restarted counts anew.
+    """
+    most = {subscription.topic.name: subscription.rejected for subscription in own}
+    for child in children.values():
+        for name, count in child.health.counters.items() if child.health else ():
+            if name.startswith(_COUNTER):
+                topic = name.removeprefix(_COUNTER)
+                most[topic] = max(most.get(topic, 0), count)
+    return {topic: count for topic, count in sorted(most.items()) if count}

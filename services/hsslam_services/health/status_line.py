@@ -1,0 +1,125 @@
+"""The line that tells how the run goes: redrawn on a terminal, printed now and then elsewhere.
+
+What is written for people, where losing them must not end anything.
+"""
+
+import io
+import os
+import sys
+import time
+from collections.abc import Mapping
+from typing import TextIO, cast
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from hsslam_services.health.run_state import RunState
+from hsslam_services.launch.child import Child
+
+
+class PatientStream(io.TextIOBase):
+    """Writes to `stream` until nobody reads it any more (a pipe closed, a terminal gone), then nowhere."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:
+        return self._stream.encoding
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def write(self, text: str, /) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError:
+            self._fall_silent()
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            self._fall_silent()
+
+    def _fall_silent(self) -> None:
+        """What is still in the stream's buffer goes nowhere as well, at the latest when Python ends."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+
+_REDRAW_S = 0.25
+_PRINT_S = 5.0
+_STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended": "dim"}
+
+
+class StatusLine:
+    """A context that shows the state of a run; `say` prints a line above it."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console(
+            file=cast(TextIO, PatientStream(sys.stderr)), highlight=False
+        )
+        self._live = (
+            Live(console=self._console, auto_refresh=False, transient=True)
+            if self._console.is_terminal
+            else None
+        )
+        self._shown_s = 0.0
+
+    def __enter__(self) -> "StatusLine":
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live:
+            self._live.stop()
+
+    def say(self, text: str, level: str = "info") -> None:
+        """Print one line that stays."""
+        style = {"warning": "yellow", "error": "red"}.get(level, "")
+        printable = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+        line = Text(printable, style=style)  # anybody can publish an event: no escape sequences
+        if self._console.is_terminal:
+            self._console.print(line)
+        else:
+            self._console.print(line, soft_wrap=True)
+
+    def show(self, state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> None:
+        """Show the state, if it is time to."""
+        now = time.monotonic()
+        if now - self._shown_s < (_REDRAW_S if self._live else _PRINT_S):
+            return
+        self._shown_s = now
+        line = status_text(state, children, memory_mb)
+        if self._live:
+            self._live.update(line, refresh=True)
+        else:
+            self._console.print(line, soft_wrap=True)
+
+
+def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> Text:
+    """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
+    pose = state.pose
+    camera = children["camera"].health if "camera" in children else None
+    tracker = children["tracker"].health
+    sent = camera.counters.get("sent", 0) if camera else 0
+    dropped = tracker.counters.get("dropped in/frame", 0) if tracker else 0
+    quality = "-" if pose is None else "lost" if pose.status == "lost" else f"{pose.quality:.2f}"
+    frame = "-" if pose is None else str(pose.index)
+    text = Text(
+        f"frame {frame}/{sent}  {state.fps:.1f} FPS  {state.latency_ms:.0f} ms  quality {quality}  "
+        f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
+        f"dropped {dropped}  lost {state.lost}  memory {memory_mb} MB  "
+    )
+    for name, child in children.items():
+        text.append(f"{name}:", style="dim")
+        text.append(f"{child.state} ", style=_STYLES.get(child.state, "red"))
+    return text

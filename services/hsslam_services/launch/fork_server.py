@@ -1,0 +1,162 @@
+"""The fork server: imports what most processes of a run need, once, and forks them from itself.
+
+They share its pages, and a restart takes a moment instead of seconds. It has one thread and no
+connection: what it forks is as good as a fresh interpreter. A forked process is an orphan at once,
+so it becomes a child of the supervisor (a subreaper), which waits for it and is survived by none.
+
+What `ps` and /proc show of a forked process: the command line that it stands for.
+"""
+
+import argparse
+import ctypes
+import gc
+import importlib
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from hsslam_services.launch.spawn import module_command
+
+_PR_SET_NAME = 15
+_ARG_START, _ARG_END = 45, 46  # fields of /proc/self/stat after the name
+
+
+def set_process_title(name: str, command: Sequence[str]) -> None:
+    """Show `name` (15 characters) and `command`; one longer than the process's own is left out."""
+    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
+    fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    start, end = int(fields[_ARG_START]), int(fields[_ARG_END])
+    text = b"\0".join(os.fsencode(word) for word in command) + b"\0"
+    if 0 < len(text) <= end - start:
+        ctypes.memmove(start, text.ljust(end - start, b"\0"), end - start)
+
+
+_PR_SET_PDEATHSIG = 1
+_PROCESSES = "hsslam_services.processes"
+# The camera waits for nobody, so it is born before the large imports.
+_FIRST_IMPORTS = ("hsslam_services.launch.worker", f"{_PROCESSES}.camera", "cv2", "numba")
+_IMPORTS = tuple(f"{_PROCESSES}.{name}" for name in ("tracker", "mapper", "global_ba"))
+_EARLY = (f"{_PROCESSES}.camera", f"{_PROCESSES}.recorder")
+
+
+class _Request(NamedTuple):
+    """A process that is wanted."""
+
+    module: str
+    log: int  # file descriptor for its output
+    link: int  # of a socket to the supervisor
+
+    def is_wanted(self) -> bool:
+        """Whether the supervisor has not hung up meanwhile."""
+        poll = select.poll()
+        poll.register(self.link, 0)
+        return not poll.poll(0)
+
+    def close(self) -> None:
+        os.close(self.log)
+        os.close(self.link)
+
+
+def main() -> None:
+    """Serve the supervisor at the other end of the socket until it closes it, or dies."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    parser = argparse.ArgumentParser(prog="hsslam fork server")
+    parser.add_argument("--run", required=True, metavar="DIR", help="the run folder")
+    parser.add_argument("--socket-to-supervisor", type=int, required=True, metavar="FD")
+    args = parser.parse_args()
+    with socket.socket(fileno=args.socket_to_supervisor) as supervisor:
+        wanted = _serve(supervisor, args.run)
+    if wanted is not None:
+        _become(wanted, args.run)
+
+
+def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
+    """Fork what is asked for. Returns in each forked process; in the fork server, None at the end."""
+    _import(_FIRST_IMPORTS)
+    supervisor.setblocking(False)
+    waiting: list[_Request] = []
+    while isinstance(request := _receive(supervisor), _Request):
+        if request.module not in _EARLY:
+            waiting.append(request)
+        elif _fork(request, waiting):
+            return request
+    _import(_IMPORTS)
+    _load_kernels(Path(run_dir))
+    gc.freeze()  # a collection in a forked process would copy every page that it looks at
+    supervisor.setblocking(True)
+    while True:
+        request = waiting.pop(0) if waiting else _receive(supervisor)
+        if not isinstance(request, _Request):
+            return None
+        if _fork(request, waiting):
+            return request
+
+
+def _receive(supervisor: socket.socket) -> _Request | None:
+    """The next request; None when there is none (of a socket that does not block), or at the end."""
+    try:
+        module, fds, _, _ = socket.recv_fds(supervisor, 256, 2)
+    except BlockingIOError:
+        return None
+    return _Request(module.decode(), *fds) if module else None
+
+
+def _import(modules: tuple[str, ...]) -> None:
+    for module in modules:
+        importlib.import_module(module)
+
+
+def _load_kernels(run_dir: Path) -> None:
+    from hsslam_node.rehearsal import rehearse
+    from hsslam_services.run.run_info import RunInfo
+
+    rehearse(RunInfo.read(run_dir).options.slam)
+
+
+def _fork(request: _Request, others: list[_Request]) -> bool:
+    """Fork twice, so that the new process is the supervisor's; True in it, False in the fork server."""
+    threads = len(list(Path("/proc/self/task").iterdir()))
+    if threads > 1:
+        sys.exit(f"error: fork server: {threads} threads: expected 1: cannot fork")
+    child = os.fork() if request.is_wanted() else None
+    if child != 0:
+        if child is not None:
+            os.waitpid(child, 0)
+        request.close()
+        return False
+    go_between = os.getpid()
+    if os.fork():
+        os._exit(0)
+    while os.getppid() == go_between:
+        time.sleep(0.001)
+    for other in others:
+        other.close()
+    return True
+
+
+def _become(request: _Request, run_dir: str) -> None:
+    """Be the process that was asked for, from here to its end."""
+    os.setsid()
+    command = module_command(request.module, run_dir)
+    set_process_title(f"hsslam-{request.module.rpartition('.')[2]}", command)
+    with socket.socket(fileno=request.link) as link:
+        link.send(str(os.getpid()).encode())
+        if not link.recv(8):
+            os._exit(0)  # nobody wants it any more
+    os.dup2(request.log, sys.stdout.fileno())
+    os.dup2(request.log, sys.stderr.fileno())
+    os.close(request.log)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.argv = command[3:]
+    importlib.import_module(request.module).main()
+
+
+if __name__ == "__main__":
+    main()

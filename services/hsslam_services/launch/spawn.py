@@ -1,0 +1,91 @@
+"""Starting a process of a run as a fresh interpreter, and what it leaves in its log."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Protocol
+
+from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from hsslam_services.launch.process_table import environment_of_threads
+
+# glibc gives memory of this size back to the system when it is freed, and the system clears it again
+# for the next image: half the time of preparing a reference keyframe. Keep it; other C libraries do
+# not read these.
+_KEPT_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the largest that glibc takes
+    "MALLOC_TRIM_THRESHOLD_": str(128 << 20),
+}
+
+
+class Process(Protocol):
+    """What supervision asks of a process; `subprocess.Popen` is one."""
+
+    @property
+    def pid(self) -> int | None: ...
+    def poll(self) -> int | None: ...
+    def wait(self, timeout: float | None = None) -> int: ...
+    def send_signal(self, sig: int) -> None: ...
+    def terminate(self) -> None: ...
+    def kill(self) -> None: ...
+
+
+Spawn = Callable[[str, Path], Process]
+
+
+def module_command(module: str, run_dir: str) -> list[str]:
+    """The command line of a process of a run.
+
+    -P keeps the working folder out of sys.path: a checkout or a stranger's torch.py there is not imported.
+    """
+    return [sys.executable, "-P", "-m", module, "--run", run_dir]
+
+
+def spawn(module: str, run_dir: Path) -> subprocess.Popen:
+    """Start `python -m <module> --run <run_dir>` in a session of its own, its output in logs/."""
+    with open_log(run_dir, module) as log:
+        return subprocess.Popen(
+            module_command(module, str(run_dir)),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=child_environment(),
+            start_new_session=True,
+        )
+
+
+def child_environment() -> Mapping[str, str]:
+    """Variables of every process of a run: one numeric thread, the cache of the kernels, the allocator."""
+    return {
+        "NUMBA_CACHE_DIR": str(kernel_cache_folder()),
+        **_KEPT_MEMORY,
+        **os.environ,
+        **environment_of_threads(1),
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def open_log(run_dir: Path, module: str) -> IO[bytes]:
+    """The log of a process, to append to."""
+    log_file = log_path(run_dir, module)
+    log_file.parent.mkdir(exist_ok=True)
+    return log_file.open("ab")
+
+
+def log_path(run_dir: Path, module: str) -> Path:
+    """Where a process's own output goes."""
+    return run_dir / "logs" / f"{module.rpartition('.')[2]}.log"
+
+
+def last_error(run_dir: Path, module: str) -> str:
+    """The last `error: ...` line of a process's log, without the prefix."""
+    lines = log_path(run_dir, module).read_text(errors="replace").splitlines()
+    errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+    return errors[-1] if errors else f"{module} failed; see {log_path(run_dir, module)}"
+
+
+def how_it_ended(code: int) -> str:
+    """An exit code in words."""
+    return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"

@@ -1,0 +1,233 @@
+"""What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor.
+
+The device that a process of a run computes on.
+"""
+
+import argparse
+import contextlib
+import ctypes
+import dataclasses
+import faulthandler
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Literal
+
+from hsslam_node.device.choose_device import choose_device
+from hsslam_node.device.device import Device
+from hsslam_node.errors import UserError
+from hsslam_proto import topics
+from hsslam_proto.messages import Event, Health
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.subscription import Subscription
+from hsslam_services.bus.zenoh_session import shared_memory_of_run
+from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.memory import OwnMemory
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import update_summary
+
+if TYPE_CHECKING:
+    from hsslam_services.run.arena import Arena
+
+_HEARTBEAT_S = 0.5
+_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
+_PR_SET_PDEATHSIG = 1
+_EMA = 0.1  # weight of a new stage time
+_TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
+
+
+class Worker:
+    """One process of a run, as a context: heartbeats from entry to exit.
+
+    The loop calls `ready` when it can take work, and `should_stop` each time it comes round (at
+    least every few seconds: that is what the supervisor's stall timeout watches). `counters` and
+    `stage_ms` travel with every heartbeat.
+    """
+
+    def __init__(self, name: str, run: RunInfo) -> None:
+        self.name = name
+        self.run = run
+        self.options = run.options
+        first_camera = name == "camera" and not CameraProgress.exists(Path(run.arena_dir))
+        shared_memory = shared_memory_of_run(run.options.source, sends_frames=first_camera)
+        self.bus = Bus(run.endpoint, run.robot, name, settings=shared_memory)
+        self.counters: dict[str, int] = {}
+        self.stage_ms: dict[str, float] = {}
+        self._state = "starting"
+        self._stop = threading.Event()
+        self._ended = threading.Event()
+        self._turned_s = time.monotonic()
+        self._tell_rejected: dict[str, int] = {}  # of each topic, when so many were
+        self._memory = OwnMemory()
+        self._events = self.bus.publisher(topics.EVENT)
+        self._health = self.bus.publisher(topics.HEALTH)
+        self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
+
+    def __enter__(self) -> "Worker":
+        for number in _STOP_SIGNALS:
+            signal.signal(number, self._signalled)
+        self._heartbeat.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._state = "stopping"
+        self._ended.set()
+        self._heartbeat.join()
+        self.bus.close()
+
+    @cached_property
+    def arena(self) -> "Arena":
+        """The shared arrays of the run (imports torch)."""
+        from hsslam_services.run.arena import Arena
+
+        return Arena(Path(self.run.arena_dir))
+
+    def ready(self) -> None:
+        """Tell everybody that work is taken from now on; they wait for it."""
+        self._state = "running"
+        self._publish_health()
+
+    def should_stop(self) -> bool:
+        """Whether the loop must end: SIGTERM, SIGINT, or the supervisor is gone."""
+        self._turned_s = time.monotonic()
+        return self._stop.is_set()
+
+    def stop_event(self) -> threading.Event:
+        """Set when `should_stop`; to wait on instead of sleeping."""
+        return self._stop
+
+    def count(self, name: str, by: int = 1) -> None:
+        """Add to a counter of the heartbeat."""
+        self.counters[name] = self.counters.get(name, 0) + by
+
+    @contextlib.contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Time a block; its running mean (ms) travels with the heartbeat."""
+        start = time.perf_counter()
+        yield
+        took_ms = 1e3 * (time.perf_counter() - start)
+        mean_ms = self.stage_ms.get(stage, took_ms)
+        self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
+
+    def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
+        """Tell the operator: status line, log, viewer."""
+        print(f"{level}: {text}", file=sys.stderr, flush=True)
+        self._events.put(
+            Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
+        )
+
+    def _signalled(self, _number: int, _frame: FrameType | None) -> None:
+        """Once is enough: a second one within `set` would wait for ever for the first one's lock."""
+        for number in _STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        self._stop.set()
+
+    def _beat(self) -> None:
+        while True:
+            self._publish_health()
+            if self._ended.wait(_HEARTBEAT_S):
+                break
+            if os.getppid() != self.run.supervisor_pid:
+                self._stop.set()
+        self._publish_health()
+
+    def _publish_health(self) -> None:
+        state = self._state  # first, so that what was counted before "running" goes with it
+        counters = dict(self.counters)
+        for subscription in self.bus.subscriptions:
+            topic = subscription.topic.name
+            counters[f"dropped {topic}"] = subscription.dropped
+            counters[f"rejected {topic}"] = subscription.rejected
+            self._tell_of(subscription)
+        counters["pss_mb"] = self._memory.pss_mb()
+        counters["idle_ms"] = int(1e3 * (time.monotonic() - self._turned_s))
+        self._health.put(
+            Health(
+                process=self.name,
+                pid=os.getpid(),
+                state=state,
+                rss_bytes=_rss_bytes(),
+                counters=counters,
+                stage_ms=dict(self.stage_ms),
+            )
+        )
+
+    def _tell_of(self, subscription: Subscription) -> None:
+        """Messages that could not be read: the first, and ever more of them."""
+        count, topic = subscription.rejected, subscription.topic.name
+        rejections = subscription.take_rejections()
+        if rejections and count >= self._tell_rejected.get(topic, 1):
+            self._tell_rejected[topic] = _TOLD_AGAIN * count
+            so_far = f" ({count} so far)" if count > 1 else ""
+            self.event("warning", f"dropped: {rejections[0].text}{so_far}")
+
+
+def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
+    """Body of a process's `main`: `--run DIR` from the command line, then `loop(worker)`.
+
+    Exits with 0 when the loop returns, 2 with one line on a `UserError`, 1 with a traceback (in the
+    process's log) on anything else.
+    """
+    faulthandler.enable()
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    parser = argparse.ArgumentParser(prog=f"hsslam {name}")
+    parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
+    run_dir = parser.parse_args().run
+    _give_way(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
+    try:
+        run = RunInfo.read(run_dir)
+        if os.getppid() != run.supervisor_pid:
+            raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
+        with Worker(name, run) as worker:
+            try:
+                loop(worker)
+            except UserError as error:
+                worker.event("error", str(error))
+                raise
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        sys.exit(2)
+
+
+def _give_way(nice: int) -> None:
+    """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
+    its own, only that of the session counts between them. Somebody else's session is left alone."""
+    os.nice(nice)
+    if os.getsid(0) != os.getpid():
+        return
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(nice), encoding="utf-8")
+
+
+def _rss_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def worker_device(worker: Worker, *, rehearsed: bool = False) -> Device:
+    """What the run's option comes to in this process.
+
+    With `rehearsed` a GPU's kernels are compiled and loaded now, not when a frame waits for them.
+
+    Raises:
+        UserError: CUDA is asked for and does not work; the run ends with that line.
+    """
+    device = choose_device(worker.options.device)
+    if rehearsed and device.kind == "cuda":
+        from hsslam_node.rehearsal import rehearse
+
+        rehearse(worker.options.slam, device)
+    return device
+
+
+def tell_device(worker: Worker, device: Device) -> None:
+    """For one process of the run: an event for status line, log and viewer, and a line of the summary."""
+    worker.event("info", f"the map is computed by {device}")
+    update_summary(worker.run.path, {"device": dataclasses.asdict(device)})

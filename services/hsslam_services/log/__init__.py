@@ -1,0 +1,1 @@
+"""The MCAP log of a run: written, recovered, read."""

@@ -1,0 +1,143 @@
+"""The poses of a log: as they were published, and as bundle adjustment left them.
+
+The newest mesh of a log.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_proto import messages
+from hsslam_proto.map_epoch import WorldOrder
+from hsslam_proto.mesh_codec import mesh_arrays
+from hsslam_proto.messages import Quaternion, Vector
+from hsslam_proto.topics import CORRECTION, KEYFRAME, MESH, POSE
+from hsslam_services.log.reader import Logged, bus_messages
+
+
+@dataclass(frozen=True)
+class LoggedPoses:
+    """Each frame once, lost ones in `poses` only.
+
+    `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt; a pose whose
+    keyframe is not in the log (a part of it was cut off) stays as published.
+    """
+
+    poses: list[messages.Pose]
+    online: Trajectory
+    final: Trajectory
+    keyframes: Trajectory
+
+
+def logged_poses(files: list[Path]) -> LoggedPoses:
+    """Read them from the files of one log, in order; those of the last world.
+
+    Raises:
+        UserError: a file is damaged, or of a version that cannot be read.
+    """
+    worlds = logged_worlds(files)
+    return worlds[max(worlds)]
+
+
+def logged_worlds(files: list[Path]) -> dict[int, LoggedPoses]:
+    """The same of all worlds, by number: one more each time that the map was thrown away."""
+    worlds: dict[int, _Found] = {}
+    for logged in bus_messages(files, {POSE.name, KEYFRAME.name, CORRECTION.name}):
+        match logged.message():
+            case messages.Pose() as pose:
+                worlds.setdefault(pose.world, _Found()).add_pose(pose)
+            case messages.Keyframe() as keyframe:
+                worlds.setdefault(keyframe.world, _Found()).add_keyframe(keyframe)
+            case messages.Correction() as moved:
+                worlds.setdefault(moved.world, _Found()).correct(moved)
+    return {world: found.all() for world, found in sorted(worlds.items())} or {0: _Found().all()}
+
+
+@dataclass
+class _Found:
+    """What was read so far; keyframe poses are those of now."""
+
+    poses: dict[int, messages.Pose] = field(default_factory=dict)  # by frame index
+    T_keyframe_cam: dict[int, np.ndarray] = field(default_factory=dict)  # by frame index
+    waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
+    keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
+    stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes, by id
+
+    def add_pose(self, pose: messages.Pose) -> None:
+        if pose.index in self.poses:
+            return  # a frame that was sent again is answered again
+        self.poses[pose.index] = pose
+        if pose.status == "lost":
+            return
+        if pose.keyframe in self.keyframes:
+            self._refer(pose)
+        elif pose.keyframe >= 0:
+            self.waiting.setdefault(pose.keyframe, []).append(pose)
+
+    def add_keyframe(self, keyframe: messages.Keyframe) -> None:
+        self.keyframes[keyframe.id] = _matrix(keyframe.t, keyframe.q)
+        self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
+        for pose in self.waiting.pop(keyframe.id, []):
+            self._refer(pose)
+
+    def correct(self, moved: messages.Correction) -> None:
+        for k, t, q in zip(moved.keyframes, moved.t, moved.q, strict=True):
+            if k in self.keyframes:
+                self.keyframes[k] = _matrix(t, q)
+
+    def all(self) -> LoggedPoses:
+        poses = list(self.poses.values())
+        known = [pose for pose in poses if pose.status != "lost"]
+        stamps = [pose.source_stamp_ns for pose in known]
+        ids = sorted(self.keyframes)
+        return LoggedPoses(
+            poses=poses,
+            online=_trajectory(stamps, [_matrix(pose.t, pose.q) for pose in known]),
+            final=_trajectory(stamps, [self._carried(pose) for pose in known]),
+            keyframes=_trajectory(
+                [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
+            ),
+        )
+
+    def _refer(self, pose: messages.Pose) -> None:
+        T_keyframe_world = inverse(self.keyframes[pose.keyframe])
+        self.T_keyframe_cam[pose.index] = T_keyframe_world @ _matrix(pose.t, pose.q)
+
+    def _carried(self, pose: messages.Pose) -> np.ndarray:
+        if pose.index not in self.T_keyframe_cam:
+            return _matrix(pose.t, pose.q)
+        return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[pose.index]
+
+
+def _matrix(t: Vector, q: Quaternion) -> np.ndarray:
+    return transform(np.array(t), np.array(q))
+
+
+def _trajectory(stamps_ns: list[int], poses: list[np.ndarray]) -> Trajectory:
+    return Trajectory(np.array(stamps_ns, np.int64), np.array(poses).reshape(-1, 4, 4))
+
+
+def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
+    """Coloured triangles (m, world of the poses) from the files of one log; None where they hold none of
+    the last map.
+
+    Raises:
+        UserError: a file is damaged, or of a version that cannot be read.
+    """
+    newest: Logged | None = None
+    worlds = WorldOrder()
+    for logged in bus_messages(files, {MESH.name, KEYFRAME.name}):
+        if logged.topic is MESH:
+            newest = logged
+        else:
+            worlds.begins_with(logged.message())
+    message = None if newest is None else newest.message()
+    if message is None or worlds.is_past(message):
+        return None
+    assert isinstance(message, messages.Mesh)
+    vertices, faces, colors = mesh_arrays(message)
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)

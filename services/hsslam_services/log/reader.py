@@ -1,0 +1,184 @@
+"""Logs opened for reading: an unfinished one is recovered first, one that is being written refused.
+
+One file of a log, open for reading.
+"""
+
+import errno
+import fcntl
+import struct
+from collections.abc import Callable, Container, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.reader import McapReader, make_reader
+
+from hsslam_node.errors import UserError
+from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
+from hsslam_proto.messages import Message
+from hsslam_proto.topics import TOPICS, Topic
+from hsslam_services.log.recovery import MAGIC, is_finished, parts, recover
+
+_TORN = (
+    *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
+    *(OverflowError, MemoryError),  # of a size that is none
+)
+
+
+@contextmanager
+def log_reader(path: Path) -> Iterator[McapReader]:
+    """A reader that checks all sums; whatever a damaged file raises while it is read becomes one line.
+
+    Raises:
+        UserError: the file claims to be whole and is not.
+    """
+    with path.open("rb") as stream:
+        try:
+            yield make_reader(stream, validate_crcs=True)
+        except _TORN as error:
+            raise _damaged(path, error) from None
+        except OSError as error:
+            if error.errno != errno.EINVAL:  # of a place that no file has
+                raise
+            raise _damaged(path, error) from None
+
+
+def start_ns(reader: McapReader) -> int:
+    """Wall clock of the first message, ns; 0 where there is none."""
+    summary = reader.get_summary()
+    statistics = summary.statistics if summary else None
+    return statistics.message_start_time if statistics else 0
+
+
+def end_ns(reader: McapReader) -> int:
+    """Wall clock of the last message, ns; 0 where there is none."""
+    summary = reader.get_summary()
+    statistics = summary.statistics if summary else None
+    return statistics.message_end_time if statistics else 0
+
+
+def _damaged(path: Path, error: Exception) -> UserError:
+    return UserError(f"{path}: damaged ({error!s:.120}): expected a whole MCAP file")
+
+
+Say = Callable[[str], None]
+_TOPICS = {topic.name: topic for topic in TOPICS}
+
+
+@dataclass(frozen=True)
+class Logged:
+    """One message of the bus as it lies in a log: exact payload, wall clock times."""
+
+    robot: str
+    topic: Topic
+    payload: bytes
+    encoding: str
+    log_ns: int
+    publish_ns: int
+
+    def message(self) -> Message:
+        """The message itself; UserError where this version cannot read it."""
+        message = decode(self.topic, self.payload, self.encoding)
+        if isinstance(message, Rejected):
+            raise UserError(f"log: {message.text}")
+        return message
+
+
+def log_parts(place: str | Path, say: Say) -> list[Path]:
+    """The files of a log (one MCAP file, or all parts in a run folder, in order), each readable.
+
+    An unfinished file is recovered in place; `say` takes the line that tells it.
+
+    Raises:
+        UserError: no such file or folder, no MCAP file, or one that a run is still writing.
+    """
+    path = Path(place).expanduser()
+    if path.is_dir():
+        found = parts(path)
+        if not found:
+            raise UserError(f"{path}: no log there: expected a run folder with run.mcap")
+    else:
+        found = [path]
+    for file in found:
+        make_readable(file, say)
+    return found
+
+
+def is_log(place: str) -> bool:
+    """Whether a log is named, not a run folder with all its files."""
+    return place.startswith("mcap:") or place.endswith(".mcap")
+
+
+def make_readable(path: Path, say: Say) -> bool:
+    """Recover the file if it is unfinished, and tell it; False if there was nothing to do.
+
+    Raises:
+        UserError: it cannot be read, is no MCAP file, or is being written.
+    """
+    try:
+        with path.open("rb") as stream:
+            if not MAGIC.startswith(stream.read(len(MAGIC))):
+                raise UserError(f"{path}: not an MCAP file: expected a log such as run.mcap")
+            if _is_locked(stream.fileno()):
+                raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
+        if is_finished(path):
+            return False
+        recovered = recover(path)
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
+    say(f"{path}: was not finished: recovered {sum(recovered.counts.values())} messages")
+    return True
+
+
+def bus_messages(
+    files: list[Path], names: Container[str] | None = None, start_s: float = 0.0
+) -> Iterator[Logged]:
+    """Messages of the bus in order of arrival, of the topics of these names (none: all known).
+
+    `start_s` after the first message of the first file, seconds.
+    """
+    first_ns: int | None = None
+    for path in files:
+        with log_reader(path) as reader:
+            wanted = [key for key in _keys(reader) if _is_wanted(key, names)]
+            if first_ns is None:
+                first_ns = start_ns(reader) + round(1e9 * start_s)
+            if not wanted:
+                continue
+            for schema, channel, record in reader.iter_messages(wanted, starting_at=first_ns):
+                robot, name = _split(channel.topic)
+                yield Logged(
+                    robot=robot,
+                    topic=_TOPICS[name],
+                    payload=record.data,
+                    encoding=f"{MEDIA_TYPE};{schema.name if schema else ''}",
+                    log_ns=record.log_time,
+                    publish_ns=record.publish_time,
+                )
+
+
+def _keys(reader: McapReader) -> list[str]:
+    summary = reader.get_summary()
+    return sorted({channel.topic for channel in summary.channels.values()}) if summary else []
+
+
+def _is_wanted(key: str, names: Container[str] | None) -> bool:
+    name = _split(key)[1]
+    return name in _TOPICS and (names is None or name in names)
+
+
+def _split(key: str) -> tuple[str, str]:
+    """Robot and topic name of a key `hsslam/<robot>/<name>`; empty for the /viz layer."""
+    root, _, rest = key.partition("/")
+    robot, _, name = rest.partition("/")
+    return (robot, name) if root == "hsslam" else ("", "")
+
+
+def _is_locked(fd: int) -> bool:
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False

@@ -1,0 +1,141 @@
+"""The frames of a log as a source: `--source mcap:run.mcap`.
+
+What a log was recorded from: for those who look for its ground truth.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_proto import messages
+from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.topics import FRAME
+from hsslam_services.log.mcap_writer import RUN_METADATA
+from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
+from hsslam_services.run.options import ServeOptions
+
+_RATE_FRAMES = 30  # the rate is told from the stamps of so many
+
+
+class McapSource:
+    """Frames of a log (a file, or all parts of a run folder) with the stamps that they had.
+
+    Indices are those of the log, so that whatever is drawn at random by frame is drawn as before; a
+    frame that was sent twice comes once. Colour is as the log has it: a JPEG is not what the tracker saw.
+    Opening reads the log through (0.3 s for 200 MB): its frames are counted, and `stamps_ns` has their
+    stamps, [N] int64.
+
+    Raises:
+        UserError: no log there, none that can be read, or it holds no frame that is selected.
+    """
+
+    def __init__(self, place: str, options: SourceOptions) -> None:
+        self._files = log_parts(place, lambda text: print(text, file=sys.stderr))
+        self.name = f"mcap:{place}"
+        first: messages.Frame | None = None
+        stamps_ns: list[int] = []
+        for message in self._logged():
+            first = first or message
+            stamps_ns.append(message.source_stamp_ns)
+        if first is None:
+            raise UserError(f"source mcap:{place}: holds no frames: expected a log with in/frame")
+        self._rows = frozenset(options.selected(len(stamps_ns)))
+        if not self._rows:
+            raise UserError(
+                f"--start {options.start}: source mcap:{place} has {len(stamps_ns)} frames"
+            )
+        self.stamps_ns = np.array(stamps_ns)[sorted(self._rows)]
+        self.frame_count: int | None = len(self._rows)
+        self.camera = Camera(
+            first.width_px, first.height_px, first.fx, first.fy, first.cx, first.cy
+        )
+        self.depth_units_per_m = first.depth_units_per_m
+        period_ns = (
+            float(np.median(np.diff(self.stamps_ns[:_RATE_FRAMES]))) if len(self._rows) > 1 else 0.0
+        )
+        self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Selected frames; one whose images cannot be decoded comes as a `BadFrame`."""
+        last = max(self._rows)
+        for row, message in enumerate(self._logged()):
+            if row > last:
+                return
+            if row in self._rows:
+                try:
+                    yield frame_from_message(message)
+                except UserError as error:
+                    yield BadFrame(message.index, message.source_stamp_ns, str(error))
+
+    def _logged(self) -> Iterator[messages.Frame]:
+        """All frames, not decoded, in order of their indices."""
+        newest = -1
+        for logged in bus_messages(self._files, {FRAME.name}):
+            message = logged.message()
+            assert isinstance(message, messages.Frame)
+            if message.index > newest:
+                newest = message.index
+                yield message
+
+
+_MOST_LOGS = 8  # a run from the log of a run from the log of ...
+
+
+@dataclass(frozen=True)
+class RecordedSource:
+    """A source as `open_source` takes it."""
+
+    spec: str
+    options: SourceOptions
+
+
+def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSource:
+    """`spec` itself, unless it is a log: then what its frames came from, with the same selection of them.
+
+    Raises:
+        UserError: a log is not there, cannot be read or does not tell.
+    """
+    for _ in range(_MOST_LOGS):
+        kind, _, place = spec.partition(":")
+        if kind != "mcap":
+            return RecordedSource(spec, options)
+        run = logged_options(log_parts(place, say))
+        if run is None:
+            raise UserError(f"source {spec}: does not tell what it was recorded from")
+        count = McapSource(place, options).frame_count
+        inner = run.source_options
+        spec = run.source
+        options = replace(
+            inner,
+            noise=options.noise if inner.noise == "none" else inner.noise,
+            start=inner.start + inner.stride * options.start,
+            stride=inner.stride * options.stride,
+            frames=count,
+            downscale=inner.downscale * options.downscale,
+        )
+    raise UserError(
+        f"source {spec}: expected at most {_MOST_LOGS} logs, each recorded from the next"
+    )
+
+
+def logged_options(files: list[Path]) -> ServeOptions | None:
+    """The options of the run that wrote the log; None where it does not tell, or is of another version.
+
+    Raises:
+        UserError: the log is damaged.
+    """
+    with log_reader(files[0]) as reader:
+        records = list(reader.iter_metadata())
+    about = next((record.metadata for record in records if record.name == RUN_METADATA), {})
+    try:
+        return msgspec.json.decode(about.get("options", "").encode(), type=ServeOptions)
+    except (msgspec.MsgspecError, UserError):
+        return None

@@ -1,0 +1,131 @@
+"""The camera process: publishes a source's frames, on the sensor's clock or in lockstep.
+
+Whether the run is paused, as the camera hears it.
+"""
+
+import contextlib
+import itertools
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, Source
+from hsslam_proto import topics
+from hsslam_proto.messages import SourceEnd
+from hsslam_services.camera.open_source import is_live, open_any_source
+from hsslam_services.camera.pacing import Live, Lockstep, Pace, Realtime
+from hsslam_services.camera.prefetch import Prefetch
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.map_state import RunMode
+
+_POLL_S = 0.1
+
+
+class CameraHold:
+    """Listens to `sys/hold`; a restarted camera hears the last word again."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._holds = worker.bus.subscribe(topics.HOLD, 4)
+        self._is_paused = False
+
+    def wait(self) -> float:
+        """Return when frames may be sent, or this worker must stop; seconds waited."""
+        start_s = time.monotonic()
+        self._hear()
+        if not self._is_paused:
+            return 0.0
+        while self._is_paused and not self._worker.should_stop():
+            self._worker.stop_event().wait(_POLL_S)
+            self._hear()
+        return time.monotonic() - start_s
+
+    def _hear(self) -> None:
+        for hold in self._holds.drain():
+            self._is_paused = hold.paused
+
+
+_AHEAD = 30  # frames decoded in advance: rides out a second of other load
+_FLUSH_S = 0.3  # for the last message to leave
+
+
+def main() -> None:
+    run_worker("camera", _run)
+
+
+def _run(worker: Worker) -> None:
+    options = worker.options
+    try:
+        source = open_any_source(options.source, options.source_options, worker.should_stop)
+    except UserError:
+        if worker.should_stop():  # while it waited for a live camera
+            return
+        raise
+    progress = CameraProgress.read(Path(worker.run.arena_dir))
+    # in lockstep all wait for a frame that is lost: rather wait for room on the way
+    frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
+    pace: Pace
+    if options.pace == "lockstep":
+        pace = Lockstep(worker, frames_topic)
+    elif is_live(options.source):
+        pace = Live(worker, frames_topic)
+    else:
+        pace = Realtime(
+            worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
+        )
+    hold, mode = CameraHold(worker), RunMode(worker.run.arena_dir)
+    world = mode.world
+    with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
+        pace.wait_for_peers()
+        worker.ready()
+        progress.write(Path(worker.run.arena_dir))  # before the first frame goes out
+        for item in items:
+            pace.held(hold.wait())
+            if mode.world != world:
+                world = mode.world
+                pace.begin_world()
+            if worker.should_stop():
+                break
+            if isinstance(item, BadFrame):
+                progress.bad += 1
+                worker.event("warning", f"frame {item.index} skipped: {item.reason}")
+            else:
+                pace.send(item)
+                progress.sent += 1
+            progress.next_index += 1
+            progress.write(Path(worker.run.arena_dir))
+            worker.counters.update(sent=progress.sent, bad=progress.bad)
+    reason = "stopped" if worker.should_stop() else "end of source"
+    worker.bus.publisher(topics.SOURCE_END).put(
+        SourceEnd(frame_count=progress.sent, bad_frame_count=progress.bad, reason=reason)
+    )
+    time.sleep(_FLUSH_S)
+
+
+def _items(
+    source: Source, spec: str, first: int
+) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
+    """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
+    if is_live(spec):
+        return _renumbered(source.frames(), first)
+    return Prefetch(itertools.islice(source.frames(), first, None), _AHEAD)
+
+
+def _renumbered(
+    items: Iterator[Frame | BadFrame], first: int
+) -> Generator[Frame | BadFrame, None, None]:
+    for item in items:
+        yield replace(item, index=first + item.index)
+
+
+def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:
+    """Seconds of the sensor's clock per second of the source's stamps."""
+    return 1.0 if rate_hz is None else source_rate_hz / rate_hz
+
+
+if __name__ == "__main__":
+    main()

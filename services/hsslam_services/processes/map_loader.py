@@ -1,0 +1,54 @@
+"""Fills the arena with a saved map, once, before the processes start that go on in it; then ends."""
+
+from dataclasses import replace
+
+from hsslam_node.errors import UserError
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.restore_map import restore_map
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.run.maps_folder import find_map
+from hsslam_services.run.options import ServeOptions
+
+_SAME_PX = 1.0  # focal lengths and centres of one camera
+
+
+def main() -> None:
+    run_worker("map_loader", _run)
+
+
+def _run(worker: Worker) -> None:
+    options = worker.options
+    path = find_map(options.maps, options.map)
+    store, _ = restore_map(worker.arena, path, options.slam)
+    if options.has_camera_process:
+        _expect_camera(options, store)
+    doing = "localises in" if options.localise_only else "goes on in"
+    worker.event("info", f"{doing} {path}: {store.count} keyframes")
+
+
+def _expect_camera(options: ServeOptions, store: KeyframeStore) -> None:
+    """UserError where the source is not of the camera that the map was made with."""
+    source = open_any_source(options.source, replace(options.source_options, noise="none"))
+    here, there = source.camera, store.camera
+    if (here.width_px, here.height_px) != (there.width_px, there.height_px):
+        sizes = (
+            f"{here.width_px} x {here.height_px} px: expected {there.width_px} x {there.height_px}"
+        )
+        raise UserError(f"--map {options.map}: source {options.source} has {sizes}, as in the map")
+    for name in ("fx", "fy", "cx", "cy"):
+        value, expected = getattr(here, name), getattr(there, name)
+        if abs(value - expected) > _SAME_PX:
+            raise UserError(
+                f"--map {options.map}: camera.{name} of source {options.source} is {value:.2f} px: "
+                f"expected {expected:.2f}, as in the map"
+            )
+    if source.depth_units_per_m != store.depth_units_per_m:
+        raise UserError(
+            f"--map {options.map}: source {options.source} has {source.depth_units_per_m:g} depth "
+            f"units per metre: expected {store.depth_units_per_m:g}, as in the map"
+        )
+
+
+if __name__ == "__main__":
+    main()

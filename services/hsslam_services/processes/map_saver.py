@@ -1,0 +1,43 @@
+"""Writes the map of a running service, once, when a client asks for it; then ends."""
+
+from pathlib import Path
+
+from hsslam_node.checkpoint import save_checkpoint
+from hsslam_node.errors import UserError
+from hsslam_proto.request_messages import SavedMap
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.run.map_snapshot import map_snapshot
+from hsslam_services.run.maps_folder import map_path, read_save_request, write_saved_map
+from hsslam_services.run.shared_map import MapLink
+
+
+def main() -> None:
+    run_worker("map_saver", _run)
+
+
+def _run(worker: Worker) -> None:
+    arena_dir = Path(worker.run.arena_dir)
+    request = read_save_request(arena_dir)
+    path = map_path(worker.options.maps, request.name)
+    if path.exists() and not request.replace:
+        raise UserError(
+            f"map {request.name}: is there already: expected another name, or to replace"
+        )
+    link = MapLink(worker.arena, worker.options.slam)
+    checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--maps {path.parent}: {error.strerror}: expected a folder") from None
+    save_checkpoint(path, checkpoint)
+    saved = SavedMap(
+        name=request.name,
+        path=str(path),
+        nbytes=path.stat().st_size,
+        keyframes=len(checkpoint.T_world_keyframe),
+    )
+    write_saved_map(arena_dir, saved)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,196 @@
+"""The mapper process: keyframes in, map versions out."""
+
+import time
+
+from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.field.layout import FieldLayout
+from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.map_optimiser import StepReport
+from hsslam_node.mapping.mapper import Mapper
+from hsslam_proto import topics
+from hsslam_proto.messages import MapVersion, Step
+from hsslam_services.launch.worker import Worker, run_worker, tell_device, worker_device
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.shared_map import MapLink
+
+PARAMETERS_LEASE = "params"
+_POLL_S = 0.05
+_LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
+
+
+def main() -> None:
+    run_worker("mapper", _run)
+
+
+def _run(worker: Worker) -> None:
+    loop = _MapperLoop(worker)
+    _follow_keyframes(worker, loop)
+    loop.polish()
+
+
+def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
+    if worker.options.pace == "lockstep":
+        poses = worker.bus.subscribe(topics.POSE, depth=64, history=True)
+        steps = worker.bus.publisher(topics.STEP)
+        newest = -1
+        worker.ready()
+        while not worker.should_stop():
+            pose = poses.wait(_POLL_S)
+            if pose is None:
+                continue
+            # the second answer to a frame that was sent again is only answered again: the next frame may be
+            # on its way by now, and its keyframe's turn has not come
+            while pose.index > newest and loop.has_work():
+                loop.work()
+            newest = max(newest, pose.index)
+            steps.put(Step(stage="mapped", index=pose.index))
+    else:
+        keyframes = worker.bus.subscribe(topics.KEYFRAME, depth=64)
+        worker.ready()
+        while not worker.should_stop():
+            if loop.has_work():
+                loop.work()
+            else:
+                keyframes.wait(_POLL_S)
+            keyframes.drain()  # they only wake this loop: the store says how many there are
+
+
+class _MapperLoop:
+    """Works off the iterations that keyframes bring with them; a restarted one goes on."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._slam = worker.options.slam
+        self._device = worker_device(worker, rehearsed=True)
+        tell_device(worker, self._device)
+        self._link = MapLink(worker.arena, worker.options.slam)
+        self._mode = RunMode(worker.run.arena_dir)
+        self._maps = worker.bus.publisher(topics.MAP)
+        self._mapper: Mapper | None = None
+        self._parameters: FieldParameters | None = None
+        self._keyframes_seen = 0
+        self._due = 0
+        self._iterations = 0
+        store = self._link.store()
+        parameters = self._link.parameters()
+        if store is not None and parameters is not None and parameters.version > 0:
+            self._open(parameters)
+            self._keyframes_seen = store.count - 1
+            if store.inherited < store.count:
+                worker.event("warning", f"mapper resumes at map version {parameters.version}")
+
+    def has_work(self) -> bool:
+        """Whether there are iterations to do for the keyframes there are now."""
+        store = self._link.store()
+        if store is None or store.count == 0:
+            return False
+        if self._parameters is None:
+            return True
+        if self._mode.localise_only:
+            self._keyframes_seen, self._due = store.count, 0
+            return False
+        per_keyframe = self._slam.mapper.iterations
+        self._due += per_keyframe * (store.count - self._keyframes_seen)
+        self._keyframes_seen = store.count
+        if self._worker.options.pace == "realtime":
+            self._due = min(self._due, _LONGEST_BACKLOG * per_keyframe)
+        return self._due > 0
+
+    def work(self) -> None:
+        """The first map, or the iterations of one keyframe; then publish."""
+        store = self._link.store()
+        assert store is not None
+        if self._parameters is None:
+            self._first_map(store)
+            return
+        assert self._mapper is not None
+        start = time.perf_counter()
+        n = min(self._due, max(self._slam.mapper.iterations, 1))
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            self._cover(store)
+            for _ in range(n):
+                with self._worker.timed("iteration"):
+                    report = self._mapper.iterate(store)
+                if self._mode.is_given_up:
+                    break
+            self._mapper.publish()
+        self._due -= n
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def _cover(self, store: KeyframeStore) -> None:
+        """Let the map grow to what the new keyframes see; the caller holds the lease."""
+        assert self._mapper is not None
+        with self._worker.timed("cover"):
+            try:
+                bound = self._mapper.cover(store)
+            except OutOfMemoryError as error:
+                self._worker.event("warning", f"the map cannot grow any more: {error}")
+                return
+        if bound is not None:
+            sides = " x ".join(f"{side:.1f}" for side in bound.extent_m)
+            self._worker.count("growths")
+            self._worker.event("info", f"the map grows to {sides} m")
+
+    def polish(self) -> None:
+        """The last iterations, over all keyframes alike; then publish."""
+        store = self._link.store()
+        if store is None or self._mapper is None or self._parameters is None:
+            return
+        if not self._mode.may_change:
+            return
+        n = self._slam.mapper.last_iterations * store.count
+        if n == 0:
+            return
+        self._worker.event("info", f"the source has ended: {n} last iterations of the map")
+        start = time.perf_counter()
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            for _ in range(n):
+                report = self._mapper.polish(store)
+            self._mapper.publish()
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def _first_map(self, store: KeyframeStore) -> None:
+        start = time.perf_counter()
+        bound = initial_bound(store.frame(0), self._slam.bound, self._slam.mapper.max_depth_m)
+        layout = FieldLayout.over(self._slam.field, bound)
+        self._open(FieldParameters.create(self._worker.arena, layout, self._worker.options.seed))
+        assert self._mapper is not None and self._parameters is not None
+        n = self._slam.mapper.first_iterations
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            for _ in range(n):
+                if self._worker.should_stop():
+                    break
+                report = self._mapper.initialise(store)
+            self._mapper.publish()
+        self._keyframes_seen = 1
+        self._iterations += n
+        self._publish(report, store, start)
+
+    def _open(self, parameters: FieldParameters) -> None:
+        self._parameters = parameters
+        self._mapper = Mapper(self._slam, parameters, self._worker.options.seed, self._device)
+
+    def _publish(self, report: StepReport, store: KeyframeStore, start: float) -> None:
+        assert self._parameters is not None
+        self._worker.counters.update(
+            iterations=self._iterations, map_version=self._parameters.version
+        )
+        self._worker.count("samples outside the bound", report.outside)
+        self._maps.put(
+            MapVersion(
+                version=self._parameters.version,
+                iterations=self._parameters.step,
+                loss=report.loss,
+                keyframes=store.count,
+                mapping_ms=1e3 * (time.perf_counter() - start),
+                world=self._mode.world,
+            )
+        )
+
+
+if __name__ == "__main__":
+    main()

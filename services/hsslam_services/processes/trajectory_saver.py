@@ -1,0 +1,25 @@
+"""Writes the trajectories of a map that is thrown away, before its keyframes are gone; then ends."""
+
+from hsslam_node.errors import UserError
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.processes.saver import save_trajectories
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.shared_map import MapLink
+
+
+def main() -> None:
+    run_worker("trajectory_saver", _run)
+
+
+def _run(worker: Worker) -> None:
+    store = MapLink(worker.arena, worker.options.slam).store()
+    world = RunMode(worker.run.arena_dir).world
+    try:
+        save_trajectories(worker.run.path, worker.arena, store, world, f".world{world}")
+    except OSError as error:
+        where = f"{worker.run.path}: {error.strerror}"
+        raise UserError(f"{where}: expected to write the trajectories so far there") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Answers to clients: the request gateway and the work behind each request."""

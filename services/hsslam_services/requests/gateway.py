@@ -1,0 +1,135 @@
+"""The request gateway: what clients ask of a running service, answered in the supervisor's loop."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hsslam_proto import requests as rpc
+from hsslam_proto.request_messages import Done, Status
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.requests import Asked
+from hsslam_services.health.run_state import RunState
+from hsslam_services.health.status import rejected_messages, run_status
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.spawn import Spawn
+from hsslam_services.requests.map_reset import MapReset
+from hsslam_services.requests.map_save import MapSaving
+from hsslam_services.requests.mesh_and_trajectory import NewestMesh, rows_of, trajectory_so_far
+from hsslam_services.requests.pause_and_mode import Holding, ModeSetting
+from hsslam_services.run.run_info import RunInfo
+
+_AT_A_TIME = 64  # requests in one turn of the loop
+
+
+class Gateway:
+    """Answers the table of requests; `tick` never blocks.
+
+    `wants_stop`: somebody has asked for the end of the run. `is_stopping`: set by the supervisor
+    when the end has begun.
+    """
+
+    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
+        self.wants_stop = False
+        self.is_stopping = False
+        self._run = run
+        self._bus = bus
+        self._requests = bus.requests()
+        self._holding = Holding(bus, run)
+        self._mode = ModeSetting(bus, run)
+        self._mesh = NewestMesh(bus)
+        self._saving = MapSaving(run, spawn)
+        self._reset = MapReset(bus, run, spawn, self._holding)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a map is being saved or thrown away; the end of the run waits for it."""
+        return self._saving.is_busy or self._reset.is_busy
+
+    @property
+    def is_resetting(self) -> bool:
+        """Whether tracker and mapper are being replaced; the others start after them."""
+        return self._reset.is_busy
+
+    def tick(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> None:
+        """Answer what was asked since the last time."""
+        for _ in range(_AT_A_TIME):
+            asked = self._requests.poll()
+            if asked is None:
+                break
+            if asked.request is rpc.STATUS:
+                asked.answer(self.status(state, children, memory_mb))
+            else:
+                self._mode.has_map |= state.map is not None
+                self._answer(asked, state, children)
+        self._mesh.tick()
+        self._saving.tick()
+        world = self._reset.world
+        self._reset.tick()
+        if self._reset.world != world:
+            self._mode.has_map = False
+            self._mesh.forget(self._reset.world)
+
+    def status(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> Status:
+        """How the run goes."""
+        phase = "stopping" if self.is_stopping else self._pace
+        rejected = sum(self.rejected(children).values())
+        status = run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
+        return msgspec.structs.replace(status, mode=self._mode.now, world=self._reset.world)
+
+    def rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
+        """Messages that could not be read, by topic."""
+        return rejected_messages(self._bus.subscriptions, children)
+
+    def section(self, children: Mapping[str, Child]) -> dict[str, Any]:
+        """For the summary: requests that came and were refused, messages that could not be read."""
+        return {
+            "requests": {"received": self._requests.received, "refused": self._requests.refused},
+            "rejected": self.rejected(children),
+        }
+
+    def close(self) -> None:
+        """End what is still being done."""
+        self._saving.close()
+        self._reset.close()
+
+    @property
+    def _pace(self) -> Any:
+        return "paused" if self._holding.is_paused else "running"
+
+    def _answer(self, asked: Asked, state: RunState, children: Mapping[str, Child]) -> None:
+        match asked.request:
+            case rpc.MESH:
+                self._mesh.ask(asked)
+            case rpc.TRAJECTORY:
+                self._answer_trajectory(asked)
+            case rpc.STOP:
+                again = self.wants_stop or self.is_stopping
+                self.wants_stop = True
+                asked.answer(Done(text="was stopping already" if again else "stopping"))
+            case _ if self.is_stopping:
+                asked.refuse("not_now", f"{asked.request.name}: the run is ending")
+            case _ if self._reset.is_busy and asked.request is not rpc.RESET:
+                asked.refuse("busy", f"{asked.request.name}: the map is being thrown away")
+            case rpc.SAVE:
+                self._saving.ask(asked)
+            case rpc.PAUSE:
+                self._holding.set(asked, True)
+            case rpc.RESUME:
+                self._holding.set(asked, False)
+            case rpc.SET_MODE:
+                self._mode.set(asked)
+            case rpc.RESET if self._saving.is_busy:
+                asked.refuse("busy", "reset: a map is being saved")
+            case rpc.RESET:
+                has_map = self._mode.has_map
+                self._reset.ask(asked, has_map=has_map, state=state, children=children)
+
+    def _answer_trajectory(self, asked: Asked) -> None:
+        world = self._reset.world
+        trajectory = trajectory_so_far(Path(self._run.arena_dir), world)
+        if trajectory is None:
+            asked.refuse("not_now", "trajectory: there is no pose yet")
+        else:
+            asked.answer(rows_of(trajectory, world))

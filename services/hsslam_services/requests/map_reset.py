@@ -1,0 +1,147 @@
+"""Requests to throw the map away: all processes that hold its state end, and start anew without it."""
+
+import time
+from collections.abc import Generator, Mapping
+from pathlib import Path
+
+from hsslam_node.tracking.pose_log import PoseLog
+from hsslam_proto import topics
+from hsslam_proto.messages import Event
+from hsslam_proto.request_messages import Done
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.requests import Asked
+from hsslam_services.health.run_state import RunState
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
+from hsslam_services.launch.spawn import Spawn, last_error, log_path
+from hsslam_services.requests.pause_and_mode import Holding
+from hsslam_services.run.arena_folder import remove_arrays
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.run_info import RunInfo
+
+_PATIENCE_S = 5.0  # for an orderly end; what they are at work on is thrown away anyway
+_Steps = Generator[None, None, None]
+
+
+class MapReset:
+    """Ends the world of a map and begins the next, one turn of the supervisor's loop at a time.
+
+    The camera is held; tracker, mapper, BA and mesher end in order; the trajectories so far are
+    written, as they cannot be in one file with those of another world; keyframes and parameters are
+    removed from the arena, the pose log stays; the processes start again, the camera is let go. Where
+    the trajectories cannot be written, the map stays and they go on in it.
+    """
+
+    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, holding: Holding) -> None:
+        self._run = run
+        self._spawn = spawn
+        self._holding = holding
+        self._mode = RunMode(run.arena_dir)
+        self._events = bus.publisher(topics.EVENT)
+        self._asked: list[Asked] = []
+        self._steps: _Steps | None = None
+
+    @property
+    def world(self) -> int:
+        """Number of the map of now."""
+        return self._mode.world
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a map is being thrown away."""
+        return self._steps is not None
+
+    def ask(
+        self, asked: Asked, *, has_map: bool, state: RunState, children: Mapping[str, Child]
+    ) -> None:
+        """Begin; refused while no new map could be made, or there is none to throw away.
+
+        Who asks while it is being done is answered with the others: a busy zenoh asks twice.
+        """
+        if self.is_busy:
+            self._asked.append(asked)
+        elif self._mode.localise_only:
+            asked.refuse(
+                "not_now", "reset: in localise-only no map can be made: expected set-mode mapping"
+            )
+        elif not has_map:
+            asked.refuse("not_now", "reset: there is no map yet")
+        else:
+            of_map = [child for child in children.values() if child.spec.holds_map]
+            self._asked.append(asked)
+            self._steps = self._reset(state, of_map)
+
+    def tick(self) -> None:
+        """Do what can be done now; never blocks."""
+        if self._steps is not None and next(self._steps, self) is self:
+            self._steps = None
+
+    def close(self) -> None:
+        """End what is still at work."""
+        if self._steps is not None:
+            self._steps.close()
+
+    def _reset(self, state: RunState, children: list[Child]) -> _Steps:
+        self._holding.suspend()
+        self._mode.is_given_up = True
+        for child in children:
+            child.wanted = False
+        yield from _ended(children)
+        error = yield from self._save_trajectories()
+        if not error:
+            remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
+            self._mode.world += 1
+            state.forget_map()
+            self._tell(f"the map was thrown away, as asked: world {self.world} begins")
+        self._mode.is_given_up = False
+        for child in children:
+            child.renew()
+            child.wanted = not child.spec.is_late
+        needed = [child for child in children if child.spec.ends_run]
+        while not all(child.state == "running" for child in needed):
+            if any(child.state == "failed" for child in needed):
+                self._answer("tracker or mapper cannot be kept running")
+                return
+            yield
+        self._holding.release()
+        self._answer(f"{error}; the map stays" if error else "")
+
+    def _save_trajectories(self) -> Generator[None, None, str]:
+        """Run the process that writes them; returns "" or what went wrong."""
+        log_path(self._run.path, TRAJECTORY_SAVER).unlink(missing_ok=True)  # of the one before
+        process = self._spawn(TRAJECTORY_SAVER, self._run.path)
+        timeout_s = ONE_SHOT_TIMEOUT_S[TRAJECTORY_SAVER]
+        deadline_s = time.monotonic() + timeout_s
+        code = None
+        try:
+            while (code := process.poll()) is None:
+                if time.monotonic() > deadline_s:
+                    return f"trajectories not written after {timeout_s:g} s"
+                yield
+        finally:
+            if code is None:
+                process.kill()
+                process.wait()
+        return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
+
+    def _answer(self, error: str) -> None:
+        asked, self._asked = self._asked, []
+        for each in asked:
+            if error:
+                each.refuse("failed", f"reset: {error}")
+            else:
+                each.answer(Done(text=f"the map was thrown away: world {self.world} begins"))
+
+    def _tell(self, text: str) -> None:
+        now = time.time_ns()
+        self._events.put(Event(process="control", level="warning", text=text, stamp_ns=now))
+
+
+def _ended(children: list[Child]) -> _Steps:
+    """Wait until all have ended, some by force."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while any(child.is_alive for child in children):
+        if time.monotonic() > deadline_s:
+            for child in children:
+                child.kill()
+        yield

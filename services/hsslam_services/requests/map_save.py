@@ -1,0 +1,57 @@
+"""Requests to save the map: each is done by a process of its own, one at a time."""
+
+from pathlib import Path
+
+import msgspec
+
+from hsslam_proto.request_messages import SavedMap
+from hsslam_services.bus.requests import Asked
+from hsslam_services.launch.process_table import MAP_SAVER
+from hsslam_services.launch.spawn import Process, Spawn, last_error, log_path
+from hsslam_services.run.maps_folder import SAVE_REQUEST, SAVED_MAP
+from hsslam_services.run.run_info import RunInfo, write_atomically
+
+
+class MapSaving:
+    """Starts the process that saves, and answers when it has ended."""
+
+    def __init__(self, run: RunInfo, spawn: Spawn) -> None:
+        self._run = run
+        self._arena_dir = Path(run.arena_dir)
+        self._spawn = spawn
+        self._asked: Asked | None = None
+        self._process: Process | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        return self._process is not None
+
+    def ask(self, asked: Asked) -> None:
+        """Save the map under a name; refused while another is being saved."""
+        if self.is_busy:
+            asked.refuse("busy", "save: another map is being saved")
+            return
+        (self._arena_dir / SAVED_MAP).unlink(missing_ok=True)
+        log_path(self._run.path, MAP_SAVER).unlink(missing_ok=True)  # of the one before
+        write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
+        self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
+
+    def tick(self) -> None:
+        """Answer when the process has ended; never blocks."""
+        if self._process is None or self._asked is None:
+            return
+        code = self._process.poll()
+        if code is None:
+            return
+        asked, self._asked, self._process = self._asked, None, None
+        saved = self._arena_dir / SAVED_MAP
+        if code == 0 and saved.exists():
+            asked.answer(msgspec.json.decode(saved.read_bytes(), type=SavedMap))
+        else:
+            asked.refuse("failed", f"save: {last_error(self._run.path, MAP_SAVER)}")
+
+    def close(self) -> None:
+        """End a process that still works."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,76 @@
+"""Requests to pause and to go on; the camera follows `sys/hold`.
+
+Requests to go on mapping, or only to localise.
+"""
+
+import time
+
+from hsslam_proto import topics
+from hsslam_proto.messages import Event, Hold
+from hsslam_proto.request_messages import Done, Mode, SetMode
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.requests import Asked
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.run_info import RunInfo
+
+
+class Holding:
+    """Holds the camera for clients, and for the service itself while it cannot take frames.
+
+    `is_paused`: a client has asked for it.
+    """
+
+    def __init__(self, bus: Bus, run: RunInfo) -> None:
+        self.is_paused = False
+        self._run = run
+        self._holds = bus.publisher(topics.HOLD)
+
+    def set(self, asked: Asked, paused: bool) -> None:
+        """Do as asked and tell it; refused where the camera is not ours."""
+        if not self._run.options.has_camera_process:
+            name = asked.request.name
+            asked.refuse("not_now", f"{name}: frames come from outside: hold that camera itself")
+            return
+        word = "paused" if paused else "running"
+        again = self.is_paused == paused
+        self.is_paused = paused
+        self._holds.put(Hold(paused=paused))
+        asked.answer(Done(text=f"was {word} already" if again else word))
+
+    def suspend(self) -> None:
+        """Let no frame come until `release`."""
+        self._holds.put(Hold(paused=True))
+
+    def release(self) -> None:
+        """Go on, unless a client has asked for a pause."""
+        self._holds.put(Hold(paused=self.is_paused))
+
+
+class ModeSetting:
+    """Writes the mode of the run, which every process looks at before it changes anything.
+
+    `has_map`: whether there is one to localise in.
+    """
+
+    def __init__(self, bus: Bus, run: RunInfo) -> None:
+        self.has_map = bool(run.options.map)
+        self._mode = RunMode(run.arena_dir)
+        self._events = bus.publisher(topics.EVENT)
+
+    @property
+    def now(self) -> Mode:
+        """The mode that the run is in."""
+        return "localise-only" if self._mode.localise_only else "mapping"
+
+    def set(self, asked: Asked) -> None:
+        """Do as asked and tell it; refused while there is no map yet."""
+        wanted: SetMode = asked.message
+        if wanted.mode == self.now:
+            asked.answer(Done(text=f"was {wanted.mode} already"))
+        elif wanted.mode == "localise-only" and not self.has_map:
+            asked.refuse("not_now", "set-mode: there is no map yet: expected a first keyframe")
+        else:
+            self._mode.localise_only = wanted.mode == "localise-only"
+            text, now = f"mode: {wanted.mode}, as asked", time.time_ns()
+            self._events.put(Event(process="supervisor", level="info", text=text, stamp_ns=now))
+            asked.answer(Done(text=wanted.mode))

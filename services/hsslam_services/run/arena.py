@@ -1,0 +1,102 @@
+"""Named arrays in shared memory that any process of the run attaches by path."""
+
+import contextlib
+import errno
+import fcntl
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from hsslam_node.errors import OutOfMemoryError
+from hsslam_services.run.arena_view import ArrayHeader
+
+
+class Arena:
+    """The arrays of one arena folder; an `ArrayAllocator` (hsslam_node/keyframes/allocator.py).
+
+    An array is `<name>.bin`, reserved at once (a full /dev/shm is an error here, never a SIGBUS
+    later) and mapped through torch's shared storage; `<name>.json` (dtype, shape) appears after
+    it and makes it ready. A restarted process finds everything as it was.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+
+    def create(self, name: str, shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+        """A zero-filled array [*shape]; one that exists with this shape and dtype stays as it is.
+
+        Raises:
+            OutOfMemoryError: the memory is full; the bytes needed are named.
+            ValueError: the array exists with another shape or dtype.
+        """
+        dtype = np.dtype(dtype)
+        with self.lease("arena-create"):
+            if not self.exists(name):
+                self._reserve(name, math.prod(shape) * dtype.itemsize)
+                ArrayHeader(dtype, tuple(shape)).write(self._path(name, ".json"))
+        array = self.open(name)
+        if array.shape != tuple(shape) or array.dtype != dtype:
+            raise ValueError(
+                f"array {name} is {array.dtype}{list(array.shape)}, asked for {dtype}{list(shape)}"
+            )
+        return array
+
+    def open(self, name: str) -> np.ndarray:
+        """The array as a writable view of the shared memory.
+
+        Raises:
+            KeyError: there is no array of this name yet.
+        """
+        dtype, shape = ArrayHeader.read(self._path(name, ".json"))
+        nbytes = math.prod(shape) * dtype.itemsize
+        storage: Any = torch.UntypedStorage.from_file(
+            str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
+        )
+        flat = torch.empty(0, dtype=torch.uint8).set_(storage)  # [nbytes]
+        return flat.numpy()[:nbytes].view(dtype).reshape(shape)
+
+    def exists(self, name: str) -> bool:
+        """Whether an array of this name is ready."""
+        return self._path(name, ".json").exists()
+
+    def remove(self, name: str) -> None:
+        """Unlink the array, if it is there; processes that map it keep its memory until they let go."""
+        with self.lease("arena-create"):
+            self._path(name, ".json").unlink(missing_ok=True)
+            self._path(name, ".bin").unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def lease(self, name: str) -> Iterator[None]:
+        """Hold the only lease of this name; the kernel frees it when its holder dies."""
+        fd = os.open(self._path(name, ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(fd)
+
+    def _path(self, name: str, suffix: str) -> Path:
+        return self.folder / f"{name}{suffix}"
+
+    def _reserve(self, name: str, nbytes: int) -> None:
+        path = self._path(name, ".bin")
+        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+        try:
+            os.posix_fallocate(fd, 0, max(nbytes, 1))
+        except OSError as error:
+            path.unlink()
+            if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.ENOMEM):
+                raise
+            free = os.statvfs(self.folder)
+            raise OutOfMemoryError(
+                f"{self.folder.parent}: array {name} needs {nbytes} bytes, "
+                f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
+                "(docker: --shm-size)"
+            ) from None
+        finally:
+            os.close(fd)

@@ -1,0 +1,77 @@
+"""What an array of the arena says of itself: `<name>.json`, which appears when it is ready.
+
+The arena as a process sees it that neither computes nor writes (no torch).
+"""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class ArrayHeader(NamedTuple):
+    """Type and shape of an array."""
+
+    dtype: np.dtype
+    shape: tuple[int, ...]
+
+    def write(self, path: Path) -> None:
+        """Write it in one step."""
+        descr = np.lib.format.dtype_to_descr(self.dtype)
+        partial = path.with_suffix(".tmp")
+        partial.write_text(json.dumps({"dtype": descr, "shape": list(self.shape)}))
+        partial.replace(path)
+
+    @staticmethod
+    def read(path: Path) -> "ArrayHeader":
+        """The header in a file; KeyError with the array's name if there is none yet."""
+        try:
+            header = json.loads(path.read_text())
+        except FileNotFoundError:
+            raise KeyError(path.stem) from None
+        return ArrayHeader(_dtype(header["dtype"]), tuple(header["shape"]))
+
+
+def _dtype(descr: Any) -> np.dtype:
+    """The dtype of a descriptor that JSON has turned from tuples into lists."""
+    if isinstance(descr, str):
+        return np.dtype(descr)
+    fields: Any = [
+        (field[0], _dtype(field[1]).descr if isinstance(field[1], list) else field[1])
+        + ((tuple(field[2]),) if len(field) > 2 else ())
+        for field in descr
+    ]
+    return np.lib.format.descr_to_dtype(fields)
+
+
+class ArenaView:
+    """Read-only arrays of an arena folder; an `ArrayAllocator` that makes and removes nothing."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def create(self, name: str, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> np.ndarray:
+        """The array, where its maker has made it with this shape and type.
+
+        Raises:
+            KeyError: nobody has made it yet.
+            ValueError: it is another one.
+        """
+        array = self.open(name)
+        if array.shape != tuple(shape) or array.dtype != np.dtype(dtype):
+            raise ValueError(f"array {name} is {array.dtype}{list(array.shape)}")
+        return array
+
+    def open(self, name: str) -> np.ndarray:
+        """The array as a read-only view of the shared memory; KeyError if there is none yet."""
+        header = ArrayHeader.read(self._folder / f"{name}.json")
+        return np.memmap(self._folder / f"{name}.bin", header.dtype, "r", shape=header.shape)
+
+    def exists(self, name: str) -> bool:
+        """Whether an array of this name is ready."""
+        return (self._folder / f"{name}.json").exists()
+
+    def remove(self, name: str) -> None:
+        """A view removes nothing."""
+        raise ValueError(f"array {name}: read-only")

@@ -1,0 +1,47 @@
+"""How far the camera has come, kept in the arena folder: a restarted camera goes on from it."""
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from hsslam_services.run.run_info import write_atomically
+
+_LAYOUT = struct.Struct("<qqqqq")
+
+
+@dataclass
+class CameraProgress:
+    """Counts so far, and where the sensor clock was pinned to the wall clock (0: not yet)."""
+
+    next_index: int = 0
+    sent: int = 0
+    bad: int = 0
+    pinned_source_ns: int = 0
+    pinned_wall_ns: int = 0
+
+    def wall_ns(self, source_ns: int) -> int:
+        """Wall time at which the sensor would have delivered the frame of this source stamp."""
+        return self.pinned_wall_ns + source_ns - self.pinned_source_ns
+
+    def write(self, arena_dir: Path) -> None:
+        fields = (self.next_index, self.sent, self.bad, self.pinned_source_ns, self.pinned_wall_ns)
+        write_atomically(_path(arena_dir), _LAYOUT.pack(*fields))
+
+    @staticmethod
+    def exists(arena_dir: Path) -> bool:
+        """Whether a camera of this run may have sent anything."""
+        return _path(arena_dir).exists()
+
+    @staticmethod
+    def read(arena_dir: Path) -> "CameraProgress":
+        """The progress left by the camera that ran before; zeros if there was none."""
+        path = _path(arena_dir)
+        return (
+            CameraProgress(*_LAYOUT.unpack(path.read_bytes()))
+            if path.exists()
+            else CameraProgress()
+        )
+
+
+def _path(arena_dir: Path) -> Path:
+    return arena_dir / "camera_progress"

@@ -1,0 +1,62 @@
+"""Memory of the processes of a run: a page that n of them share counts a n-th in each (PSS)."""
+
+import contextlib
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+_EVERY_S = 5.0  # the kernel walks all pages for it: some milliseconds
+
+
+class OwnMemory:
+    """The PSS of a process, MB (10^6 bytes), measured now and then."""
+
+    def __init__(self, pid: int | None = None) -> None:
+        self._pid = pid
+        self._due_s = 0.0
+        self._pss_mb = 0
+
+    def pss_mb(self) -> int:
+        """The last figure; 0 where the system does not tell."""
+        if time.monotonic() >= self._due_s:
+            self._due_s = time.monotonic() + _EVERY_S
+            self._pss_mb = read_pss_mb(self._pid)
+        return self._pss_mb
+
+
+class MemoryOfAll:
+    """What the supervisor knows of the memory of a run, from its own eyes and from heartbeats."""
+
+    def __init__(self) -> None:
+        self.total_mb = 0
+        self.peak_mb = 0
+        self._own = OwnMemory()
+        self._peaks_mb: dict[str, int] = {}
+        self._fork_server: tuple[int | None, OwnMemory] = (None, OwnMemory())
+
+    def look(self, heard_mb: Mapping[str, int], fork_server_pid: int | None) -> None:
+        """Take in the last figures of all processes; call it often."""
+        if fork_server_pid != self._fork_server[0]:
+            self._fork_server = fork_server_pid, OwnMemory(fork_server_pid)
+        now = dict(heard_mb)
+        now["supervisor"] = self._own.pss_mb()
+        now["fork_server"] = self._fork_server[1].pss_mb() if fork_server_pid else 0
+        self.total_mb = sum(now.values())
+        self.peak_mb = max(self.peak_mb, self.total_mb)
+        for name, mb in now.items():
+            self._peaks_mb[name] = max(self._peaks_mb.get(name, 0), mb)
+
+    def section(self) -> dict[str, Any]:
+        """For the summary."""
+        return {"memory": {"peak_pss_mb": self.peak_mb, "peak_pss_mb_of": self._peaks_mb}}
+
+
+def read_pss_mb(pid: int | None = None) -> int:
+    """PSS of a process (none: this one), MB; 0 where the system does not tell."""
+    with contextlib.suppress(OSError):
+        rollup = Path(f"/proc/{pid or 'self'}/smaps_rollup").read_text(encoding="utf-8")
+        for line in rollup.splitlines():
+            if line.startswith("Pss:"):
+                return round(int(line.split()[1]) * 1024 / 1e6)
+    return 0

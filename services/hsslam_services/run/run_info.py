@@ -1,0 +1,57 @@
+"""What every process of a run knows from the start: `run.json` in the run folder."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from hsslam_node.errors import UserError
+from hsslam_services.run.options import ServeOptions
+
+_FILE = "run.json"
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """One run: its names, places and options. Written by the supervisor before any child starts."""
+
+    run_id: str
+    run_dir: str
+    arena_dir: str
+    endpoint: str  # zenoh, as tcp/127.0.0.1:7447
+    robot: str
+    supervisor_pid: int
+    started_ns: int  # wall clock
+    options: ServeOptions
+
+    @property
+    def path(self) -> Path:
+        """The run folder."""
+        return Path(self.run_dir)
+
+    def write(self) -> None:
+        """Write run.json in one step; OSError where the folder does not allow it."""
+        write_atomically(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
+
+    @staticmethod
+    def read(run_dir: Path) -> "RunInfo":
+        """The run of this folder.
+
+        Raises:
+            UserError: no run.json there, or one of another version.
+        """
+        path = run_dir / _FILE
+        try:
+            return msgspec.json.decode(path.read_bytes(), type=RunInfo)
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}: expected the file of a run") from None
+        except msgspec.MsgspecError as error:
+            raise UserError(f"{path}: {error}: expected the file of a run") from None
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that a reader finds the old content or the new, never a part."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_bytes(data)
+    temporary.replace(path)

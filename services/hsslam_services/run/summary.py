@@ -1,0 +1,92 @@
+"""summary.json: what a run did, in numbers. Saver, evaluator and supervisor each add their part."""
+
+import importlib.metadata
+import platform
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hsslam_services.run.run_info import write_atomically
+
+_FILE = "summary.json"
+_LOST = 2  # status in the pose log
+_PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
+
+
+def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
+    """Merge a section into the file; nested mappings are merged key by key."""
+    merged = _merged(read_summary(run_dir), section)
+    encoded = msgspec.json.encode(merged, enc_hook=_plain)
+    write_atomically(run_dir / _FILE, msgspec.json.format(encoded))
+
+
+def read_summary(run_dir: Path) -> dict[str, Any]:
+    """The summary so far; empty if there is none."""
+    return read_json(run_dir / _FILE)
+
+
+def pose_section(rows: np.ndarray) -> dict[str, Any]:
+    """Frames, rate and latency out of the pose log, [N] of POSE_ROW.
+
+    Rate and latency leave out the first pose: the sensor clock starts when its map is there.
+    """
+    lost = int((rows["status"] == _LOST).sum())
+    section: dict[str, Any] = {"frames": {"tracked": len(rows) - lost, "lost": lost}}
+    after = rows[1:]
+    if len(rows):
+        section["first_pose_ns"] = int(rows["publish_ns"][0])
+    if len(after) > 1:
+        seconds = (after["publish_ns"][-1] - after["publish_ns"][0]) / 1e9
+        latency_ms = (after["publish_ns"] - after["stamp_ns"]) / 1e6
+        section["wall_fps"] = (len(after) - 1) / max(seconds, 1e-9)
+        p50, p95, p99 = np.percentile(latency_ms, (50, 95, 99))
+        section["latency_ms"] = {"p50": float(p50), "p95": float(p95), "p99": float(p99)}
+    return section
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise NotImplementedError(type(value).__name__)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object; empty if there is no such file."""
+    return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
+
+
+def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(old)
+    for key, value in new.items():
+        is_nested = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = _merged(merged[key], value) if is_nested else value
+    return merged
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result can depend on."""
+    return {
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in _PACKAGES},
+    }
+
+
+def source_commit() -> str:
+    """Commit of the source tree, with + if it has been changed since."""
+    here = Path(__file__).parent
+    try:
+        commit = _git(here, "rev-parse", "--short=12", "HEAD")
+        changed = _git(here, "status", "--porcelain", "--untracked-files=no")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return commit + ("+" if changed else "")
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

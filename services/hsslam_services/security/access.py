@@ -1,0 +1,140 @@
+"""What each kind of certificate may do at the router; whatever is not listed is refused."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hsslam_proto.requests import MESH, REQUESTS, STATUS, TRAJECTORY
+
+WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: processes of this user alone
+_PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; no ** matches an @
+_LIVE = "hsslam/*/sys/live/*/*"
+_MESSAGES = (
+    *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
+    *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
+)
+
+
+@dataclass(frozen=True)
+class Role:
+    """One row: the common name of a certificate, and its keys below `hsslam/<robot>/`.
+
+    A key here must include the key that a client names: somebody who hears `out/**` may subscribe to
+    `out/pose` and to `out/**`, not to `**`.
+    """
+
+    name: str
+    purpose: str
+    publishes: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+
+
+ROLES: tuple[Role, ...] = (
+    Role("camera", "publishes frames", ("in/**",), ("sys/*", "out/pose", "out/map")),
+    Role(
+        "viewer",
+        "looks on: images, poses, meshes, status",
+        hears=("in/**", "out/**", "sys/*"),
+        asks=tuple(request.name for request in (STATUS, MESH, TRAJECTORY)),
+    ),
+    Role(
+        "operator",
+        "looks on and controls the run",
+        hears=("in/**", "out/**", "sys/*"),
+        asks=tuple(request.name for request in REQUESTS),
+    ),
+)
+
+
+def access_control(robot: str) -> dict[str, Any]:
+    """The access control of a router of zenoh: workers do everything, outsiders what their role may.
+
+    Publishing and asking is bound to this robot; a client that subscribes may leave the robot open.
+    """
+    every_key = ("**", f"**{_PUBLISHER_KEYS}")
+    rules = [_rule("workers", ("ingress", "egress"), _MESSAGES, every_key)]
+    subjects: list[dict[str, Any]] = [{"id": "workers", "link_protocols": [WORKER_LINK]}]
+    policies: list[dict[str, Any]] = [{"rules": ["workers"], "subjects": ["workers"]}]
+    for role in ROLES:
+        of_role = _rules(role, robot)
+        rules += of_role
+        subjects.append(
+            {"id": role.name, "link_protocols": ["tls"], "cert_common_names": [role.name]}
+        )
+        policies.append({"rules": [rule["id"] for rule in of_role], "subjects": [role.name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
+    """Rules of one role. Ingress: from the client to the router; egress: from the router to it.
+
+    What a client sends needs the declarations of those it is for, and the other way round: a publisher
+    that hears of no subscriber sends nothing.
+    """
+    heard = [f"hsslam/*/{key}" for key in role.hears]
+    caches = [f"{key}{_PUBLISHER_KEYS}" for key in heard]
+    rules = [
+        _rule(f"{role.name} hears", ("ingress",), ("declare_subscriber",), heard + caches),
+        _rule(f"{role.name} is told", ("egress",), ("put", "reply"), heard + caches),
+        _rule(
+            f"{role.name} asks for history",
+            ("ingress",),
+            ("query", "declare_liveliness_subscriber", "liveliness_query"),
+            caches,
+        ),
+        _rule(f"{role.name} is told of caches", ("egress",), ("liveliness_token",), caches),
+        _rule(
+            f"{role.name} asks who lives",
+            ("ingress",),
+            ("liveliness_query", "declare_liveliness_subscriber"),
+            [_LIVE],
+        ),
+        _rule(f"{role.name} is told who lives", ("egress",), ("liveliness_token",), [_LIVE]),
+    ]
+    if role.publishes:
+        sent = [f"hsslam/{robot}/{key}" for key in role.publishes]
+        own = [f"{key}{_PUBLISHER_KEYS}" for key in sent]
+        rules += [
+            _rule(f"{role.name} publishes", ("ingress",), ("put", "reply"), sent + own),
+            _rule(
+                f"{role.name} keeps history",
+                ("ingress",),
+                ("declare_queryable", "liveliness_token"),
+                own,
+            ),
+            _rule(f"{role.name} is heard", ("egress",), ("declare_subscriber",), sent + own),
+            _rule(
+                f"{role.name} is asked for history",
+                ("egress",),
+                ("query", "declare_liveliness_subscriber"),
+                own,
+            ),
+        ]
+    if role.asks:
+        asked = [f"hsslam/{robot}/rpc/{name}" for name in role.asks]
+        every = [f"hsslam/{robot}/rpc/**"]  # what the service has declared
+        rules += [
+            _rule(f"{role.name} asks", ("ingress",), ("query",), asked),
+            _rule(f"{role.name} is answered", ("egress",), ("reply",), asked),
+            _rule(f"{role.name} finds the service", ("egress",), ("declare_queryable",), every),
+        ]
+    return rules
+
+
+def _rule(
+    name: str, flows: Sequence[str], messages: Iterable[str], keys: Iterable[str]
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(keys),
+    }

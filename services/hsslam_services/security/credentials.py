@@ -1,0 +1,107 @@
+"""A folder with a certificate, its key and the CA that is trusted, as zenoh takes them."""
+
+import datetime
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from hsslam_node.errors import UserError
+from hsslam_services.security.access import ROLES
+
+CA_FILE, CERTIFICATE_FILE, KEY_FILE = "ca.pem", "cert.pem", "key.pem"
+ROUTER = "router"
+_TLS = "transport/link/tls/"
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """Who somebody is: `name` is the common name of the certificate, and so the role."""
+
+    folder: Path
+    name: str
+
+    @staticmethod
+    def read(folder: str | Path) -> "Credentials":
+        """What lies in the folder of an option `--security`.
+
+        Raises:
+            UserError: a file is missing or no certificate, it has expired, or is for no role.
+        """
+        from cryptography import x509
+        from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+        path = Path(folder).expanduser().absolute()
+        try:
+            read = {
+                file: (path / file).read_bytes() for file in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)
+            }
+        except OSError as error:
+            name = Path(error.filename).name
+            raise UserError(
+                f"--security {folder}: {name}: {error.strerror}: expected a folder of hsslam-certs"
+            ) from None
+        try:
+            x509.load_pem_x509_certificate(read[CA_FILE])
+            certificate = x509.load_pem_x509_certificate(read[CERTIFICATE_FILE])
+            key = load_pem_private_key(read[KEY_FILE], None)
+        except (ValueError, TypeError):
+            raise UserError(
+                f"--security {folder}: cannot be read: expected ca.pem, cert.pem and key.pem as PEM"
+            ) from None
+        if key.public_key() != certificate.public_key():
+            raise UserError(f"--security {folder}: key.pem is not the key of cert.pem")
+        if certificate.not_valid_after_utc < datetime.datetime.now(datetime.UTC):
+            day = certificate.not_valid_after_utc.date()
+            raise UserError(f"--security {folder}: expired on {day}: expected a valid certificate")
+        names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+        return Credentials(path, str(names[0].value) if names else "")
+
+    def expect_router(self) -> None:
+        """UserError where it is not for the router."""
+        if self.name != ROUTER:
+            raise UserError(
+                f"--security {self.folder}: certificate of {self.name!r}: expected the router's"
+            )
+
+    def expect_outsider(self) -> None:
+        """UserError where it is for nobody who connects to the router."""
+        known = [role.name for role in ROLES]
+        if self.name not in known:
+            raise UserError(
+                f"--security {self.folder}: certificate of {self.name!r}: expected that of "
+                f"{' or '.join(known)}"
+            )
+
+    def listening(self) -> dict[str, object]:
+        """Settings of a router that takes only clients of its CA."""
+        return {**self._certified("listen"), f"{_TLS}close_link_on_expiration": True}
+
+    def connecting(self) -> dict[str, object]:
+        """Settings of a client that shows its certificate, and takes only a router of its CA."""
+        return {**self._certified("connect"), f"{_TLS}verify_name_on_connect": True}
+
+    def _certified(self, act: Literal["listen", "connect"]) -> dict[str, object]:
+        return {
+            f"{_TLS}root_ca_certificate": str(self.folder / CA_FILE),
+            f"{_TLS}{act}_certificate": str(self.folder / CERTIFICATE_FILE),
+            f"{_TLS}{act}_private_key": str(self.folder / KEY_FILE),
+            f"{_TLS}enable_mtls": True,
+        }
+
+
+def client_settings(endpoint: str, security: str) -> dict[str, object]:
+    """Settings of zenoh for a client of this endpoint, with the folder of its certificate or "".
+
+    Raises:
+        UserError: tls without a certificate, a certificate without tls, or one that cannot be used.
+    """
+    is_tls = endpoint.startswith("tls/")
+    if is_tls and not security:
+        raise UserError(f"{endpoint}: expected --security DIR, the folder of your certificate")
+    if security and not is_tls:
+        raise UserError(f"--security {security}: {endpoint}: expected an endpoint tls/HOST:PORT")
+    if not is_tls:
+        return {}
+    credentials = Credentials.read(security)
+    credentials.expect_outsider()
+    return credentials.connecting()

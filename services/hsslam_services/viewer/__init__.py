@@ -1,0 +1,1 @@
+"""The rerun scene: what the viewer and run.rrd show."""

@@ -1,0 +1,213 @@
+"""The drawing end of the recorder: run.rrd and a live viewer; the recorder waits for neither."""
+
+import contextlib
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import rerun as rr
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages
+from hsslam_services.bus.publisher import Report
+from hsslam_services.viewer.rerun_process import ViewerProcess
+from hsslam_services.viewer.scene import RerunScene, blueprint
+
+_FRAMES_WAITING = 2
+_OTHERS_WAITING = 4096
+_CHECK_S = 2.0
+_FIRST_CHECK_S = 20.0  # a viewer may take its time to start
+_STUCK_S = 3.0  # in the drawing of one message
+_CLOSE_S = 10.0
+
+
+@dataclass(frozen=True)
+class _Intervals:
+    """The least time between what is drawn of a kind; poses lose nothing, they are drawn together."""
+
+    images_s: float
+    meshes_s: float
+    poses_s: float
+
+
+_FILE = _Intervals(images_s=0.1, meshes_s=3.0, poses_s=1.0)
+_LIVE = _Intervals(images_s=0.0, meshes_s=0.0, poses_s=0.1)
+
+
+class RerunView:
+    """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
+
+    `show` never waits: frames push out older frames. A viewer that is closed or does not take data
+    is told once through `tell`; the file goes on.
+
+    Raises:
+        UserError: the viewer cannot be started.
+    """
+
+    def __init__(self, rrd: Path, viewer: str, recording_id: str, tell: Report) -> None:
+        self._process: ViewerProcess | None = None
+        live = None if viewer == "none" else self._open_viewer(viewer, tell)
+        self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
+        if live is not None:
+            watch = _Watch(viewer, tell, self._process)
+            self._threads.append(_Drawing(live, recording_id, _LIVE, watch))
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were pushed out before they were drawn."""
+        return sum(thread.dropped for thread in self._threads)
+
+    def show(self, message: messages.Message) -> None:
+        """Queue one message for drawing; frames should have their colour as JPEG."""
+        for thread in self._threads:
+            thread.put(message)
+
+    def close(self) -> None:
+        """Draw what waits, write the end of the file; at most some seconds for a dead viewer."""
+        for thread in self._threads:
+            thread.stop()
+        for thread in self._threads:
+            thread.join(_CLOSE_S)
+        if self._process is not None:
+            self._process.close()
+
+    def _open_viewer(self, viewer: str, tell: Report) -> rr.GrpcSink:
+        if viewer in ("spawn", "web"):
+            process = ViewerProcess("spawn" if viewer == "spawn" else "web")
+            if process.page is not None:
+                tell("info", f"viewer: open {process.page}")
+            self._process = process
+            return rr.GrpcSink(process.url)
+        address = viewer.removeprefix("connect:")
+        url = address if "://" in address else f"rerun+http://{address}/proxy"
+        try:
+            return rr.GrpcSink(url)
+        except (RuntimeError, ValueError):
+            raise UserError(
+                f"--viewer {viewer}: expected connect:HOST:PORT or connect:rerun+http://HOST:PORT/proxy"
+            ) from None
+
+
+class _Watch:
+    """Notices a live viewer that is gone, and tells of one that takes no data, as when it is frozen.
+
+    While it takes none, the queue loses what is old, and what is new is drawn when it comes round.
+    """
+
+    def __init__(self, viewer: str, tell: Report, process: ViewerProcess | None) -> None:
+        self._viewer = viewer
+        self._tell = tell
+        self._process = process
+        self._next_s = time.monotonic() + _CHECK_S
+        self._patience_s = _FIRST_CHECK_S
+        self._was_told = False
+
+    def is_gone(self, stream: rr.RecordingStream) -> bool:
+        """Checked now and then; tells it once."""
+        if time.monotonic() < self._next_s:
+            return False
+        ended = self._process is not None and self._process.has_ended()
+        if not ended:
+            try:
+                stream.flush(timeout_sec=self._patience_s)
+                self._was_told = False
+            except RuntimeError as error:
+                ended = "timed out" not in str(error)
+                if not ended:
+                    self.takes_nothing()
+        self._patience_s = _CHECK_S
+        self._next_s = time.monotonic() + _CHECK_S
+        if ended:
+            self._tell("warning", f"viewer {self._viewer} is closed; the run goes on without it")
+        return ended
+
+    def takes_nothing(self) -> None:
+        """Tell it, once until it takes data again."""
+        if not self._was_told:
+            self._was_told = True
+            self._tell("warning", f"viewer {self._viewer} takes no data; the run goes on")
+
+
+class _Drawing(threading.Thread):
+    """One recording stream, its queue and the thread between them."""
+
+    def __init__(
+        self,
+        sink: rr.FileSink | rr.GrpcSink,
+        recording_id: str,
+        intervals: _Intervals,
+        watch: _Watch | None = None,
+    ) -> None:
+        super().__init__(name="rerun", daemon=True)
+        self.dropped = 0
+        self._frames: deque[messages.Frame] = deque()
+        self._others: deque[messages.Message] = deque()
+        self._arrival = threading.Condition()
+        self._stopped = False
+        self._gone = False
+        self._drawn_s = time.monotonic()
+        self._watch = watch
+        self._intervals = intervals
+        self._image_ns = 0
+        self._mesh_s = float("-inf")
+        self._stream = rr.RecordingStream("hsslam", recording_id=recording_id)
+        self._stream.set_sinks(sink, default_blueprint=blueprint())
+        self._scene = RerunScene(self._stream, intervals.poses_s)
+        self.start()
+
+    def put(self, message: messages.Message) -> None:
+        if self._gone or not self._is_due(message):
+            return
+        is_frame = isinstance(message, messages.Frame)
+        with self._arrival:
+            if is_frame:
+                self._frames.append(message)
+                overflow = len(self._frames) > _FRAMES_WAITING and self._frames.popleft()
+            else:
+                self._others.append(message)
+                overflow = len(self._others) > _OTHERS_WAITING and self._others.popleft()
+            self.dropped += bool(overflow)
+            self._arrival.notify()
+        if overflow and self._watch is not None and time.monotonic() - self._drawn_s > _STUCK_S:
+            self._watch.takes_nothing()  # the SDK waits for it
+
+    def stop(self) -> None:
+        with self._arrival:
+            self._stopped = True
+            self._arrival.notify()
+
+    def run(self) -> None:
+        while (message := self._next()) is not None:
+            self._scene.draw(message)
+            self._drawn_s = time.monotonic()
+            if self._watch is not None and self._watch.is_gone(self._stream):
+                self._gone = True
+                break
+        with contextlib.suppress(RuntimeError):
+            if not self._gone:
+                self._scene.finish()
+                self._stream.flush(timeout_sec=_CHECK_S)
+        self._stream.disconnect()
+
+    def _next(self) -> messages.Message | None:
+        with self._arrival:
+            while not (self._others or self._frames):
+                if self._stopped:
+                    return None
+                self._arrival.wait()
+            return self._others.popleft() if self._others else self._frames.popleft()
+
+    def _is_due(self, message: messages.Message) -> bool:
+        """Thin out images and meshes, so that the file stays small."""
+        if isinstance(message, messages.Frame):
+            if 0 <= message.stamp_ns - self._image_ns < 1e9 * self._intervals.images_s:
+                return False
+            self._image_ns = message.stamp_ns
+        if isinstance(message, messages.Mesh):
+            now_s = time.monotonic()
+            if not message.final and now_s - self._mesh_s < self._intervals.meshes_s:
+                return False
+            self._mesh_s = now_s
+        return True

@@ -1,1 +1,0 @@
-"""The run in numbers over HTTP on loopback: `/metrics` for Prometheus, `/healthz` for whoever restarts."""

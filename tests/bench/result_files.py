@@ -1,0 +1,21 @@
+"""Rows and result files as the benchmark writes them."""
+
+from pathlib import Path
+
+from hsslam_bench.checks.catalogue import catalogue
+from hsslam_bench.checks.check import Row
+from hsslam_bench.results.report import machine, read_report, report, write_report
+from hsslam_bench.runs.session import Session
+
+
+def row_of(name: str, measured: str = "12", verdict="measured") -> Row:
+    """A row of the catalogue that was measured so."""
+    (check,) = (check for check in catalogue() if check.name == name)
+    return Row(name, check.what, check.bound, measured, verdict)
+
+
+def stored(path: Path, *rows: Row) -> Path:
+    """A result file of these rows."""
+    write_report(path, report(Session(path.parent, path.parent), machine(), rows))
+    assert read_report(path).rows == rows
+    return path

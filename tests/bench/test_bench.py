@@ -1,0 +1,150 @@
+"""The benchmark on runs that are too small to mean anything, and what is done with its results."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_bench.checks.catalogue import catalogue
+from hsslam_bench.checks.check import select
+from hsslam_bench.results.compare import circumstances, pairs
+from hsslam_bench.results.report import machine, read_report, report
+from hsslam_bench.runs.session import Session
+from tests.bench.result_files import row_of, stored
+
+_TINY = (
+    *("--synth.width-px", "160", "--synth.height-px", "120"),
+    *("--slam.mapper.first-iterations", "20", "--slam.mapper.rays", "256"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
+)
+_MOMENT = ("--frames", "12")
+_SECONDS = ("--frames", "75")  # long enough that every process is seen at work
+
+
+@pytest.mark.e2e
+def test_figures_of_a_real_run_and_a_bound_that_is_not_met(tmp_path: Path):
+    names = ("log", "left-behind", "stages", "realtime:room:tracked")
+    ratios = ("min-inlier-ratio", "lag-coverage", "relocalisation-coverage")
+    nothing_is_good_enough = [o for name in ratios for o in (f"--slam.tracker.{name}", "1.0")]
+    only = ("--data", str(tmp_path), "--only", *names)  # no sequence on disk but the built-in room
+    result = _bench(tmp_path, "--quick", *only, "--", *_TINY, *_MOMENT, *nothing_is_good_enough)
+    assert result.returncode == 1, result.stderr
+    stored = json.loads((tmp_path / "result.json").read_text())
+    verdicts = {row["name"]: (row["verdict"], row["measured"]) for row in stored["rows"]}
+    assert verdicts["realtime:room:tracked"][0] == "NOT MET"
+    assert {name: verdicts[name][0] for name in ("log:messages", "log:rerun", "left-behind")} == {
+        "log:messages": "ok",
+        "log:rerun": "ok",
+        "left-behind": "ok",
+    }, verdicts
+    assert "track" in verdicts["stages"][1]
+    assert "NOT MET" in result.stdout
+    assert stored["protocol"]["extra_options"] == [*_TINY, *_MOMENT, *nothing_is_good_enough]
+    assert stored["runs"][0]["summary"]["frames"]["in"] == 12
+    assert stored["machine"]["cores"] >= 1
+    assert not list((tmp_path / "result").glob("*/run.mcap"))
+
+
+@pytest.mark.e2e
+def test_a_viewer_is_attached_and_core_time_is_counted(tmp_path: Path):
+    names = ("viewer:room:tracked", "viewer:room:iterations", "budget")
+    data = ("--data", str(tmp_path))
+    result = _bench(tmp_path, "--quick", *data, "--only", *names, "--", *_TINY, *_SECONDS)
+    path = tmp_path / "result.json"
+    rows = {row.name: row for row in read_report(path).rows}
+    assert rows["viewer:room:tracked"].values["viewer_bytes"] > 1e4, result.stdout
+    assert rows["viewer:room:iterations"].figure is not None, result.stdout
+    used_ms = rows["budget"].values["viewer-room"]
+    assert {"tracker", "recorder"} <= used_ms.keys()
+    (run,) = read_report(path).runs
+    assert "viewer" in run["usage"][-1]["cpu_s"]
+    assert [pose[0] for pose in run["log"]["poses"]] == sorted(p[0] for p in run["log"]["poses"])
+    assert run["disk_bytes"]["run.mcap"] > 0
+    memory = [sample["pss_bytes"] for sample in run["usage"] if sample["pss_bytes"]]
+    assert memory and all(size > 0 for size in memory[-1].values())
+
+    drawn = _run("plots", str(path), "--to", str(tmp_path / "plots"))
+    assert drawn.returncode == 0, drawn.stderr
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["latency.png", "stages.png"]
+    compared = _run("compare", str(path), str(path))
+    assert compared.returncode == 0, compared.stderr
+    assert "budget viewer-room tracker" in compared.stdout
+
+
+def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
+    result = _bench(tmp_path, "--only", "ate:house", "mesh", "paper", "--data", str(tmp_path))
+    assert result.returncode == 0, result.stderr
+    assert f"skipped ate:house: {tmp_path / 'house'} is not on disk" in result.stdout
+    rows = read_report(tmp_path / "result.json").rows
+    assert [row.verdict for row in rows] == ["skipped"] * 4
+
+
+def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
+    result = _bench(tmp_path, "--quick", "--only", "realtime:room:tracked", "--", "--seed", "-1")
+    assert result.returncode == 1
+    (row,) = read_report(tmp_path / "result.json").rows
+    assert row.verdict == "NOT MET"
+    assert row.measured.endswith("error: --seed -1: expected 0 or more")
+
+
+def test_unknown_row_is_one_line(tmp_path: Path):
+    result = _bench(tmp_path, "--only", "ate:hose")
+    assert result.returncode == 2
+    assert result.stderr.strip().startswith("error: --only ate:hose")
+    assert "ate:house" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_groups_select_their_rows():
+    names = [check.name for check in catalogue()]
+    assert len(set(names)) == len(names)
+    assert [c.name for c in select(catalogue(), [])] == names
+    chosen = [c.name for c in select(catalogue(), ["mesh", "realtime:kitchen"])]
+    assert chosen == [n for n in names if n.startswith(("mesh:", "realtime:kitchen:"))]
+    assert [c.name for c in select(catalogue(), ["ate:house"])] == ["ate:house"]
+
+
+def test_names_of_the_rows_are_listed():
+    listed = subprocess.run([*_COMMAND, "--list"], capture_output=True, text=True, check=True)
+    assert listed.stdout.split() == [check.name for check in catalogue()]
+
+
+def test_figures_are_compared_as_ratios(tmp_path: Path):
+    fast = dataclasses.replace(row_of("memory"), figure=1.0, better="lower")
+    slow = dataclasses.replace(fast, figure=2.0, values={"not": "looked at", "number": 3})
+    stages = dataclasses.replace(row_of("stages"), values={"run": {"track": 8.0, "same": True}})
+    longer = dataclasses.replace(stages, values={"run": {"track": 10.0, "new": 1.0}})
+    before = report(Session(tmp_path, tmp_path), machine(), [slow, stages, row_of("budget")])
+    after = report(Session(tmp_path, tmp_path), machine(), [fast, longer])
+    found = {pair.name: pair for pair in pairs(before, after)}
+    assert {name: pair.ratio for name, pair in found.items()} == {
+        "memory": 0.5,
+        "stages run track": 1.25,
+    }
+    assert found["memory"].is_better
+    assert found["stages run track"].is_better is None
+    assert "only in A: budget" in circumstances(before, after)
+
+
+def test_results_of_another_version_are_refused(tmp_path: Path):
+    path = stored(tmp_path / "1.json")
+    path.write_text(path.read_text().replace('"version": 1', '"version": 2'))
+    result = _run("compare", str(path), str(path))
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"error: {path}: a result of version 2: expected version 1")
+    assert "Traceback" not in result.stderr
+
+
+_COMMAND = [sys.executable, "-m", "hsslam_bench"]
+
+
+def _bench(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    out = ("--out", str(folder / "result.json"))
+    return _run(*out, *arguments)
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True)

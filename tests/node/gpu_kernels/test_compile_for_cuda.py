@@ -1,0 +1,27 @@
+"""The kernels as the GPU's compiler sees them, which is stricter than the interpreter."""
+
+import json
+import os
+import subprocess
+import sys
+
+from tests.repository import ROOT
+
+_WITH_KERNELS = {
+    "adam", "decoder_backward", "field_backward", "field_forward", "losses", "patch_ssim",
+    "position_backward", "ray_batch", "rendering", "sdf_alignment", "sdf_query", "smoothness",
+}  # fmt: skip
+
+
+def test_every_kernel_compiles_without_spilling(tmp_path):
+    environment = {k: v for k, v in os.environ.items() if k != "TRITON_INTERPRET"}
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.node.gpu_kernels.compile_for_cuda", "16", "16"],
+        cwd=ROOT, env=environment | {"TRITON_CACHE_DIR": str(tmp_path)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    kernels = [json.loads(line) for line in done.stdout.splitlines()]
+    modules = {kernel["kernel"].split(".")[0] for kernel in kernels}
+    assert modules == _WITH_KERNELS
+    assert all(kernel["spilled"] == 0 for kernel in kernels), kernels

@@ -1,0 +1,34 @@
+"""The GPU answers meshing as the CPU does."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from hsslam_node.config import FieldConfig
+from hsslam_node.device.device import CPU, Device
+from hsslam_node.meshing.open_map_queries import open_map_queries
+from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
+from tests.small_room import SMALL, empty_room
+
+import_gpu_kernels()
+
+GPU = Device("cuda" if torch.cuda.is_available() else "interpreter", DEVICE, "test")
+CONFIG = replace(SMALL, field=FieldConfig(plane_channels=16, hash_levels=4, hash_table_log2=10))
+
+
+def test_distance_and_colour_agree():
+    layout = empty_room(CONFIG).parameters.layout
+    rng = np.random.default_rng(0)
+    params = rng.normal(0, 0.2, layout.parameter_count).astype(np.float32)
+    low, high = np.array(layout.bound.low), np.array(layout.bound.high)
+    points = rng.uniform(low - 0.2, high + 0.2, (90, 3)).astype(np.float32)
+    cpu, gpu = (open_map_queries(layout, params, device) for device in (CPU, GPU))
+    expected = cpu.sdf(points)
+    assert (expected == 1).any() and (np.abs(expected) < 0.9).any()
+    np.testing.assert_allclose(gpu.sdf(points), expected, atol=1e-5)
+    points = points[expected < 1]  # colours outside mean nothing
+    for part in (points[:20], points):  # the second needs more work space
+        np.testing.assert_allclose(gpu.color(part), cpu.color(part), atol=1e-5)
+    nothing = np.empty((0, 3), np.float32)
+    assert gpu.sdf(nothing).shape == (0,) and gpu.color(nothing).shape == (0, 3)

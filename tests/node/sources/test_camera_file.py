@@ -1,0 +1,53 @@
+"""Camera files: every field is checked and named."""
+
+import json
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.sources.camera_file import read_replica_camera, read_tum_camera
+from tests.sequence_folders import write_tum_camera
+
+
+def test_reads_a_camera(tmp_path):
+    write_tum_camera(tmp_path, distortion=[0.1, -0.2, 0.0, 0.0, 0.3], depth_scale=None)
+    camera, scale = read_tum_camera(tmp_path / "camera.json")
+    assert (camera.width_px, camera.fx, camera.distortion[0], scale) == (64, 50.0, 0.1, 5000.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"fx": float("nan")}, "fx = nan"),
+        ({"cy": None}, "'cy' is missing"),
+        ({"fy": -3.0}, "fy = -3"),
+        ({"width": 64.5}, "width"),
+        ({"cx": "middle"}, "cx = middle"),
+        ({"depth_scale": 0}, "depth_scale"),
+        ({"distortion": [0.1]}, "distortion"),
+        ({"distortion": [0, 0, 0, float("inf")]}, "distortion = inf"),
+        ({"depth_scal": 1000}, "did you mean 'depth_scale'"),
+    ],
+)
+def test_a_wrong_field_is_named_with_its_file(tmp_path, changes, field):
+    write_tum_camera(tmp_path, **changes)
+    with pytest.raises(UserError, match=field) as error:
+        read_tum_camera(tmp_path / "camera.json")
+    assert str(tmp_path / "camera.json") in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{"])
+def test_not_a_camera_at_all(tmp_path, text):
+    (tmp_path / "camera.json").write_text(text)
+    with pytest.raises(UserError, match=r"camera\.json"):
+        read_tum_camera(tmp_path / "camera.json")
+
+
+def test_replica_fields_are_checked(tmp_path):
+    path = tmp_path / "cam_params.json"
+    path.write_text(json.dumps({"camera": {"w": 64, "h": 48, "fx": 1, "fy": 1, "cx": 0, "cy": 0}}))
+    with pytest.raises(UserError, match="'scale' is missing"):
+        read_replica_camera(path)
+    path.write_text("{}")
+    with pytest.raises(UserError, match="'camera' is missing"):
+        read_replica_camera(path)

@@ -1,0 +1,44 @@
+"""What can be tested of a RealSense camera without one."""
+
+import importlib.util
+from types import SimpleNamespace
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.realsense import realsense_camera
+from hsslam_node.sources.realsense_options import RealsenseOptions
+from hsslam_services.camera.open_source import expect_source, open_any_source
+from hsslam_services.run.options import ServeOptions
+
+
+def test_without_package_or_camera_it_is_one_line():
+    missing = importlib.util.find_spec("pyrealsense2") is None
+    words = r"pip install 'hsslam-node\[realsense\]'" if missing else "no camera: expected"
+    for look in (
+        lambda: open_any_source("realsense"),
+        lambda: expect_source(ServeOptions("realsense")),
+    ):
+        with pytest.raises(UserError, match=words):
+            look()
+
+
+def test_a_wrong_name_suggests_the_right_one():
+    with pytest.raises(UserError, match="did you mean realsense"):
+        expect_source(ServeOptions("realsense:1"))
+
+
+def test_its_intrinsics():
+    given = SimpleNamespace(
+        width=640, height=480, fx=610.5, fy=611.0, ppx=321.0, ppy=242.5, coeffs=[0.0] * 5
+    )
+    assert realsense_camera(given) == Camera(640, 480, 610.5, 611.0, 321.0, 242.5)
+    given.coeffs = [0.1, -0.2, 0.0, 0.001, 0.05]
+    assert realsense_camera(given).distortion == (0.1, -0.2, 0.0, 0.001, 0.05)
+
+
+@pytest.mark.parametrize("field", ["width_px", "height_px", "rate_hz"])
+def test_wrong_options_are_named(field):
+    with pytest.raises(UserError, match=f"--realsense.{field.replace('_', '-')} 0: expected"):
+        RealsenseOptions(**{field: 0})

@@ -1,0 +1,183 @@
+"""Plain folders of images: what belongs together, when it was taken, and what is missing."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.camera_options import CameraOptions
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.record_options import RecordOptions
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from tests.sequence_folders import HEIGHT, WIDTH, frame_images
+
+CAMERA = CameraOptions(fx=50.0, depth_scale=5000.0)
+
+
+def record(folder: Path, color: list[str], depth: list[str], color_folder: str = "color") -> Path:
+    """Images k of colour and depth under these names."""
+    for names, kind in ((color, color_folder), (depth, "depth")):
+        (folder / kind).mkdir(parents=True)
+        for k, name in enumerate(names):
+            image = frame_images(k)[kind == "depth"]
+            image = image if kind == "depth" else image[..., ::-1]
+            assert cv2.imwrite(str(folder / kind / name), image)
+    return folder
+
+
+def source_of(folder: Path, camera: CameraOptions = CAMERA, **options):
+    wanted = SourceOptions(camera=camera, record=RecordOptions(**options))
+    return open_source(f"record:{folder}", wanted)
+
+
+def numbers_of(source) -> list[tuple[int, int]]:
+    """(number of the colour image, number of the depth image), as the images tell."""
+    frames = list(source.frames())
+    assert all(isinstance(frame, Frame) for frame in frames), frames
+    return [(f.color[0, 0, 0] // 20, (f.depth_raw[0, 0] - 5000) // 10) for f in frames]
+
+
+def stamps_of(source) -> list[int]:
+    return [frame.stamp_ns for frame in source.frames()]
+
+
+def test_numbers_in_the_names_tell_what_belongs_together(tmp_path):
+    color = [f"frame-{n:06d}.color.png" for n in (2, 5, 9, 10)]
+    folder = record(tmp_path, color, ["d2.png", "d9.png", "d10.png", "d11.png"])
+    source = source_of(folder, rate_hz=10)
+    assert numbers_of(source) == [(0, 0), (2, 1), (3, 2)]
+    assert stamps_of(source) == [0, 200_000_000, 300_000_000]  # number 5 was taken, too
+
+
+def test_stamps_in_the_names(tmp_path):
+    color = [f"{100 + k / 10:.6f}.png" for k in range(4)]
+    depth = [f"{100.012 + k / 10:.6f}.png" for k in (0, 2, 3)]
+    source = source_of(record(tmp_path, color, depth, "rgb"))
+    assert numbers_of(source) == [(0, 0), (2, 1), (3, 2)]
+    assert stamps_of(source) == [100_000_000_000, 100_200_000_000, 100_300_000_000]
+    assert source.rate_hz == pytest.approx(1 / 0.15)
+    with pytest.raises(
+        UserError, match=r"no stamps of colour and depth within --record\.max-dt-ms 5"
+    ):
+        source_of(tmp_path, max_dt_ms=5)
+
+
+@pytest.mark.parametrize(
+    "stems",
+    [
+        ("1700000000123", "1700000001123"),
+        ("c_1700000000123000", "c_1700000001123000"),
+        ("1700000000123000000", "1700000001123000000"),
+        ("1700000000_123000000", "1700000001_123000000"),
+    ],
+)
+def test_stamps_in_other_units(tmp_path, stems):
+    names = [f"{stem}.png" for stem in stems]
+    source = source_of(record(tmp_path, names, names))
+    assert stamps_of(source) == [1_700_000_000_123_000_000, 1_700_000_001_123_000_000]
+
+
+def test_names_without_numbers_go_by_order(tmp_path):
+    source = source_of(record(tmp_path, ["a.png", "b.png"], ["x.png", "y.png"]))
+    assert numbers_of(source) == [(0, 0), (1, 1)]
+
+
+def test_numbers_with_leading_zeros_are_no_stamps_and_10_comes_after_9(tmp_path):
+    names = [f"{n}.png" for n in range(8, 12)] + ["0000000000012.png"]
+    source = source_of(record(tmp_path, names, names), rate_hz=20)
+    assert numbers_of(source) == [(k, k) for k in range(5)]
+    assert stamps_of(source) == [k * 50_000_000 for k in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("times.txt", "5.5\n6.25\n"),
+        ("timestamps.csv", "timestamp [ns],filename\n5500000000.0e-9,0.png\n6.25,1.png\n"),
+        ("times.csv", "# seconds\ncolor/1.png; 6.25\ncolor/0.png; 5.5\n"),
+    ],
+)
+def test_a_list_of_times(tmp_path, name, text):
+    folder = record(tmp_path, ["0.png", "1.png"], ["0.png", "1.png"])
+    (folder / name).write_text(text)
+    assert stamps_of(source_of(folder)) == [5_500_000_000, 6_250_000_000]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1.0\n", "1 stamps: expected 2, one a colour image"),
+        ("1.0\nnoon\n", "times.txt:2: 'noon': expected 'stamp'"),
+        ("1.0 other.png\n", "names no image of .*color, as 0.png"),
+    ],
+)
+def test_a_list_of_times_that_is_wrong(tmp_path, text, words):
+    folder = record(tmp_path, ["0.png", "1.png"], ["0.png", "1.png"])
+    (folder / "times.txt").write_text(text)
+    with pytest.raises(UserError, match=words):
+        source_of(folder)
+
+
+def test_the_camera_comes_from_its_file_and_the_options_go_before_it(tmp_path):
+    folder = record(tmp_path, ["0.png"], ["0.png"])
+    (folder / "camera.json").write_text(json.dumps({"fx": 40, "fy": 41, "depth_scale": 1000}))
+    source = source_of(folder, CameraOptions())
+    assert (source.camera.fx, source.camera.fy, source.depth_units_per_m) == (40, 41, 1000)
+    assert (source.camera.cx, source.camera.cy) == (31.5, 23.5)
+    source = source_of(folder, CameraOptions(fx=60, cx=30, distortion=(0.1, 0, 0, 0)))
+    assert (source.camera.fx, source.camera.fy, source.camera.cx) == (60, 41, 30)
+    assert source.camera.distortion == ()  # taken out of the images
+    (frame,) = source.frames()
+    assert (frame.color[0, 0] == 0).all()  # barrel: the corner lies outside
+
+
+def test_what_is_missing_is_said(tmp_path):
+    with pytest.raises(UserError, match="no such folder: expected one with color/"):
+        source_of(tmp_path / "nowhere")
+    with pytest.raises(UserError, match="no images of colour: expected them in color/ or rgb/"):
+        source_of(tmp_path)
+    folder = record(tmp_path / "a", ["0.png", "x.png"], ["0.png"])
+    with pytest.raises(UserError, match="2 colour and 1 depth images: expected as many"):
+        source_of(folder)
+    folder = record(tmp_path / "b", ["0.png"], ["0.png"])
+    with pytest.raises(UserError, match=r"fx and depth_scale are missing.*--camera\.depth-scale"):
+        source_of(folder, CameraOptions())
+    (folder / "camera.json").write_text(json.dumps({"fx": 40}))
+    with pytest.raises(UserError, match=r": depth_scale is missing.*or as --camera\.depth-scale"):
+        source_of(folder, CameraOptions())
+    (folder / "depth/0.png").unlink()
+    with pytest.raises(UserError, match=r"depth: no images: expected \.png"):
+        source_of(folder)
+
+
+def test_images_that_do_not_fit(tmp_path):
+    folder = record(tmp_path, ["0.png", "1.png"], ["0.png", "1.png"])
+    cv2.imwrite(str(folder / "depth/1.png"), np.ones((HEIGHT, 9), np.uint16))
+    assert [type(item) for item in source_of(folder).frames()] == [Frame, BadFrame]
+    cv2.imwrite(str(folder / "depth/0.png"), np.ones((HEIGHT, 9), np.uint16))
+    with pytest.raises(
+        UserError, match=f"9x{HEIGHT} pixels, colour has {WIDTH}x{HEIGHT}: expected"
+    ):
+        source_of(folder)
+    cv2.imwrite(str(folder / "depth/0.png"), np.ones((HEIGHT, WIDTH), np.uint8))
+    with pytest.raises(UserError, match="8 bit, 1 channels: expected 16 bit"):
+        source_of(folder)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: CameraOptions(fx=0), "--camera.fx 0: expected a number above 0"),
+        (lambda: CameraOptions(depth_scale=float("nan")), "--camera.depth-scale nan"),
+        (lambda: CameraOptions(distortion=(1.0,)), "expected k1 k2 p1 p2"),
+        (lambda: RecordOptions(rate_hz=0), "--record.rate-hz 0: expected above 0"),
+        (lambda: RecordOptions(max_dt_ms=-1), "--record.max-dt-ms -1: expected 0 to"),
+    ],
+)
+def test_wrong_options_are_named(make, words):
+    with pytest.raises(UserError, match=words):
+        make()

@@ -1,0 +1,115 @@
+"""Sequences in TUM layout."""
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.tum import TumSource
+from hsslam_node.sources.tum_folder import TumFolder, associate
+from tests.sequence_folders import frame_images, write_tum_camera
+
+
+def frames_of(folder, **options) -> list:
+    return list(TumSource(str(folder), SourceOptions(**options)).frames())
+
+
+def test_frames_come_in_order_with_exact_stamps(tum_folder):
+    frames = frames_of(tum_folder)
+    assert [f.index for f in frames] == [0, 1, 2, 3, 4]
+    assert frames[1].stamp_ns == 1305031100_033333000
+    color, depth = frame_images(3)
+    np.testing.assert_array_equal(frames[3].color, color)
+    np.testing.assert_array_equal(frames[3].depth_raw, depth)
+    assert frames[3].depth_m()[0, 0] == pytest.approx(1.006)
+
+
+def test_rate_and_selection(tum_folder):
+    source = TumSource(str(tum_folder), SourceOptions(stride=2))
+    assert source.rate_hz == pytest.approx(15, rel=1e-3)
+    assert source.frame_count == 3
+    assert [f.color[0, 0, 0] for f in frames_of(tum_folder, stride=2)] == [0, 40, 80]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda folder: (folder / "depth/2.png").unlink(),
+        lambda folder: (folder / "rgb/2.png").write_bytes(b"\x89PNG nothing else"),
+        lambda folder: cv2.imwrite(str(folder / "depth/2.png"), np.ones((9, 9), np.uint16)),
+    ],
+)
+def test_a_bad_file_is_one_bad_frame_and_the_rest_goes_on(tum_folder, spoil):
+    spoil(tum_folder)
+    frames = frames_of(tum_folder)
+    assert [type(f) for f in frames] == [Frame, Frame, BadFrame, Frame, Frame]
+    assert (frames[2].index, "2.png" in frames[2].reason) == (2, True)
+
+
+def test_pairs_further_than_20_ms_apart_are_left_out(tum_folder):
+    lines = (tum_folder / "depth.txt").read_text().splitlines()
+    stamp, file = lines[3].split()
+    lines[3] = (
+        f"{float(stamp) + 0.0155:.6f} {file}"  # 20.5 ms after its colour, 12.8 before the next
+    )
+    (tum_folder / "depth.txt").write_text("\n".join(lines))
+    assert len(frames_of(tum_folder)) == 4
+
+
+def test_association_is_one_to_one_and_takes_the_closest():
+    a, b = np.array([0, 10, 20]), np.array([1, 9, 12, 300])
+    assert associate(a, b, 20) == [(0, 0), (1, 1), (2, 2)]
+    assert associate(a, b, 1) == [(0, 0), (1, 1)]
+
+
+@pytest.mark.parametrize("name", ["rgb.txt", "depth.txt"])
+def test_a_missing_or_wrong_list_is_named(tum_folder, name):
+    (tum_folder / name).write_text("yesterday rgb/0.png\n")
+    with pytest.raises(UserError, match=f"{name}:1"):
+        frames_of(tum_folder)
+    (tum_folder / name).write_text("# nothing\n")
+    with pytest.raises(UserError, match=f"{name}: holds no image"):
+        frames_of(tum_folder)
+    (tum_folder / name).unlink()
+    with pytest.raises(UserError, match=name):
+        frames_of(tum_folder)
+
+
+def test_the_published_cameras_go_by_the_folder_name(tmp_path):
+    for number, fx in (("1", 517.306408), ("2", 520.908620), ("3", 535.4)):
+        folder = tmp_path / f"rgbd_dataset_freiburg{number}_x"
+        folder.mkdir()
+        camera, scale = TumFolder(folder).camera()
+        assert (camera.fx, scale) == (fx, 5000.0)
+        assert bool(camera.distortion) == (number != "3")
+    other = tmp_path / "kitchen"
+    other.mkdir()
+    with pytest.raises(UserError, match=r"camera\.json: missing"):
+        TumFolder(other).camera()
+
+
+def test_names_are_found_under_the_data_folder(tum_folder, monkeypatch):
+    monkeypatch.setenv("HSSLAM_DATA", str(tum_folder.parent))
+    target = tum_folder.parent / "rgbd_dataset_freiburg3_long_office_household"
+    tum_folder.rename(target)
+    assert TumFolder.find("fr3/office").path == target
+    assert TumFolder.find(target.name).path == target
+
+
+def test_a_distorted_camera_delivers_pinhole_frames(tum_folder):
+    write_tum_camera(tum_folder, distortion=[0.2, -0.5, 0.0, 0.0, 0.4])
+    source = TumSource(str(tum_folder), SourceOptions())
+    assert source.camera.distortion == ()
+    assert all(isinstance(f, Frame) for f in source.frames())
+
+
+@pytest.mark.parametrize(("name", "units"), [("kitchen", 5000.0), ("livingroom", 1000.0)])
+def test_real_sequences(test_data, name, units):
+    source = TumSource(str(test_data / name), SourceOptions(frames=3))
+    frames = list(source.frames())
+    assert all(isinstance(f, Frame) for f in frames)
+    assert source.depth_units_per_m == units
+    assert source.rate_hz == pytest.approx(30, rel=1e-3)
+    assert 0.5 < np.median(frames[0].depth_m()[frames[0].depth_raw > 0]) < 5

@@ -1,0 +1,246 @@
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages, topics
+from hsslam_services.bus.bus import Bus, free_endpoint, open_router
+from hsslam_services.bus.zenoh_session import open_client
+from tests.services.wire_samples import frame, keyframe
+
+
+def test_messages_arrive_in_order_with_their_envelope(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
+        stops = b.subscribe(topics.STEP, depth=64)
+        publisher = a.publisher(topics.STEP)
+        _settle(lambda: publisher.put(messages.Step(stage="done", index=0)), stops)
+        for index in range(1, 40):
+            publisher.put(messages.Step(stage="done", index=index))
+        assert [_expect(stops).index for _ in range(1, 40)] == list(range(1, 40))
+        assert (stops.dropped, stops.rejected) == (0, 0)
+
+
+def test_newest_wins_and_the_rest_is_counted(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
+        frames = b.subscribe(topics.FRAME, depth=1)
+        publisher = a.publisher(topics.FRAME)
+        _settle(lambda: publisher.put(_frame(0)), frames)
+        for index in range(1, 6):
+            publisher.put(_frame(index))
+            time.sleep(0.05)
+        assert [frame.index for frame in frames.drain()] == [5]
+        assert frames.dropped == 4
+
+
+def test_a_frame_wakes_the_waiting_reader_quickly(endpoint):
+    with Bus(endpoint, "r", "a") as a, _reader(endpoint) as reader:
+        publisher = a.publisher(topics.FRAME)
+        for index in range(60):
+            publisher.put(_frame(index))
+            time.sleep(0.02)
+        reader.send_signal(signal.SIGTERM)
+        latencies_ms = [float(line) for line in reader.communicate()[0].split()[1:]]
+    assert len(latencies_ms) > 40
+    print(f"1.5 MB frame, process to process: median {statistics.median(latencies_ms):.2f} ms")
+    assert statistics.median(latencies_ms) < 10
+
+
+def test_late_subscribers_get_what_was_kept(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
+        keyframes = a.publisher(topics.KEYFRAME)
+        for index in range(20):
+            keyframes.put(keyframe(index))
+        time.sleep(0.1)
+        late = b.subscribe(topics.KEYFRAME, depth=64)
+        live_only = b.subscribe(topics.KEYFRAME, depth=64, history=False)
+        got = [_expect(late).id for _ in range(20)]
+        for index in range(20, 30):
+            keyframes.put(keyframe(index))
+        got += [_expect(late).id for _ in range(10)]
+        assert got == list(range(30))
+        assert late.wait(0.3) is None
+        assert [_expect(live_only).id for _ in range(10)] == list(range(20, 30))
+
+
+def test_late_publishers_are_found(endpoint):
+    with Bus(endpoint, "r", "a") as a:
+        ends = a.subscribe(topics.SOURCE_END, depth=4)
+        with Bus(endpoint, "r", "b") as b:
+            b.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=7))
+            assert _expect(ends).frame_count == 7
+        assert ends.wait(0.2) is None
+
+
+def test_what_cannot_be_read_is_counted_and_told(endpoint):
+    outsider = open_client(endpoint)
+    with Bus(endpoint, "r", "b") as b:
+        poses = b.subscribe(topics.POSE, depth=8)
+        key = topics.POSE.key("r")
+        _settle(lambda: outsider.put(key, b"x", encoding="text/plain"), poses, rejected=True)
+        poses.take_rejections()
+        before = poses.rejected
+        outsider.put(key, b"\xc1" * 9, encoding="application/msgpack;hsslam.Pose.v1")
+        outsider.put(key, b"\x80", encoding="application/msgpack;hsslam.Pose.v2")
+        outsider.put(key, bytes(2**17), encoding="application/msgpack;hsslam.Pose.v1")
+        outsider.put(key, b"", encoding="application/msgpack;hsslam.Frame.v1")
+        assert poses.wait(1.0) is None
+        assert poses.rejected - before == 4
+        reasons = [rejected.reason for rejected in poses.take_rejections()]
+        assert sorted(reasons) == ["malformed", "schema", "size", "version"]
+    outsider.close()
+
+
+def test_live_processes_follow_sigkill(endpoint):
+    with Bus(endpoint, "r", "a") as a, _reader(endpoint) as reader:
+        assert ("reader", reader.pid) in a.live_processes()
+        assert ("a", os.getpid()) in a.live_processes()
+        reader.kill()
+        reader.wait()
+        _until(lambda: ("reader", reader.pid) not in a.live_processes())
+
+
+def test_sigkill_of_a_reader_does_not_disturb_the_others(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b, _reader(endpoint) as reader:
+        frames = b.subscribe(topics.FRAME, depth=100)
+        publisher = a.publisher(topics.FRAME)
+        _settle(lambda: publisher.put(_frame(0)), frames)
+        slowest_s = 0.0
+        for index in range(1, 60):
+            if index == 20:
+                reader.kill()
+            begin = time.monotonic()
+            publisher.put(_frame(index))
+            slowest_s = max(slowest_s, time.monotonic() - begin)
+            time.sleep(0.01)
+        assert [_expect(frames).index for _ in range(1, 60)] == list(range(1, 60))
+        assert slowest_s < 0.25
+
+
+def test_a_frozen_reader_does_not_hold_up_frames_and_poses(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b, _reader(endpoint) as reader:
+        frames = b.subscribe(topics.FRAME, depth=1)
+        publisher = a.publisher(topics.FRAME)
+        _settle(lambda: publisher.put(_frame(0)), frames)
+        reader.send_signal(signal.SIGSTOP)
+        slowest_s, received = 0.0, 0
+        for index in range(1, 60):
+            begin = time.monotonic()
+            publisher.put(_frame(index))
+            slowest_s = max(slowest_s, time.monotonic() - begin)
+            received += frames.wait(0.5) is not None
+        reader.kill()
+        assert received >= 50
+        assert slowest_s < 0.25
+
+
+@pytest.mark.parametrize("how", ["close", "leave open", "raise", "router gone"])
+def test_the_interpreter_ends(endpoint, how):
+    code = f"""
+from hsslam_services.bus.bus import Bus, open_router
+from hsslam_proto import topics
+endpoint = {endpoint!r}
+if {how!r} == "router gone":
+    from hsslam_services.bus.bus import free_endpoint
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+bus = Bus(endpoint, "r", "p")
+for topic in topics.TOPICS:
+    bus.subscribe(topic, depth=4, history=True), bus.publisher(topic)
+if {how!r} == "close": bus.close()
+if {how!r} == "raise": raise SystemExit(3)
+if {how!r} == "router gone": router.close()
+"""
+    done = subprocess.run([sys.executable, "-c", code], timeout=20, capture_output=True, text=True)
+    assert done.returncode == (3 if how == "raise" else 0), done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_busy_port_is_one_line(endpoint):
+    with pytest.raises(UserError, match="expected a free port") as error:
+        open_router(endpoint)
+    assert "\n" not in str(error.value)
+
+
+def test_no_router_is_one_line():
+    with pytest.raises(UserError, match="expected a router"):
+        open_client(free_endpoint(), timeout_s=0.3)
+
+
+def test_names_that_are_no_key_are_refused(endpoint):
+    with pytest.raises(UserError, match="robot 'a/b'"):
+        Bus(endpoint, "a/b", "p")
+
+
+def test_clients_come_back_after_the_router(endpoint):
+    address = free_endpoint()
+    router = open_router(address)
+    with Bus(address, "r", "a") as a, Bus(address, "r", "b") as b:
+        router.close()
+        _until(lambda: not a.is_connected())
+        router = open_router(address)
+        steps, publisher = b.subscribe(topics.STEP, depth=4), a.publisher(topics.STEP)
+        _settle(lambda: publisher.put(messages.Step(stage="done", index=1)), steps)
+    router.close()
+
+
+def _settle(put, subscription, rejected=False, timeout_s=10.0):
+    """Put until it arrives: declarations travel through the router."""
+
+    def arrived():
+        put()
+        time.sleep(0.02)
+        return subscription.rejected if rejected else subscription.drain()
+
+    _until(arrived, timeout_s)
+    time.sleep(0.2)
+    subscription.drain()
+    subscription.dropped = 0
+
+
+def _until(condition, timeout_s=10.0):
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, "timed out"
+        time.sleep(0.01)
+
+
+def _expect(subscription):
+    message = subscription.wait(5.0)
+    assert message is not None
+    return message
+
+
+def _reader(endpoint) -> subprocess.Popen:
+    """Another process that reads frames and prints the latency of each, ms."""
+    code = f"""
+import signal, time
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
+stop = []
+signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
+with Bus({endpoint!r}, "r", "reader") as bus:
+    frames = bus.subscribe(topics.FRAME, depth=1)
+    time.sleep(0.2)
+    print("ready", flush=True)
+    while not stop:
+        frame = frames.wait(0.05)
+        if frame is not None:
+            print((time.time_ns() - frame.stamp_ns) / 1e6, flush=True)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert process.stdout is not None
+    process.stdout.read(1)
+    return process
+
+
+def _frame(index: int) -> messages.Frame:
+    return frame(index, width_px=640, height_px=480)

@@ -1,0 +1,44 @@
+"""Running ahead, by a bounded number, with errors handed over."""
+
+import time
+
+import pytest
+
+from hsslam_services.camera.prefetch import Prefetch
+
+
+def test_order_is_kept_and_the_lead_is_bounded():
+    made: list[int] = []
+
+    def items():
+        for k in range(20):
+            made.append(k)
+            yield k
+
+    ahead = Prefetch(items(), depth=3)
+    time.sleep(0.3)
+    assert len(made) <= 4
+    assert list(ahead) == list(range(20))
+    ahead.close()
+
+
+def test_error_of_the_items_is_raised_behind_what_came_before():
+    def items():
+        yield 1
+        raise ValueError("broken")
+
+    ahead = iter(Prefetch(items(), depth=2))
+    assert next(ahead) == 1
+    with pytest.raises(ValueError, match="broken"):
+        next(ahead)
+
+
+def test_close_ends_the_thread_of_an_endless_source():
+    def endless():
+        while True:
+            yield 0
+
+    ahead = Prefetch(endless(), depth=2)
+    next(iter(ahead))
+    ahead.close()
+    assert not ahead._thread.is_alive()

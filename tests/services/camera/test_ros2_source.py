@@ -1,0 +1,167 @@
+"""A camera of ROS 2 over real zenoh sessions, its messages written by another CDR library."""
+
+import itertools
+import json
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.ros2_options import Ros2Options
+from hsslam_node.sources.source import BadFrame, SourceOptions, SynthOptions
+from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.camera import ros2_source
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.commands.doctor import main as doctor
+from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image
+
+ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
+
+
+@pytest.fixture(scope="module")
+def room() -> list[Frame]:
+    frames = open_source("synth:room", replace(ROOM, frames=12)).frames()
+    return [frame for frame in frames if isinstance(frame, Frame)]
+
+
+@pytest.fixture
+def ros_camera(endpoint):
+    camera = RosCamera(endpoint)
+    yield camera
+    camera.close()
+
+
+def options(endpoint: str, frames: int | None = None, **fields) -> SourceOptions:
+    return SourceOptions(frames=frames, ros2=Ros2Options(connect=endpoint, **fields))
+
+
+def test_frames_are_those_that_were_published(endpoint, ros_camera, room):
+    ros_camera.start(room, depth_lag_ns=4_000_000)
+    source = open_any_source("ros2:/camera", options(endpoint, 20))
+    assert (source.camera, source.depth_units_per_m) == (room[0].camera, 1000.0)
+    frames = list(source.frames())
+    assert [frame.index for frame in frames] == list(range(20))
+    seen = set()
+    for frame in frames:
+        assert isinstance(frame, Frame)
+        k = round((frame.stamp_ns - FIRST_NS) * 30 / 1e9) % 22
+        k = min(k, 22 - k)  # to and fro
+        np.testing.assert_array_equal(frame.color, room[k].color)
+        np.testing.assert_allclose(frame.depth_m(), room[k].depth_m(), atol=1.1e-3)
+        seen.add(frame.stamp_ns)
+    assert len(seen) == 20
+
+
+def test_the_lens_is_taken_out(endpoint, ros_camera, room):
+    lens = replace(room[0].camera, distortion=(0.2, -0.1, 0.0, 0.0, 0.0))
+    ros_camera.start(room, camera=lens)
+    source = open_any_source("ros2:/camera", options(endpoint, 1))
+    assert source.camera == room[0].camera
+    (frame,) = source.frames()
+    assert isinstance(frame, Frame)
+    assert (frame.color[0, 0] == 0).all()
+
+
+def test_what_is_heard_is_said_where_nothing_fits(endpoint, ros_camera, room):
+    ros_camera.start(room, depth_lag_ns=16_500_000)
+    with pytest.raises(UserError) as error:
+        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.5, color="rgb/image"))
+    assert "no camera_info within 0.5 s on /camera/rgb/image, " in str(error.value)
+    assert "heard: /camera/aligned_depth_to_color/image_raw (Image), " in str(error.value)
+    assert "/camera/color/camera_info (CameraInfo)" in str(error.value)
+    with pytest.raises(
+        UserError, match=r"colour and depth are 16\.\d ms apart, --ros2\.max-dt-ms 15"
+    ):
+        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.5))
+    with pytest.raises(UserError, match="heard: nothing in domain 7"):
+        open_any_source("ros2:/camera", options(endpoint, timeout_s=0.1, domain=7))
+
+
+def test_depth_that_is_not_registered(endpoint, ros_camera, room):
+    def publish() -> None:
+        while not ended.wait(0.02):
+            ros_camera.put(
+                "/camera/color/camera_info", camera_info(5, room[0].camera), "CameraInfo"
+            )
+            ros_camera.put("/camera/color/image_raw", image(5, room[0].color, "rgb8"))
+            small = np.ones((9, 9), np.uint16)
+            ros_camera.put("/camera/aligned_depth_to_color/image_raw", image(5, small, "16UC1"))
+
+    ended = threading.Event()
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        with pytest.raises(UserError, match="depth has 9x9 pixels: expected 160x120 as colour"):
+            open_any_source("ros2:/camera", options(endpoint))
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
+    endpoint, ros_camera, room, monkeypatch
+):
+    monkeypatch.setattr(ros2_source, "_SILENCE_S", 0.3)
+    ros_camera.start(room)
+    ended = threading.Event()
+    source = open_any_source("ros2:/camera", options(endpoint), ended.is_set)
+    frames = source.frames()
+    assert all(isinstance(frame, Frame) for frame in itertools.islice(frames, 3))
+    ros_camera.put("/camera/color/image_raw", b"\0\1\0\0 no image")
+    told = next(item for item in frames if isinstance(item, BadFrame))
+    assert "no sensor_msgs/msg/Image in CDR" in told.reason
+    ros_camera.stop()
+    told = next(item for item in frames if isinstance(item, BadFrame))
+    assert told.reason.startswith("nothing for 0.3 s")
+    ended.set()
+    assert list(itertools.islice(frames, 10)) == []
+
+
+def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):
+    ros_camera.start(room)
+    args = ["ros2:/camera", "--ros2.connect", endpoint, "--sample-frames", "12"]
+    with pytest.raises(SystemExit) as done:
+        doctor([*args, "--json", str(tmp_path / "found.json")])
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["frames_looked_at"] == 12
+    rows = {finding["name"]: finding["severity"] for finding in found["findings"]}
+    assert rows["images"] == rows["intrinsics"] == rows["depth coverage"] == "ok"
+    assert done.value.code == bool(found["faults"])
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("ros2:camera", "expected the camera's namespace"),
+        ("ros2:", "expected the camera's namespace"),
+    ],
+)
+def test_wrong_names(spec, words):
+    with pytest.raises(UserError, match=words):
+        open_any_source(spec, SourceOptions())
+
+
+@pytest.mark.e2e
+def test_a_run_whose_router_is_that_of_the_ros_nodes(serve, room):
+    endpoint = free_endpoint()
+    camera = RosCamera(endpoint)  # before there is a router
+    camera.start(room, rate_hz=15)
+    small = ("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256")
+    places = ("--zenoh-port", endpoint.rpartition(":")[2], "--ros2.connect", endpoint)
+    limits = ("--frames", "40", "--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08")
+    run = serve("--source", "ros2:/camera", *places, *small, *limits)
+    try:
+        assert run.finish() == 0, run.stderr
+    finally:
+        camera.close()
+    assert run.summary()["stop_reason"] == "end of source"
+    poses = read_tum(run.out / "trajectory.txt")
+    assert len(poses.stamps_ns) >= 20
+    assert (np.diff(poses.stamps_ns) > 0).all()
+    assert 0 < poses.stamps_ns[0] - FIRST_NS < 600e9  # the camera's own clock

@@ -1,0 +1,162 @@
+"""`hsslam-eval` as a user runs it."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import encode
+from hsslam_proto.pose_codec import wire_pose
+from hsslam_services.commands.evaluate.command import main
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.run.options import ServeOptions
+from tests.services.wire_samples import pose
+
+_ROOM = SourceOptions(frames=60, synth=SynthOptions(width_px=96, height_px=72))
+_SOURCE = (
+    *("--source", "synth:room", "--frames", "60"),
+    *("--synth.width-px", "96", "--synth.height-px", "72", "--depth-views", "6"),
+    *("--cull-views", "6"),
+)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory) -> Path:
+    """A trajectory that is 1 cm off along x in every second frame, and the true mesh, in its world."""
+    folder = tmp_path_factory.mktemp("result")
+    truth = open_ground_truth("synth:room", _ROOM)
+    assert truth is not None
+    T_world_truth = inverse(truth.T_world_cam[0])
+    poses = T_world_truth @ truth.T_world_cam
+    mesh = truth.mesh()
+    assert mesh is not None
+    mesh.apply_transform(T_world_truth)
+    mesh.export(folder / "mesh.ply")
+    poses[::2, 0, 3] += 0.01
+    write_tum(folder / "trajectory.txt", Trajectory(truth.stamps_ns, poses))
+    return folder
+
+
+def test_table_json_and_pictures(result, tmp_path, capsys):
+    files = ("--trajectory", str(result / "trajectory.txt"), "--mesh", str(result / "mesh.ply"))
+    out = ("--json", str(tmp_path / "a" / "score.json"), "--plots", str(tmp_path / "plots"))
+    main([*files, *_SOURCE, *out])
+    shown = capsys.readouterr().out
+    assert "RPE 1 s" in shown
+    assert "0.50" in shown
+    figures = json.loads((tmp_path / "a" / "score.json").read_text())
+    assert figures["ate"]["final"]["rmse_m"] == pytest.approx(0.005, abs=2e-4)
+    assert figures["ate"]["final"]["scored"] == 60
+    assert figures["mesh"]["accuracy_mean_m"] < 0.008  # moved by half a centimetre
+    assert 0 < figures["depth_l1"]["views"] <= 6  # sixty frames see little that turns inside it
+    assert figures["consistency"]["given"][0]["gap_frames"] == 10
+    assert figures["protocol"]["alignment"].startswith("SE(3)")
+    names = {path.name for path in (tmp_path / "plots").iterdir()}
+    assert names == {"trajectory.png", "error.png", "mesh.png", "virtual_views.txt"}
+    views = read_tum(tmp_path / "plots" / "virtual_views.txt")
+    assert len(views) == figures["depth_l1"]["views"]
+
+
+def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):
+    options = ServeOptions(source="synth:room", frames=60, synth=_ROOM.synth, evaluate=False)
+    whole = _log(tmp_path, {"options": msgspec.json.encode(options).decode()}).read_bytes()
+    torn = tmp_path / "run.mcap"
+    torn.write_bytes(whole[:-40])
+    main([f"mcap:{torn}", "--depth-views", "0", "--json", str(tmp_path / "score.json")])
+    captured = capsys.readouterr()
+    assert "was not finished: recovered 63 messages" in captured.err
+    ate = json.loads((tmp_path / "score.json").read_text())["ate"]
+    assert ate["final"]["scored"] == ate["final"]["expected"] == 60
+    assert ate["final"]["rmse_m"] < 1e-6 < 0.01 < ate["online"]["rmse_m"]
+    (tmp_path / "run.json").write_text("of a run that was killed")
+    main([str(tmp_path), "--depth-views", "0", "--no-consistency"])
+    assert "no trajectory.txt" in capsys.readouterr().err
+
+
+def test_a_log_that_does_not_tell_its_source_is_told_of_it(tmp_path, capsys):
+    path = str(_log(tmp_path, {}))
+    with pytest.raises(SystemExit) as end:
+        main([path])
+    assert end.value.code == 2
+    assert "expected --source" in capsys.readouterr().err
+    main([path, *_SOURCE, "--no-consistency"])
+    assert "60/60" in capsys.readouterr().out
+
+
+def _log(folder: Path, metadata: dict[str, str]) -> Path:
+    """True poses, from frame 30 on 4 cm off until a correction at the end."""
+    truth = open_ground_truth("synth:room", _ROOM)
+    assert truth is not None
+    log = PartedLog(folder, "r", LogSettings(metadata=metadata))
+
+    def put(topic, message, at_ns):
+        log.write(topic, encode(topic, message), at_ns, at_ns, at_ns)
+
+    moved = truth.T_world_cam.copy()
+    moved[30:, 0, 3] += 0.04
+    for index, (stamp, T) in enumerate(zip(truth.stamps_ns.tolist(), moved, strict=True)):
+        t, q = wire_pose(T)
+        at = pose(index)
+        fields = {name: getattr(at, name) for name in at.__struct_fields__}
+        fields |= {"source_stamp_ns": stamp, "t": t, "q": q, "keyframe": index // 30}
+        put(topics.POSE, messages.Pose(**fields), index)
+        if index % 30 == 0:  # after the pose, as the tracker does
+            key = messages.Keyframe(
+                id=index // 30, frame_index=index, source_stamp_ns=stamp, t=t, q=q
+            )
+            put(topics.KEYFRAME, key, index)
+    t, q = wire_pose(truth.T_world_cam[30])
+    corrected = messages.Correction(
+        pose_version=1, base_version=0, keyframes=[1], t=[t], q=[q], loss_before=2.0, loss_after=1.0
+    )
+    put(topics.CORRECTION, corrected, 60)
+    log.close()
+    return folder / "run.mcap"
+
+
+@pytest.mark.parametrize(
+    ("args", "expected"),
+    [
+        ([], "nothing to score"),
+        (["--mesh", "there.ply"], "--source"),
+        (["/there"], "run.json"),
+        (["--mesh", "/there.ply", *_SOURCE], "there.ply"),
+        (["--trajectory", "/there.txt", *_SOURCE], "there.txt"),
+        (["--mesh", "m.ply", *_SOURCE, "--against", "tsdf"], "--trajectory"),
+        (["--mesh", "m.ply", *_SOURCE, "--depth-view", "x"], "depth-view"),
+        (["--trajectory", "TRAJECTORY", "--source", "synth:rom"], "synth:room"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(args, expected, result, capsys):
+    args = [str(result / "trajectory.txt") if a == "TRAJECTORY" else a for a in args]
+    with pytest.raises(SystemExit) as end:
+        main(args)
+    assert end.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    assert expected in lines[0]
+
+
+def test_help_tells_the_units(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    shown = capsys.readouterr().out
+    for unit in ("cm", "mm", "degrees", "dB"):
+        assert unit in shown
+
+
+def test_a_json_file_that_cannot_be_written(result, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    target = str(tmp_path / "file" / "score.json")
+    with pytest.raises(SystemExit) as end:
+        main(["--trajectory", str(result / "trajectory.txt"), *_SOURCE, "--json", target])
+    assert end.value.code == 2
+    assert "--json" in capsys.readouterr().err

@@ -1,0 +1,193 @@
+"""`hsslam-log` as a user runs it; what it writes is read by others' readers."""
+
+import csv
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import rerun_cli
+import trimesh
+from mcap.reader import make_reader
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.presets import PRESETS
+from hsslam_node.sources.open_source import open_source
+from hsslam_proto.frame_codec import frame_from_message
+from hsslam_services.commands.log.command import main
+from hsslam_services.run.options import ServeOptions
+from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_log
+
+
+def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
+    given = ServeOptions(source="tum:desk", seed=7, evaluate=False, slam=PRESETS["realtime"])
+    options = msgspec.json.encode(given).decode()
+    metadata = {"run_id": "run-1", "version": "0.1", "options": options}
+    path = write_log(tmp_path, metadata=metadata)
+    assert main(["info", str(path)]) == 0
+    printed = capsys.readouterr().out
+    shown = " ".join(printed.split())
+    assert "finished" in shown and "1.9 s from 2023-11-14 22:13:20 UTC" in shown
+    assert "run run-1 of hsslam-node 0.1: --source tum:desk --seed 7 --no-evaluate\n" in printed
+    assert "hsslam/r/in/frame │ hsslam.Frame.v1 │ 20 │ 10.00 │" in shown
+    assert "/viz/mesh │ foxglove.SceneUpdate │ 2 │" in shown
+
+
+def test_a_torn_log_is_recovered_by_whatever_opens_it(tmp_path, capsys):
+    path = write_log(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    assert main(["info", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1 and "recovered" in captured.err
+    assert main(["recover", str(path)]) == 0
+    assert "finished already" in capsys.readouterr().out
+    path.write_bytes(whole[: len(whole) // 2])
+    assert main(["recover", str(path)]) == 0
+    assert "recovered" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [("trim", "LOG", "OUT"), ("export", "LOG", "--only", "frames")])
+def test_on_a_terminal_a_bar_shows_how_much_of_the_log_is_done(tmp_path, command):
+    places = {"LOG": str(write_log(tmp_path)), "OUT": str(tmp_path / "short.mcap")}
+    words = [places.get(word, word) for word in command]
+    ours, theirs = pty.openpty()
+    run = [sys.executable, "-m", "hsslam_services.commands.log.command", *words]
+    subprocess.run(run, stderr=theirs, check=True, timeout=60)
+    os.close(theirs)
+    shown = os.read(ours, 1 << 16).decode()
+    assert "of 1.9 s" in shown
+
+
+def test_trim_copies_what_lies_between(tmp_path, capsys):
+    path = write_log(tmp_path, part_bytes=30_000, metadata={"run_id": "x"})
+    assert (tmp_path / "run.1.mcap").exists()
+    short = tmp_path / "short.mcap"
+    assert main(["trim", str(tmp_path), str(short), "--start", "0.5", "--end", "1.2"]) == 0
+    with short.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert [record.metadata for record in reader.iter_metadata()] == [{"run_id": "x"}]
+        found = [(c.topic, m.log_time, m.data) for _, c, m in reader.iter_messages()]
+    times = [time for topic, time, _ in found if topic == "hsslam/r/out/pose"]
+    assert times == [START_NS + PERIOD_NS * index for index in range(5, 12)]
+    original = []
+    for part in tmp_path.glob("run*.mcap"):
+        with part.open("rb") as stream:
+            original += [
+                (c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()
+            ]
+    kept = [m for m in original if START_NS + 5 * PERIOD_NS <= m[1] < START_NS + 12 * PERIOD_NS]
+    assert sorted(found) == sorted(kept)
+    assert path.exists()
+
+
+def test_poses_of_two_worlds_are_exported_to_files_of_their_own(tmp_path, capsys):
+    path = write_log(tmp_path, second_world_at=12)
+    assert main(["export", str(path), "--only", "trajectory", "mesh"]) == 0
+    folder = tmp_path / "run-export"
+    counts = {
+        name: len(read_tum(folder / name))
+        for name in ("trajectory_online.world0.txt", "trajectory_online.txt")
+    }
+    assert list(counts.values()) == [11, 8]  # one was lost
+    assert len(read_tum(folder / "keyframes.world0.txt")) == 3
+    assert read_tum(folder / "keyframes.txt").positions.tolist() == [[3, 0, 0]]
+    assert not (folder / "mesh.ply").exists()  # that of the log is of the first world
+    assert "no mesh" in capsys.readouterr().err
+    with (folder / "trajectory_online.csv").open() as stream:
+        worlds = [row["world"] for row in csv.DictReader(stream)]
+    assert worlds == ["0"] * 12 + ["1"] * 8
+
+
+def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):
+    path = write_log(tmp_path)
+    assert main(["export", str(path), "--only", "trajectory", "mesh"]) == 0
+    folder = tmp_path / "run-export"
+    assert sorted(file.name for file in folder.iterdir()) == [
+        *("keyframes.txt", "mesh.glb", "mesh.ply"),
+        *("trajectory.txt", "trajectory_online.csv", "trajectory_online.txt"),
+    ]
+    online = read_tum(folder / "trajectory_online.txt")
+    np.testing.assert_array_equal(online.positions[:, 0], [k for k in range(20) if k != 3])
+    assert online.stamps_ns[1] == 33_333_333
+    assert read_tum(folder / "keyframes.txt").positions.tolist() == [
+        *([0, 0, 0], [9, 8, 7], [2, 0, 0], [3, 0, 0])
+    ]
+    with (folder / "trajectory_online.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert (len(rows), rows[3]["status"], rows[4]["tx_m"]) == (20, "lost", "4.0")
+    assert float(rows[4]["latency_ms"]) == pytest.approx(20, abs=1)
+    ply = trimesh.load(folder / "mesh.ply", force="mesh", process=False)
+    glb = trimesh.load(folder / "mesh.glb", force="mesh", process=False)
+    np.testing.assert_allclose(ply.vertices[2], [1, 1, 2])
+    np.testing.assert_allclose(glb.vertices[2], [1, -1, -2])
+    for mesh in (ply, glb):
+        assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert mesh.visual.vertex_colors[1].tolist() == [0, 255, 0, 255]
+
+
+def test_exported_frames_open_again_as_a_tum_source(tmp_path):
+    path = write_log(tmp_path)
+    assert main(["export", str(path), "--only", "frames", "--out", str(tmp_path / "out")]) == 0
+    source = open_source(f"tum:{tmp_path / 'out' / 'frames'}")
+    found = list(source.frames())
+    assert len(found) == 20
+    for index, item in enumerate(found):
+        assert isinstance(item, Frame)
+        expected = frame_from_message(textured(index))
+        assert (item.index, item.stamp_ns) == (index, expected.stamp_ns)
+        assert item.camera == expected.camera
+        assert item.depth_units_per_m == expected.depth_units_per_m
+        np.testing.assert_array_equal(item.color, expected.color)
+        np.testing.assert_array_equal(item.depth_raw, expected.depth_raw)
+
+
+def test_the_exported_recording_is_whole_for_rerun(tmp_path):
+    path = write_log(tmp_path, color="jpeg")
+    assert main(["export", str(path), "--only", "rrd"]) == 0
+    recording = tmp_path / "run-export" / "run.rrd"
+    rerun = Path(rerun_cli.__file__).parent / "rerun"
+    subprocess.run([rerun, "rrd", "verify", recording], check=True, capture_output=True)
+    printed = subprocess.run(
+        [rerun, "rrd", "print", "-vv", recording], check=True, capture_output=True, text=True
+    ).stdout
+    for entity in ("/world/mesh", "/world/camera/image", "/world/keyframes/0", "/events"):
+        assert entity in printed
+
+
+def test_rerun_finds_nothing_wrong_with_the_log(tmp_path):
+    path = write_log(tmp_path)
+    rerun = Path(rerun_cli.__file__).parent / "rerun"
+    done = subprocess.run([rerun, "mcap", "check", path], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("inf x", "inf: expected info, recover, trim, export; did you mean info?"),
+        ("info", "info: no log: expected FILE..."),
+        ("info none.mcap", "none.mcap: No such file or directory: expected a log"),
+        ("trim LOG out.mcap --start 3 --end 2", "--end 2: expected seconds, more than --start"),
+        ("trim LOG LOG", "is the log itself: expected another file"),
+        ("trim LOG /out.mcap --start 99", "no message from 99 to its end"),
+        ("trim LOG /none/out.mcap", "/none/out.mcap: No such file or directory"),
+        ("trim LOG", "trim: OUT is missing"),
+        ("export LOG --only video", "--only"),
+        ("export LOG --out /proc/x", "/proc/x: No such file or directory: expected a folder"),
+        ("info LOG --al", "--al: unknown option"),
+    ],
+)
+def test_a_mistake_is_one_line_and_code_2(tmp_path, capsys, line, expected):
+    path = write_log(tmp_path, count=2)
+    before = path.read_bytes()
+    assert main(line.replace("LOG", str(path)).split()) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and told.count("\n") == 1
+    assert expected in told
+    assert path.read_bytes() == before

@@ -1,0 +1,127 @@
+"""`hsslam-replay` on a router of its own and towards a service that answers."""
+
+import threading
+import time
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages, topics
+from hsslam_services.bus.bus import Bus, free_endpoint, open_router
+from hsslam_services.commands.log.replay import main, wanted_names
+from hsslam_services.commands.log.replay_step import StepByStep
+from hsslam_services.log.reader import bus_messages
+from tests.services.log.sample_log import write_log
+from tests.services.wire_samples import pose
+
+
+def test_a_log_is_published_again_byte_for_byte_at_twice_the_rate(tmp_path):
+    path = write_log(tmp_path)
+    endpoint = free_endpoint()
+    port = endpoint.rpartition(":")[2]
+    ended: list[int] = []
+    args = [str(path), "--rate", "2", "--zenoh-port", port, "--delay", "1.5"]
+    replay = threading.Thread(target=lambda: ended.append(main(args)))
+    start_s = time.monotonic()
+    replay.start()
+    with Bus(endpoint, "r", "listener") as bus:
+        heard = {
+            topic.name: bus.subscribe(topic, 64, history=False)
+            for topic in (topics.FRAME, topics.POSE, topics.MESH, topics.EVENT)
+        }
+        replay.join()
+        got = {name: [] for name in heard}
+        for name, subscription in heard.items():
+            while (received := subscription.poll_received()) is not None:
+                got[name].append(received.payload)
+    assert ended == [0]
+    assert time.monotonic() - start_s > 1.5 + 1.9 / 2
+    logged = {name: [] for name in heard}
+    for message in bus_messages([path], set(heard)):
+        logged[message.topic.name].append(message.payload)
+    assert logged.pop("sys/event") and not got.pop("sys/event")  # what processes said is no data
+    assert got == logged
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_step_sends_a_frame_when_the_last_is_done_with(tmp_path, lockstep):
+    path = write_log(tmp_path, count=5)
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    seen: list[tuple[int, int]] = []
+    told: list[str] = []
+    stop = threading.Event()
+    service = threading.Thread(target=_service, args=(endpoint, lockstep, seen, stop))
+    service.start()
+    try:
+        with Bus(endpoint, "r", "replay") as bus:
+            step = StepByStep(bus, told.append, patience_s=30.0)
+            sent = step.replay(bus_messages([path], {"in/frame"}))
+    finally:
+        stop.set()
+        service.join()
+        router.close()
+    assert sent == {"in/frame": 5}
+    assert [index for index, _ in seen] == list(range(5))  # none before its turn, none twice
+    assert all(abs(time.time_ns() - stamp_ns) < 60e9 for _, stamp_ns in seen)
+    assert len(told) == (0 if lockstep else 1)
+
+
+def test_without_a_service_step_gives_up(tmp_path):
+    path = write_log(tmp_path, count=2)
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    with Bus(endpoint, "r", "replay") as bus, pytest.raises(UserError, match="no service there"):
+        StepByStep(bus, print, patience_s=0.3).replay(bus_messages([path]))
+    router.close()
+
+
+def test_keys_choose_topics():
+    assert wanted_names(["in/**"]) == {"in/frame", "in/end"}
+    assert wanted_names(["out/pose", "out/mesh"]) == {"out/pose", "out/mesh"}
+    assert wanted_names(["**"]) == {topic.name for topic in topics.TOPICS}
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("", "no log: expected FILE"),
+        ("LOG --rate 0", "--rate 0: expected a number above 0"),
+        ("LOG --step", "--step: waits for a service: expected --connect"),
+        ("LOG --only out/posse", "--only out/posse: no such topic: expected some of in/frame"),
+        ("LOG --only /a//b", "--only /a//b: expected keys such as in/**"),
+        ("LOG --only sys/stop", "none of sys/stop"),
+        ("LOG --zenoh-port 0", "--zenoh-port 0: expected 1 to 65535"),
+    ],
+)
+def test_a_mistake_is_one_line_and_code_2(tmp_path, capsys, line, expected):
+    path = write_log(tmp_path, count=2)
+    assert main(line.replace("LOG", str(path)).split()) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and told.count("\n") == 1
+    assert expected in told
+
+
+def _service(endpoint, lockstep, seen, stop):
+    """Answers frames as tracker, mapper and global BA do, with a map after the first."""
+    with Bus(endpoint, "r", "tracker") as bus:
+        frames = bus.subscribe(topics.FRAME, 16)
+        health, poses = bus.publisher(topics.HEALTH), bus.publisher(topics.POSE)
+        steps, maps = bus.publisher(topics.STEP), bus.publisher(topics.MAP)
+        while not stop.is_set():
+            for process in ("tracker", "mapper", "global_ba"):
+                health.put(messages.Health(process=process, pid=1, state="running", rss_bytes=0))
+            frame = frames.wait(0.1)
+            if frame is None:
+                continue
+            seen.append((frame.index, frame.stamp_ns))
+            poses.put(pose(frame.index))
+            time.sleep(0.05)
+            if frame.index == 0:
+                maps.put(
+                    messages.MapVersion(
+                        version=1, iterations=1, loss=1.0, keyframes=1, mapping_ms=1.0
+                    )
+                )
+            if lockstep:
+                steps.put(messages.Step(stage="done", index=frame.index))

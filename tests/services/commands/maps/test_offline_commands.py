@@ -1,0 +1,156 @@
+"""`hsslam-mesh` and `hsslam-render` on a map of the small room."""
+
+import json
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.device.device import CPU
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.image_quality import psnr_db
+from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.keyframes.keyframe_images import KeyframeImages
+from hsslam_services.commands.maps import mesh as mesh_command
+from hsslam_services.commands.maps import render as render_command
+from hsslam_services.commands.maps.saved_map import SavedMap
+from hsslam_services.processes.saver import final_mesh
+from tests.small_room import SMALL, mapped_room, room_frames, room_poses
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    room = mapped_room()
+    parameters, store = room.parameters, room.store
+    path = tmp_path_factory.mktemp("map") / "room.safetensors"
+    save_checkpoint(
+        path,
+        MapCheckpoint(
+            parameters.layout,
+            parameters.params.copy(),
+            store.stamps_ns(),
+            store.poses(),
+            store.camera,
+            SMALL.sampling,
+        ),
+    )
+    return path
+
+
+def test_camera_and_sampling_are_kept(saved):
+    loaded = load_checkpoint(saved)
+    assert (loaded.camera, loaded.sampling) == (room_frames()[0].camera, SMALL.sampling)
+
+
+def test_the_mesh_lies_on_what_the_camera_measured(saved, tmp_path, capsys):
+    out = tmp_path / "room.ply"
+    mesh_command.main([str(saved), "--voxel", "0.04", "-o", str(out)])
+    assert f"{out}: " in capsys.readouterr().out
+    mesh = trimesh.load_mesh(out)
+    assert len(mesh.faces) > 1000
+    frame, T = room_frames()[0], room_poses()[0]
+    v, u = np.mgrid[4:120:8, 4:160:8].reshape(2, -1)
+    z = frame.depth_m()[v, u]
+    camera = frame.camera
+    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], 1)
+    points = points[z > 0] @ T[:3, :3].T + T[:3, 3]
+    distance_m = cKDTree(mesh.vertices).query(points)[0]
+    assert np.median(distance_m) < 0.04
+
+
+def test_the_mesh_of_a_map_with_images_is_that_of_the_service(saved, tmp_path):
+    store = mapped_room().store
+    images = KeyframeImages.of(store, store.count)
+    checkpoint = replace(load_checkpoint(saved), images=images)
+    path, out = tmp_path / "map.safetensors", tmp_path / "mesh.ply"
+    save_checkpoint(path, checkpoint)
+    mesh_command.main([str(path), "--voxel", "0.08", "-o", str(out), "--device", "cpu"])
+    of_service = final_mesh(checkpoint, store, 0.08, CPU)
+    assert len(of_service.faces) > 500
+    of_service.export(tmp_path / "service.ply")
+    assert out.read_bytes() == (tmp_path / "service.ply").read_bytes()
+    undecodable = replace(images, depth=np.zeros_like(images.depth))
+    with pytest.raises(UserError, match="damaged map: keyframe 0"):
+        SavedMap(path, "cpu").measured_depth_m(undecodable, 0)
+
+
+def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
+    poses, out = tmp_path / "poses.txt", tmp_path / "views"
+    write_tum(poses, Trajectory(np.arange(4) * 10**9, room_poses()[:4]))
+    video = tmp_path / "flight.avi"
+    arguments = ["--trajectory", str(poses), "--every", "2", "--out", str(out)]
+    render_command.main([str(saved), *arguments, "--video", str(video)])
+    assert sorted(path.name for path in out.iterdir()) == ["000000.png", "000001.png"]
+    image = cv2.cvtColor(cv2.imread(str(out / "000000.png")), cv2.COLOR_BGR2RGB)
+    true = room_frames()[0].color
+    drawn = image.any(axis=2)
+    assert image.shape == true.shape
+    assert drawn.mean() > 0.8
+    assert psnr_db(image[drawn] / 255.0, true[drawn] / 255.0) > 15
+    assert video.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("command", [mesh_command, render_command])
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        ("missing", "no such file"),
+        ("cut", "damaged map"),
+        ("garbage", "not a map: expected a file such as map.safetensors"),
+        ("version", "map version 9: expected 1 to 3"),
+        ("camera", "damaged map"),
+    ],
+)
+def test_a_bad_map_is_one_line_and_code_2(saved, tmp_path, capsys, command, damage, text):
+    path = tmp_path / "map.safetensors"
+    if damage != "missing":
+        path.write_bytes(_damaged(saved.read_bytes(), damage))
+    poses = tmp_path / "poses.txt"
+    write_tum(poses, Trajectory(np.zeros(1, np.int64), np.eye(4)[None]))
+    extra = ["--trajectory", str(poses)] if command is render_command else []
+    told = _refused(command, [str(path), *extra], capsys)
+    assert text in told and str(path) in told
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "text"),
+    [
+        (mesh_command, (), "no map"),
+        (mesh_command, ("m", "--voxel", "0"), "--voxel 0.0: expected 0.001 to 1 m"),
+        (mesh_command, ("m", "-o", "x.txt"), "--out x.txt: expected a file .ply"),
+        (mesh_command, ("m", "--voxle", "1"), "did you mean --voxel"),
+        (render_command, ("m",), "--trajectory: missing"),
+        (render_command, ("m", "--trajectory", "/nowhere"), "expected a trajectory in TUM format"),
+        (render_command, ("m", "--video", "x.gif"), "--video x.gif: expected a file .mp4 or .avi"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(capsys, command, arguments, text):
+    assert text in _refused(command, arguments, capsys)
+
+
+def _refused(command, arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as exit_:
+        command.main(arguments)
+    told = capsys.readouterr().err
+    assert exit_.value.code == 2
+    assert told.startswith("error: ") and told.count("\n") == 1, told
+    return told
+
+
+def _damaged(raw: bytes, how: str) -> bytes:
+    if how == "cut":
+        return raw[: len(raw) // 2]
+    if how == "garbage":
+        return b"\x80\x04pickle" * 100
+    (length,) = struct.unpack("<Q", raw[:8])
+    header = json.loads(raw[8 : 8 + length])
+    header["__metadata__"] |= {"version": "9"} if how == "version" else {"camera": '{"fx": 1}'}
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 8)
+    return struct.pack("<Q", len(text)) + text + raw[8 + length :]

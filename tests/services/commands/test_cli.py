@@ -1,0 +1,47 @@
+"""How commands end."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import exit_code
+
+_TELLS_MUCH_TO_NOBODY = """
+import sys
+from hsslam_services.commands.cli import exit_code
+sys.exit(exit_code(lambda: {}))
+"""
+
+
+def _raises(error: BaseException):
+    raise error
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "told"),
+    [
+        (lambda: None, 0, ""),
+        (lambda: 3, 3, ""),
+        (lambda: _raises(UserError("--a 1: expected 2")), 2, "error: --a 1: expected 2\n"),
+        (lambda: _raises(KeyboardInterrupt()), 1, "interrupted\n"),
+    ],
+)
+def test_the_code_and_one_line(command, code, told, capsys):
+    assert exit_code(command) == code
+    assert capsys.readouterr().err == told
+
+
+@pytest.mark.parametrize("command", ["print('few')", "print('many' * 10**6)", "[print(), exit()]"])
+def test_nobody_who_reads_is_no_traceback(command):
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-c", _TELLS_MUCH_TO_NOBODY.format(command)],
+        stdout=writer, stderr=subprocess.PIPE, text=True, env=environment,
+    )  # fmt: skip
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (1, "")

@@ -1,0 +1,248 @@
+"""`hsslam-ctl`: what it refuses by itself, and a whole run that it steers."""
+
+import contextlib
+import io
+import json
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+import trimesh
+
+from hsslam_node.checkpoint import load_checkpoint
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.commands.ctl import main
+from hsslam_services.commands.ctl_options import CtlOptions
+from hsslam_services.run.arena_folder import ArenaFolder
+from hsslam_services.run.find_run import running_runs
+from hsslam_services.run.maps_folder import find_map, known_maps, map_path
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
+from tests.examples.test_wire_client import EXAMPLE
+from tests.services.serve_process import SMALL_ROOM
+
+_OF_MAP = ("tracker", "mapper", "global_ba", "mesher")
+_OF_RUN = ("camera", "recorder")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((), "nothing asked: expected status | mesh"),
+        (("statsu",), "statsu: unknown request: .*did you mean status"),
+        (("save",), "save: expected save NAME"),
+        (("status", "x"), "status x: expected status alone"),
+        (("set-mode",), "set-mode: expected set-mode mapping|localise-only"),
+        (("set-mode", "maping"), "set-mode maping: expected mapping or .*did you mean mapping"),
+        (("save", "../x"), "map '../x': expected a name of letters"),
+        (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
+        (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
+        (("mesh", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file in a folder"),
+        (("status", "--timeout-s", "0"), "--timeout-s 0.0: expected seconds above 0"),
+        (("status", "--run", "/nowhere"), "/nowhere/run.json: No such file"),
+        (("status", "--rum", "a"), "--rum: unknown option; did you mean --run"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 2
+    told = capsys.readouterr().err
+    assert re.search(text.replace("|", r"\|"), told), told
+    assert told.count("\n") == 1
+
+
+def test_nobody_there_is_code_1():
+    command = [sys.executable, "-m", "hsslam_services.commands.ctl"]
+    command += ["status", "--connect", "tcp/127.0.0.1:9", "--timeout-s", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr.startswith("nobody there: ")
+
+
+def test_options_are_checked():
+    with pytest.raises(UserError, match="--robot"):
+        CtlOptions(robot="a/b")
+
+
+def test_only_a_run_whose_supervisor_lives_is_found(tmp_path):
+    shm, out = tmp_path / "shm", tmp_path / "out"
+    shm.mkdir(), out.mkdir()
+    arena = ArenaFolder("one", out, root=shm)
+    assert running_runs(shm) == []  # nothing said of itself yet
+    run = RunInfo(
+        "one", str(out), str(arena.path), "tcp/127.0.0.1:1", "robot", 1, 2, ServeOptions()
+    )
+    run.write()
+    assert running_runs(shm) == [run]
+    arena.remove()
+    assert running_runs(shm) == []
+
+
+def test_maps_have_names_not_paths(tmp_path):
+    assert map_path(tmp_path, "room-1") == tmp_path / "room-1.safetensors"
+    for name in ("", "a/b", "..", "a b", "x" * 65):
+        with pytest.raises(UserError, match="expected a name"):
+            map_path(tmp_path, name)
+    map_path(tmp_path, "b").touch()
+    assert known_maps(tmp_path) == ["b"]
+    assert known_maps(tmp_path / "none") == []
+    assert find_map(tmp_path, "b") == find_map("elsewhere", str(tmp_path / "b.safetensors"))
+    with pytest.raises(
+        UserError, match=r"--map bb: no such map in .*did you mean b.; there are: b"
+    ):
+        find_map(tmp_path, "bb")
+    with pytest.raises(UserError, match=r"--map ./b: no such file"):
+        find_map(tmp_path, "./b")
+
+
+@pytest.mark.e2e
+def test_a_run_is_steered_from_outside(serve, tmp_path):
+    maps = tmp_path / "maps"
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", "--maps", str(maps))
+    run.wait_for_poses(10)
+    me = ("--run", str(run.out))
+
+    status = json.loads(_expect("status", "--json", *me))
+    assert status["state"] == "running"
+    assert status["frames_tracked"] >= 10 and status["keyframes"] >= 1
+    assert status["processes"]["tracker"] == "running"
+
+    _expect_foreign_client(run.endpoint)
+
+    assert _expect("pause", *me) == "paused\n"
+    assert _expect("pause", *me) == "was paused already\n"
+    held = _frames_when_still(me)
+    time.sleep(1.0)
+    assert _frames(me) == held
+    assert "paused" in _expect("status", *me)
+
+    assert f"{maps / 'room.safetensors'}: " in _expect("save", "room", *me)
+    assert load_checkpoint(maps / "room.safetensors").layout.parameter_count > 0
+    again = _ctl("save", "room", *me)
+    assert again.returncode == 1
+    assert "refused: save: map room: is there already" in again.stderr
+
+    out = tmp_path / "now.txt"
+    assert f"{held} poses" in _expect("trajectory", "--out", str(out), *me)
+    assert len(read_tum(out)) == held
+    assert _expect("trajectory", *me) == out.read_text()
+
+    mesh = tmp_path / "now.ply"
+    run.wait_until(lambda: _ctl("mesh", "--out", str(mesh), *me).returncode == 0, 60)
+    assert len(trimesh.load_mesh(mesh).faces) > 100
+
+    assert _expect("set-mode", "localise-only", *me) == "localise-only\n"
+    assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"
+    held = _status(me)
+    refused = _ctl("reset", *me)
+    assert refused.returncode == 1 and "refused: reset: in localise-only no map" in refused.stderr
+    assert _expect("resume", *me) == "running\n"
+    # a keyframe would come at the latest after four
+    run.wait_until(lambda: _frames(me) > held["frames_tracked"] + 8, 60)
+    now = _status(me)
+    assert now["mode"] == "localise-only"
+    assert (now["keyframes"], now["map_version"]) == (held["keyframes"], held["map_version"])
+    assert _expect("set-mode", "mapping", *me) == "mapping\n"
+    assert _status(me)["mode"] == "mapping"
+    _expect_new_world(run, me)
+    assert _expect("stop", *me) == "stopping\n"
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    summary = run.summary()
+    assert summary["stop_reason"] == "asked to stop"
+    assert summary["requests"]["received"] > summary["requests"]["refused"] >= 1
+    assert "clock moved" not in run.stderr
+    assert summary["processes"]["recorder"]["restarts"] == 0
+    _expect_two_trajectories(run, summary)
+    assert _ctl("status", *me).stderr.startswith("nobody there: ")
+
+
+def _expect_new_world(run, me: tuple[str, ...]) -> None:
+    """A reset replaces whoever holds the map, and nobody else; poses begin anew at the origin."""
+    old = {name: run.pid_of(name) for name in (*_OF_MAP, *_OF_RUN)}
+    assert _expect("pause", *me) == "paused\n"
+    assert _expect("reset", *me) == "the map was thrown away: world 1 begins\n"
+    assert "refused: reset: there is no map yet" in _ctl("reset", *me).stderr
+    assert "refused: trajectory: there is no pose yet" in _ctl("trajectory", *me).stderr
+    now = _status(me)
+    assert (now["state"], now["world"], now["keyframes"], now["map_version"]) == ("paused", 1, 0, 0)
+    assert _expect("resume", *me) == "running\n"
+    run.wait_until(lambda: all(run.pid_of(name) not in (None, old[name]) for name in _OF_MAP), 60)
+    run.wait_until(lambda: len(_trajectory(me)) > 8, 60)
+    run.wait_for_poses(1)
+    assert all(run.pid_of(name) == old[name] for name in _OF_RUN)
+    first = next(pose for pose in run.poses if pose.world == 1)
+    assert first.status == "initial" and first.t == (0.0, 0.0, 0.0)
+    assert all(pose.world == (pose.index >= first.index) for pose in run.poses)
+    held, now = now, _status(me)
+    assert now["keyframes"] > 0 and now["restarts"] == {}
+    assert 8 < len(_trajectory(me)) <= _frames(me) - held["frames_tracked"]
+
+
+def _expect_two_trajectories(run, summary: dict) -> None:
+    """What was tracked before the reset lies in files of its own."""
+    counts = [summary["worlds"][world] for world in ("0", "1")]
+    times = [read_tum(run.out / of_world["trajectory"]).stamps_ns for of_world in counts]
+    assert [len(stamps) for stamps in times] == [of_world["tracked"] for of_world in counts]
+    assert times[0].max() < times[1].min()
+    assert counts[1]["trajectory"] == "trajectory.txt"
+    for key in ("tracked", "lost"):
+        assert sum(of_world[key] for of_world in counts) == summary["frames"][key]
+    assert len(read_tum(run.out / "keyframes.world0.txt")) == counts[0]["keyframes"]
+
+
+def _expect_foreign_client(endpoint: str) -> None:
+    """The example that uses nothing of this package reads status and poses."""
+    command = [sys.executable, EXAMPLE, endpoint, "robot", "5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    status, *poses = done.stdout.splitlines()
+    assert status.startswith("status: running keyframes: ")
+    indices = [int(line.split()[0]) for line in poses]
+    assert len(indices) == 5 and indices == sorted(indices)
+    assert all(len(line.split()) == 5 for line in poses)
+
+
+def _ctl(*arguments: str) -> subprocess.CompletedProcess:
+    """The command in this process: a new interpreter each time takes its time."""
+    out, err = io.StringIO(), io.StringIO()
+    code = 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(arguments)
+        except SystemExit as exit_:
+            code = int(exit_.code or 0)
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def _expect(*arguments: str) -> str:
+    done = _ctl(*arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def _trajectory(me: tuple[str, ...]) -> list[str]:
+    """Its rows; none where there is no pose yet."""
+    answer = _ctl("trajectory", *me)
+    return [line for line in answer.stdout.splitlines() if line[0] != "#"]
+
+
+def _frames(me: tuple[str, ...]) -> int:
+    return _status(me)["frames_tracked"]
+
+
+def _status(me: tuple[str, ...]) -> dict:
+    return json.loads(_expect("status", "--json", *me))
+
+
+def _frames_when_still(me: tuple[str, ...]) -> int:
+    """Poses when the last frames that were on their way have been tracked."""
+    before, now = -1, _frames(me)
+    while now != before:
+        time.sleep(1.0)
+        before, now = now, _frames(me)
+    return now

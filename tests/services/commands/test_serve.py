@@ -1,0 +1,147 @@
+"""The main job end to end: what a run leaves, and what it leaves nothing of."""
+
+import signal
+from functools import partial
+from pathlib import Path
+
+import psutil
+import pytest
+from mcap.reader import make_reader
+
+from hsslam_bench.fuzz.sender import FuzzSender
+from hsslam_node.checkpoint import load_checkpoint
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_proto.request_messages import Ask
+from hsslam_proto.requests import PAUSE, RESUME, STATUS
+from hsslam_services.bus.ask import ask
+from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.launch.process_table import PROCESSES, ProcessSpec
+from tests.services.serve_process import SMALL_ROOM, ServeProcess
+
+pytestmark = pytest.mark.e2e
+
+
+def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:
+    """Whether the process is there, and nice, and so is its session where that is what counts."""
+    pid = run.pid_of(spec.name)
+    if pid is None or psutil.Process(pid).nice() != spec.nice:
+        return False
+    session = Path(f"/proc/{pid}/autogroup")
+    return not session.exists() or session.read_text().split()[-1] == str(spec.nice)
+
+
+def test_a_run_leaves_its_results_and_nothing_else(serve):
+    run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate")
+    run.wait_for_poses(20)
+    for spec in PROCESSES:  # the last ones are born after the first pose
+        run.wait_until(partial(_gives_way, run, spec), 20)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+
+    summary = run.summary()
+    frames = summary["frames"]
+    assert frames["in"] == 60
+    assert frames["tracked"] + frames["lost"] + frames["dropped"] == 60
+    assert frames["tracked"] >= 25  # how many more is the benchmark's business
+    assert summary["latency_ms"]["p95"] > 0
+    assert summary["evaluation"]
+    assert "evaluator: comparing with ground truth" in run.stderr
+    assert run.stderr.count("the map is computed by") == 1
+    assert summary["device"]["name"] in run.stderr and summary["device"]["reason"] in run.stderr
+    assert summary["model_bytes"]
+    assert summary["memory"]["peak_pss_mb"] > summary["memory"]["peak_pss_mb_of"]["mapper"] > 0
+    assert all(summary["processes"][spec.name]["restarts"] == 0 for spec in PROCESSES)
+    assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
+    assert len(read_tum(run.out / "trajectory_online.txt")) == frames["tracked"]
+    assert len(read_tum(run.out / "keyframes.txt")) == summary["keyframes"]
+    assert load_checkpoint(run.out / "map.safetensors").layout.parameter_count > 0
+    assert (run.out / "mesh.ply").stat().st_size > 1000
+    assert (run.out / "run.rrd").stat().st_size > 1000
+    counts = _messages_per_topic(run.out / "run.mcap")
+    assert counts["hsslam/robot/out/pose"] == frames["tracked"] + frames["lost"]
+    assert counts["hsslam/robot/in/frame"] == frames["in"]
+
+
+def test_ctrl_c_saves_what_there_is(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+    run.wait_for_poses(30)
+    run.signal(signal.SIGINT)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    assert run.summary()["stop_reason"] == "interrupted"
+    assert len(read_tum(run.out / "trajectory.txt")) >= 30
+    assert (run.out / "mesh.ply").exists()
+    assert (run.out / "map.safetensors").exists()
+
+
+@pytest.mark.parametrize("delay_s", [1.0, 3.0])  # before that, it is still Python that starts
+def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
+    run = serve(*SMALL_ROOM)
+    _sleep_unless_ended(run, delay_s)
+    run.signal(signal.SIGINT)
+    assert run.finish() == 0, run.stderr
+    assert "Traceback" not in run.stderr
+    run.expect_nothing_left()
+
+
+def test_second_signal_ends_at_once(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+    run.wait_for_poses(5)
+    run.signal(signal.SIGINT)
+    _sleep_unless_ended(run, 0.1)
+    run.signal(signal.SIGINT)
+    assert run.finish(timeout_s=8) in (0, 1)
+    run.expect_nothing_left()
+
+
+def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+    run.wait_for_poses(30)
+    run.close_bus()
+    run.signal(signal.SIGKILL)
+    run.process.wait()
+    run.expect_nothing_left(timeout_s=5.5)
+    assert _messages_per_topic(run.out / "run.mcap")["hsslam/robot/out/pose"] >= 30
+
+
+def test_lockstep_is_reproducible_bit_for_bit(serve):
+    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "60", "--noise", "kinect")
+    disturbed = serve(*options, "--seed", "3")
+    disturbed.wait_for_poses(1)
+    ask(disturbed.endpoint, "robot", PAUSE, Ask())  # who has ended counts nothing
+    with open_client(disturbed.endpoint) as outside:  # what nobody can read changes nothing
+        sent = FuzzSender(outside, "robot", seed=0, rate_hz=40).send(100)
+
+    def all_counted() -> bool:
+        status = ask(disturbed.endpoint, "robot", STATUS, Ask())
+        return status.messages_rejected >= sent.messages.total()
+
+    disturbed.wait_until(all_counted, timeout_s=30)
+    ask(disturbed.endpoint, "robot", RESUME, Ask())
+    alone = serve(*options, "--seed", "3")
+    for run in (alone, disturbed):
+        assert run.finish(timeout_s=150) == 0, run.stderr
+        assert run.summary()["frames"] == {**run.summary()["frames"], "in": 60, "dropped": 0}
+    for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
+        assert (alone.out / name).read_bytes() == (disturbed.out / name).read_bytes()
+    summary = disturbed.summary()
+    assert summary["rejected"] == dict(sent.messages)
+    assert summary["requests"]["refused"] == sent.requests.total() == sent.refused
+    assert all(process["restarts"] == 0 for process in summary["processes"].values())
+    assert alone.summary()["rejected"] == {}
+
+
+def _messages_per_topic(path) -> dict[str, int]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics.channel_message_counts
+    return {c.topic: counts.get(c.id, 0) for c in summary.channels.values()}
+
+
+def _sleep_unless_ended(run, seconds: float) -> None:
+    try:
+        run.process.wait(seconds)
+    except Exception:
+        return

@@ -1,0 +1,71 @@
+"""`hsslam-serve warm-up`: afterwards no process compiles; where it cannot work it says why."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_services.launch.spawn import child_environment
+
+_REHEARSAL = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from hsslam_node.presets import PRESETS
+from hsslam_node.rehearsal import rehearse
+for preset in PRESETS.values():
+    rehearse(preset)
+kernels = [o for o in gc.get_objects() if isinstance(o, Dispatcher)]
+print(sum(sum(k.stats.cache_hits.values()) for k in kernels))
+print([k.py_func.__name__ for k in kernels if k.stats.cache_misses])
+"""
+
+
+def _warm_up(*args: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hsslam_services.commands.serve", "warm-up", *args]
+    return subprocess.run(
+        command, env={**os.environ, **environment}, capture_output=True, text=True
+    )
+
+
+def test_afterwards_no_preset_compiles_anything():
+    first, second = _warm_up(), _warm_up()
+    assert first.returncode == second.returncode == 0, first.stderr
+    assert second.stdout == f"kernels compiled before: {kernel_cache_folder()}\n"
+    assert warm_stamp().exists()
+    environment = {**child_environment(), "NUMBA_CACHE_DIR": str(kernel_cache_folder())}
+    done = subprocess.run(
+        [sys.executable, "-c", _REHEARSAL],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    loaded, compiled = done.stdout.splitlines()
+    assert int(loaded) > 10
+    assert compiled == "[]"
+
+
+def test_a_cache_that_cannot_be_written_is_one_line(tmp_path: Path):
+    (tmp_path / "file").touch()
+    done = _warm_up(XDG_CACHE_HOME=str(tmp_path / "file"))
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: kernel cache {tmp_path / 'file'}")
+    assert "XDG_CACHE_HOME" in line
+
+
+def test_arguments_are_refused_and_help_is_given():
+    assert "expected no arguments" in _warm_up("now").stderr
+    help_ = _warm_up("--help")
+    assert help_.returncode == 0
+    assert "usage: hsslam-serve warm-up" in help_.stdout
+
+
+@pytest.mark.e2e
+def test_a_service_with_a_cold_cache_says_what_it_does(serve, tmp_path: Path):
+    run = serve(prefix=("env", f"XDG_CACHE_HOME={tmp_path / 'cold'}"))
+    run.wait_until(lambda: "compiling kernels for this machine" in run.stderr, 60)
+    run.signal(signal.SIGINT)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()

@@ -1,0 +1,67 @@
+"""The HTTP side, asked over a socket."""
+
+import http.client
+import json
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.health.http_server import MetricsServer
+from tests.services.health.sample_snapshot import taken_at
+
+
+@pytest.fixture
+def port() -> int:
+    return int(free_endpoint().rpartition(":")[2])
+
+
+@pytest.fixture
+def server(port: int) -> Iterator[MetricsServer]:
+    started = MetricsServer(port)
+    yield started
+    started.close()
+
+
+def _get(port: int, path: str) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=10) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
+
+
+def test_the_last_snapshot_is_served(server, port):
+    assert _get(port, "/healthz")[0] == 503
+    server.tick(lambda: taken_at(time.monotonic()))
+    code, body = _get(port, "/healthz")
+    assert (code, json.loads(body)["status"]) == (200, "ok")
+    code, body = _get(port, "/metrics")
+    assert code == 200 and b"hsslam_frames_tracked_total 96.0" in body
+    assert _get(port, "/etc/passwd")[0] == 404
+    taken: list[int] = []
+    server.tick(lambda: taken.append(1) or taken_at(0.0))
+    assert not taken  # the next is not due yet
+
+
+def test_other_ways_of_asking(server, port):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.request("HEAD", "/metrics")
+    assert connection.getresponse().status == 200
+    connection.request("POST", "/metrics")
+    assert connection.getresponse().status == 501
+
+
+def test_a_busy_port_is_one_line(server, port):
+    with pytest.raises(UserError, match=f"--metrics-port {port}: .*expected a free port"):
+        MetricsServer(port)
+
+
+def test_off_is_off():
+    off = MetricsServer(None)
+    off.tick(lambda: pytest.fail("a snapshot was taken"))
+    off.close()

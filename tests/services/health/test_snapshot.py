@@ -1,0 +1,38 @@
+"""When a run counts as healthy."""
+
+import pytest
+
+from hsslam_services.health.snapshot import health_of
+from tests.services.health.sample_snapshot import snapshot
+
+_NOW_S = 101.0
+
+
+@pytest.mark.parametrize(
+    ("processes", "status", "code", "word"),
+    [
+        ({}, {}, 200, "ok"),
+        ({"camera": "ended"}, {}, 200, "ok"),
+        ({"mesher": "waiting"}, {}, 200, "degraded"),
+        ({"recorder": "failed"}, {}, 200, "degraded"),
+        ({}, {"state": "paused"}, 200, "paused"),
+        ({"tracker": "ended"}, {"state": "stopping"}, 200, "stopping"),
+        ({"tracker": "waiting"}, {}, 503, "down"),
+        ({"mapper": "stalled"}, {}, 503, "down"),
+        ({"camera": "failed"}, {}, 503, "down"),
+        ({"mapper": "starting"}, {"state": "paused"}, 503, "down"),
+        ({"tracker": "starting"}, {"state": "starting", "restarts": {}}, 503, "starting"),
+        ({"tracker": "failed"}, {"state": "starting", "restarts": {}}, 503, "down"),
+        ({"tracker": "starting"}, {"state": "starting", "restarts": {"tracker": 1}}, 503, "down"),
+    ],
+)
+def test_needed_processes_decide(processes, status, code, word):
+    found, body = health_of(snapshot(processes, **status), _NOW_S)
+    assert (found, body["status"]) == (code, word)
+    assert set(body["not_running"]) == {n for n in processes if processes != {"camera": "ended"}}
+
+
+def test_a_supervisor_that_hangs_and_one_that_only_begins():
+    assert health_of(snapshot(), 111.0)[0] == 503
+    assert health_of(snapshot(), 111.0)[1]["status"] == "hung"
+    assert health_of(None) == (503, {"status": "starting"})

@@ -1,0 +1,64 @@
+"""The status line: what it tells, and that it stays one line where nobody watches."""
+
+import io
+from pathlib import Path
+
+import msgspec
+from rich.console import Console
+
+from hsslam_proto.messages import Health, MapVersion, Pose
+from hsslam_services.health.run_state import RunState
+from hsslam_services.health.status_line import StatusLine, status_text
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import PROCESSES
+from tests.services.wire_samples import pose
+
+
+def _pose(index: int, status: str = "tracked") -> Pose:
+    stamp_ns = index * 10**8
+    return msgspec.structs.replace(
+        pose(index, status), stamp_ns=stamp_ns, publish_ns=stamp_ns + 25_000_000, quality=0.87
+    )
+
+
+def _children(run_dir: Path) -> dict[str, Child]:
+    return {spec.name: Child(spec, run_dir) for spec in PROCESSES}
+
+
+def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
+    state, children = RunState(), _children(tmp_path)
+    for index in range(11):
+        state.posed(_pose(index))
+    state.map = MapVersion(version=6, iterations=60, loss=0.1, keyframes=3, mapping_ms=20.0)
+    state.last_keyframe = 2
+    counters = {"dropped in/frame": 4}
+    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, counters=counters)
+    children["tracker"].health = health
+    text = status_text(state, children).plain
+    for part in ("frame 10/", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):
+        assert part in text
+    assert "dropped 4" in text
+    assert all(f"{spec.name}:waiting" in text for spec in PROCESSES)
+    state.posed(_pose(11, "lost"))
+    assert "quality lost" in status_text(state, children).plain
+    assert "lost 1" in status_text(state, children).plain
+
+
+def test_plain_output_is_one_line_now_and_then(tmp_path: Path):
+    out = io.StringIO()
+    with StatusLine(Console(file=out, width=40)) as line:
+        for _ in range(3):
+            line.show(RunState(), _children(tmp_path))
+        line.say("a warning that is longer than the forty columns of this console", "warning")
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("frame -/0")
+
+
+def test_a_pose_that_is_sent_again_has_no_speed():
+    state = RunState()
+    for _ in range(2):
+        state.posed(_pose(1))
+    assert state.fps == 0.0
+    state.posed(_pose(2))
+    assert state.fps > 0

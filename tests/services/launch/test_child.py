@@ -1,0 +1,128 @@
+"""A supervised process, in the flesh: beats, restarts, gives up, ends in order or by force."""
+
+import dataclasses
+import os
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import ProcessSpec
+from hsslam_services.run.run_info import RunInfo
+
+_SPEC = ProcessSpec(
+    "sample", "tests.services.sample_worker", "a test", nice=0, stop_stage=1, first_delay_s=0.1
+)
+
+
+@pytest.fixture
+def watch(run_info: RunInfo):
+    """Start a sample with a behaviour; returns it and a function that ticks until a condition."""
+    bus = Bus(run_info.endpoint, run_info.robot, "supervisor")
+    health = bus.subscribe(topics.HEALTH, 16)
+    children: list[Child] = []
+
+    def start(behaviour: str, **fields: float) -> Child:
+        (run_info.path / "behaviour").write_text(behaviour)
+        child = Child(dataclasses.replace(_SPEC, **fields), run_info.path)
+        child.wanted = True
+        children.append(child)
+        return child
+
+    def until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, [c.state for c in children]
+            for message in health.drain():
+                children[-1].heard(message)
+            children[-1].tick()
+            time.sleep(0.01)
+
+    yield start, until
+    for child in children:
+        child.kill()
+    bus.close()
+
+
+def test_runs_restarts_after_a_kill_and_ends_in_order(watch, run_info: RunInfo):
+    start, until = watch
+    child = start("obedient")
+    until(lambda: child.state == "running")
+    assert child.health.counters["laps"] == 1
+    first = child.pid
+    os.kill(first, signal.SIGKILL)
+    until(lambda: child.state == "running" and child.pid != first)
+    assert child.restarts == 1
+    assert "SIGKILL" in child.news[0]
+    child.wanted = False
+    until(lambda: child.state == "ended")
+    assert (run_info.path / "ended").read_text() == "in order"
+
+
+def test_one_that_was_frozen_together_with_its_supervisor_is_not_killed(watch):
+    start, until = watch
+    child = start("obedient", health_timeout_s=1.0)
+    until(lambda: child.state == "running")
+    pid = child.pid
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(2.5)
+    child.tick()
+    os.kill(pid, signal.SIGCONT)
+    begin_s = time.monotonic()
+    until(lambda: time.monotonic() > begin_s + 0.7)
+    assert (child.pid, child.restarts, child.news) == (pid, 0, [])
+
+
+def test_crash_loop_is_given_up(watch):
+    start, until = watch
+    child = start("crash", longest_delay_s=0.1)
+    until(lambda: child.state == "failed", timeout_s=30)
+    assert child.restarts == 5
+    assert "given up" in child.news[-1]
+
+
+def test_bad_input_is_not_tried_again(watch):
+    start, until = watch
+    child = start("bad input")
+    until(lambda: child.state == "failed")
+    assert child.user_error == "field = 3: expected 4"
+    assert child.restarts == 0
+
+
+def test_frozen_process_is_replaced(watch):
+    start, until = watch
+    child = start("obedient", health_timeout_s=2.0)
+    until(lambda: child.state == "running")
+    os.kill(child.pid, signal.SIGSTOP)
+    until(lambda: child.restarts == 1)
+    assert "no heartbeat" in child.news[0]
+
+
+def test_loop_that_does_not_come_round_is_replaced(watch):
+    start, until = watch
+    child = start("stuck", stall_timeout_s=1.0)
+    until(lambda: child.restarts == 1)
+    assert "come round" in child.news[0]
+
+
+def test_deaf_process_is_killed(watch):
+    start, until = watch
+    child = start("deaf", stop_timeout_s=1.0)
+    until(lambda: child.state == "running")
+    child.wanted = False
+    until(lambda: child.state == "ended")
+    assert "did not end" in child.news[-1]
+
+
+def test_ends_in_order_however_many_signals_come(watch, run_info: RunInfo):
+    """As when its parent's death, the watchdog and Ctrl-C tell it within a microsecond."""
+    start, until = watch
+    child = start("obedient")
+    until((run_info.path / "at_work").exists)
+    for number in (signal.SIGTERM, signal.SIGINT) * 2000:
+        os.kill(child.pid, number)
+    until((run_info.path / "ended").exists)

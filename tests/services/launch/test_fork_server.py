@@ -1,0 +1,117 @@
+"""Forked processes are as good as fresh ones, and the fork server may die."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from hsslam_node.presets import PRESETS
+from hsslam_services.launch.fork_client import ForkClient
+from hsslam_services.launch.spawn import Process
+from hsslam_services.run.run_info import RunInfo
+
+_SAMPLE = "tests.services.sample_worker"
+
+
+@pytest.fixture
+def run(make_run: Callable[..., RunInfo]) -> RunInfo:
+    return make_run(slam=PRESETS["realtime"])
+
+
+@pytest.fixture
+def fork_client(run: RunInfo) -> Iterator[ForkClient]:
+    link = ForkClient(run.path)
+    link.start()
+    yield link
+    link.close()
+
+
+def _start(fork_client: ForkClient, run: RunInfo, behaviour: str) -> Process:
+    (run.path / "behaviour").write_text(behaviour)
+    return fork_client.spawn(_SAMPLE, run.path)
+
+
+def _wait_for(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def _is_ready(process: Process) -> bool:
+    """Born, and in its loop: the sample catches SIGTERM then."""
+    if process.poll() is not None or process.pid is None:
+        return False
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def test_a_forked_process_is_a_child_with_a_name_a_session_and_a_log(
+    fork_client: ForkClient, run: RunInfo
+):
+    process = _start(fork_client, run, "obedient")
+    _wait_for(lambda: _is_ready(process))
+    assert process.pid is not None
+    seen = psutil.Process(process.pid)
+    assert seen.ppid() == os.getpid()
+    assert seen.cmdline()[1:6] == ["-P", "-m", _SAMPLE, "--run", run.run_dir]
+    assert seen.name() == "hsslam-sample_worker"[:15]
+    assert os.getsid(process.pid) == process.pid
+    assert fork_client.pid != process.pid
+    process.terminate()
+    assert process.wait(10) == 0
+    assert (run.path / "ended").read_text() == "in order"
+
+
+def test_exit_codes_and_what_was_said_arrive(fork_client: ForkClient, run: RunInfo):
+    assert _start(fork_client, run, "bad input").wait(60) == 2
+    assert "error: field = 3" in (run.path / "logs" / "sample_worker.log").read_text()
+    assert _start(fork_client, run, "crash").wait(60) == -signal.SIGABRT
+
+
+def test_when_the_fork_server_dies_its_forks_live_on_and_others_come(
+    fork_client: ForkClient, run: RunInfo
+):
+    first = _start(fork_client, run, "obedient")
+    _wait_for(lambda: _is_ready(first))
+    old = fork_client.pid
+    assert old is not None
+    os.kill(old, signal.SIGSTOP)
+    second = _start(fork_client, run, "obedient")  # waits in the fork server that dies
+    os.kill(old, signal.SIGKILL)
+    _wait_for(lambda: _is_ready(second))
+    _wait_for(lambda: fork_client.tick() or fork_client.news)
+    assert fork_client.news == ["fork server was killed by SIGKILL: restarted"]
+    assert fork_client.pid != old
+    assert first.poll() is None
+    for process in (first, second):
+        process.terminate()
+        assert process.wait(10) == 0
+
+
+def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInfo):
+    process = _start(fork_client, run, "obedient")
+    assert process.pid is None
+    process.kill()
+    assert process.wait(1) == -signal.SIGKILL
+    after = _start(fork_client, run, "obedient")
+    _wait_for(lambda: _is_ready(after))
+    samples = [c.pid for c in psutil.Process().children() if _SAMPLE in c.cmdline()]
+    assert samples == [after.pid]
+    after.kill()
+    assert after.wait(10) == -signal.SIGKILL
+
+
+def test_a_frozen_process_that_is_waited_for_is_a_timeout(fork_client: ForkClient, run: RunInfo):
+    process = _start(fork_client, run, "deaf")
+    _wait_for(lambda: process.poll() is None and process.pid is not None)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.05)
+    process.kill()
+    assert process.wait(10) == -signal.SIGKILL

@@ -1,0 +1,83 @@
+"""A killed supervisor: its processes end in order, its arena goes, within five seconds."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+_SUPERVISOR = """
+import os, sys, time
+from pathlib import Path
+from hsslam_services.run.arena_folder import ArenaFolder
+from hsslam_services.bus.bus import free_endpoint, open_router
+from hsslam_services.launch.one_shot import start_watchdog
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.launch.spawn import spawn
+run_dir = Path(sys.argv[1])
+endpoint = free_endpoint()
+router = open_router(endpoint)
+arena = ArenaFolder("test", run_dir, root=run_dir)
+info = RunInfo("test", str(run_dir), str(arena.path), endpoint, "robot", os.getpid(), 0,
+               ServeOptions())
+info.write()
+watchdog = start_watchdog(info)
+child = spawn("tests.services.sample_worker", run_dir)
+print(watchdog.pid, child.pid, flush=True)
+time.sleep(float(sys.argv[2]))
+arena.remove()
+child.terminate()
+child.wait()
+"""
+
+
+def _start(run_dir: Path, behaviour: str, seconds: float) -> tuple[subprocess.Popen, list[int]]:
+    (run_dir / "behaviour").write_text(behaviour)
+    command = [sys.executable, "-c", _SUPERVISOR, str(run_dir), str(seconds)]
+    supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert supervisor.stdout is not None
+    pids = [int(word) for word in supervisor.stdout.readline().split()]
+    return supervisor, pids
+
+
+def _wait_for_work(run_dir: Path) -> None:
+    deadline = time.monotonic() + 20
+    while not (run_dir / "at_work").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def _wait_for_ends(pids: list[int], timeout_s: float) -> None:
+    deadline = time.monotonic() + timeout_s
+    while any(_lives(pid) for pid in pids):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+@pytest.mark.parametrize(("behaviour", "is_ready"), [("obedient", 1), ("deaf", 1), ("obedient", 0)])
+def test_killed_supervisor_leaves_nothing(tmp_path: Path, behaviour: str, is_ready: int):
+    supervisor, pids = _start(tmp_path, behaviour, 60)
+    if is_ready:
+        _wait_for_work(tmp_path)
+    supervisor.send_signal(signal.SIGKILL)
+    supervisor.wait()
+    _wait_for_ends(pids, 6.0)
+    assert not (tmp_path / "hsslam-test").exists()
+    assert (tmp_path / "ended").exists() == (behaviour == "obedient" and is_ready == 1)
+
+
+def test_orderly_end_needs_no_watchdog(tmp_path: Path):
+    supervisor, pids = _start(tmp_path, "obedient", 1.5)
+    supervisor.wait(10)
+    _wait_for_ends(pids, 2.0)

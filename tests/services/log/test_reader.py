@@ -1,0 +1,122 @@
+"""Logs as they are found: whole, torn, growing, in parts, or no logs at all."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from hsslam_node.errors import UserError
+from hsslam_proto import topics
+from hsslam_proto.codec import encode
+from hsslam_services.commands.log.info import log_info
+from hsslam_services.commands.log.trim import trim
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.log.recovery import is_finished
+from tests.services.wire_samples import pose
+
+
+def test_an_unfinished_log_is_recovered_and_told_in_a_line(tmp_path):
+    path = _log(tmp_path, 40)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    told: list[str] = []
+    (file,) = log_parts(tmp_path, told.append)
+    assert is_finished(file)
+    assert len(told) == 1 and "recovered" in told[0] and "\n" not in told[0]
+    with file.open("rb") as stream:
+        metadata = list(make_reader(stream).iter_metadata())
+    assert [(record.name, record.metadata) for record in metadata] == [("hsslam.run", {"a": "b"})]
+    log_parts(path, told.append)
+    assert len(told) == 1
+
+
+def test_a_log_that_is_being_written_is_left_alone(tmp_path):
+    log = PartedLog(tmp_path, "r")
+    log.write(topics.POSE, encode(topics.POSE, pose(0)), 1, 1, 0)
+    log._part._flushed_s = 0.0
+    log.tick()
+    before = log.path.read_bytes()
+    with pytest.raises(UserError, match="still writing"):
+        log_parts(log.path, print)
+    assert log.path.read_bytes() == before
+    log.close()
+    assert log_parts(log.path, print) == [log.path]
+
+
+@pytest.mark.parametrize("content", [b"no log at all", b"\x00" * 100])
+def test_a_file_that_is_no_log_is_refused_and_kept(tmp_path, content):
+    path = tmp_path / "picture.mcap"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="not an MCAP file"):
+        log_parts(path, print)
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize(("place", "expected"), [("none.mcap", "No such file"), (".", "no log")])
+def test_where_there_is_no_log_it_is_one_line(tmp_path, place, expected):
+    with pytest.raises(UserError, match=expected):
+        log_parts(tmp_path / place, print)
+
+
+def test_a_damaged_log_is_one_line(tmp_path):
+    path = _log(tmp_path, 400)
+    torn = bytearray(path.read_bytes())
+    inside = (
+        torn.index(b"lz4", len(torn) // 3) + 40
+    )  # the name of the compression, then what it holds
+    torn[inside : inside + 100] = bytes(100)
+    path.write_bytes(torn)
+    with pytest.raises(UserError, match=r"run\.mcap: damaged"):
+        list(bus_messages([path]))
+
+
+def test_whatever_is_damaged_in_a_log_is_one_line_or_does_no_harm(tmp_path):
+    path = _log(tmp_path, 60)
+    whole, told = path.read_bytes(), 0
+    rng = np.random.default_rng(0)
+    for _ in range(120):
+        torn = bytearray(whole)
+        at = int(rng.integers(8, len(whole) - 8))
+        torn[at : at + 4] = rng.bytes(4)
+        path.write_bytes(torn[: len(whole)])
+        for read in (
+            lambda: list(bus_messages([path])),
+            lambda: list(log_info(path)),
+            lambda: trim([path], tmp_path / "short.mcap", 0.0, None),
+        ):
+            try:
+                read()
+            except UserError as error:
+                told += "\n" not in str(error)
+    assert told > 60
+
+
+def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
+    log = PartedLog(tmp_path, "r", LogSettings(part_bytes=40_000, metadata={"run_id": "x"}))
+    for index in range(2000):
+        log.write(topics.POSE, encode(topics.POSE, pose(index)), 1000 + index, 1000 + index, index)
+        log._part._writer.flush()
+    assert log.close() == 0
+    assert log.counts == {"out/pose": 2000}
+    files = log_parts(tmp_path, print)
+    assert [file.name for file in files[:3]] == ["run.mcap", "run.1.mcap", "run.2.mcap"]
+    found = []
+    for file in files:
+        assert file.stat().st_size < 80_000
+        with file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            assert [record.metadata for record in reader.iter_metadata()] == [{"run_id": "x"}]
+            part = [(s.name if s else "", m.sequence) for s, _, m in reader.iter_messages()]
+        assert {name for name, _ in part} == {"hsslam.Pose.v1"}
+        found += [sequence for _, sequence in part]
+    assert found == list(range(2000))
+    assert [logged.message().index for logged in bus_messages(files)] == list(range(2000))
+
+
+def _log(folder, count):
+    log = PartedLog(folder, "r", LogSettings(metadata={"a": "b"}))
+    for index in range(count):
+        log.write(topics.POSE, encode(topics.POSE, pose(index)), 1000 + index, 1000 + index, index)
+        log._part._writer.flush()
+    log.close()
+    return log.path

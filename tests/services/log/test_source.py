@@ -1,0 +1,71 @@
+"""A log as a source: the frames that were logged, with their stamps and indices."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import SourceOptions
+from hsslam_proto import topics
+from hsslam_proto.codec import encode
+from hsslam_proto.frame_codec import frame_from_message
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.log.frame_compression import compress_frame
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+from tests.services.wire_samples import frame
+
+
+def test_a_lossless_log_gives_the_frames_bit_for_bit(tmp_path):
+    sent = [frame(index) for index in (0, 1, 2, 2, 4, 5)]  # 2 was sent again, 3 was bad
+    _write(tmp_path, sent, "png")
+    source = open_any_source(f"mcap:{tmp_path / 'run.mcap'}")
+    found = [item for item in source.frames() if isinstance(item, Frame)]
+    assert [item.index for item in found] == [0, 1, 2, 4, 5]
+    for item, message in zip(found, [sent[k] for k in (0, 1, 2, 4, 5)], strict=True):
+        expected = frame_from_message(message)
+        np.testing.assert_array_equal(item.color, expected.color)
+        np.testing.assert_array_equal(item.depth_raw, expected.depth_raw)
+        assert (item.stamp_ns, item.camera) == (expected.stamp_ns, expected.camera)
+        assert item.depth_units_per_m == expected.depth_units_per_m
+    assert source.rate_hz == pytest.approx(30, rel=1e-3)
+    assert source.camera == found[0].camera
+
+
+def test_a_jpeg_log_differs_in_colour_only(tmp_path):
+    sent = frame(3)
+    _write(tmp_path, [sent], "jpeg")
+    (found,) = open_any_source(f"mcap:{tmp_path}").frames()
+    assert isinstance(found, Frame)
+    expected = frame_from_message(sent)
+    np.testing.assert_array_equal(found.depth_raw, expected.depth_raw)
+    difference = np.abs(found.color.astype(int) - expected.color)
+    assert 0 < difference.max() < 30
+
+
+def test_frames_are_selected_as_of_any_source_and_taken_from_all_parts(tmp_path):
+    _write(tmp_path, [frame(index) for index in range(20)], "png", part_bytes=2000)
+    assert (tmp_path / "run.2.mcap").exists()
+    options = SourceOptions(stride=3, frames=4, downscale=2)
+    found = list(open_any_source(f"mcap:{tmp_path}", options).frames())
+    assert [item.index for item in found] == [0, 3, 6, 9]
+    later = open_any_source(f"mcap:{tmp_path}", SourceOptions(start=5, stride=3, frames=3))
+    assert [item.index for item in later.frames()] == [5, 8, 11]
+    assert isinstance(found[0], Frame) and found[0].color.shape == (24, 32, 3)
+    assert later.frame_count == 3
+    with pytest.raises(UserError, match=r"mcap:.* has 20 frames"):
+        open_any_source(f"mcap:{tmp_path}", SourceOptions(start=20))
+
+
+def test_a_log_without_frames_is_one_line(tmp_path):
+    _write(tmp_path, [], "png")
+    with pytest.raises(UserError, match="holds no frames"):
+        open_any_source(f"mcap:{tmp_path}")
+
+
+def _write(folder, frames, color, part_bytes=None):
+    log = PartedLog(folder, "r", LogSettings(color, part_bytes))
+    for sequence, message in enumerate(frames):
+        payload = encode(topics.FRAME, compress_frame(message, color))
+        log.write(topics.FRAME, payload, message.stamp_ns, message.stamp_ns, sequence)
+        log._part._writer.flush()
+    log.close()

@@ -1,0 +1,167 @@
+"""The camera process on a real bus: who waits for whom, resends, the sensor's clock."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from hsslam_node.sources.source import SynthOptions
+from hsslam_proto import topics
+from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step
+from hsslam_services.bus.bus import Bus
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.run_info import RunInfo
+
+_ROOM = SynthOptions(width_px=64, height_px=48)
+_CAMERA = next(spec for spec in PROCESSES if spec.name == "camera")
+
+
+class _OtherEnd:
+    """A client in the place of the processes that the camera talks to."""
+
+    def __init__(self, run: RunInfo) -> None:
+        self.bus = Bus(run.endpoint, run.robot, "test")
+        self.frames = self.bus.subscribe(topics.FRAME, 64)
+        self.end = self.bus.subscribe(topics.SOURCE_END, 1)
+        self.steps = self.bus.publisher(topics.STEP)
+        self.maps = self.bus.publisher(topics.MAP)
+        self._health = self.bus.publisher(topics.HEALTH)
+        self.arena_dir = run.arena_dir
+        self.camera = Child(_CAMERA, run.path)
+        self.camera.wanted = True
+        self.camera.tick()
+
+    def beat(self, pid: int = 1) -> None:
+        """Heartbeats of everybody that the camera waits for."""
+        for name in ("tracker", "mapper", "global_ba", "recorder"):
+            self._health.put(Health(process=name, pid=pid, state="running", rss_bytes=0))
+
+    def next_frame(self, timeout_s: float = 20.0) -> Frame:
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            self.beat()
+            frame = self.frames.wait(0.2)
+            if frame is not None:
+                return frame
+        raise AssertionError("no frame")
+
+    def expect_clean_end(self) -> None:
+        deadline = time.monotonic() + 5
+        while self.camera.is_alive and time.monotonic() < deadline:
+            self.camera.tick()
+            time.sleep(0.02)
+        assert self.camera.state == "ended"
+        assert self.camera.restarts == 0
+
+
+@pytest.fixture
+def other_end(make_run: Callable[..., RunInfo]) -> Iterator[Callable[..., _OtherEnd]]:
+    started: list[_OtherEnd] = []
+
+    def start(**options) -> _OtherEnd:
+        started.append(_OtherEnd(make_run(synth=_ROOM, **options)))
+        return started[-1]
+
+    yield start
+    for end in started:
+        end.camera.kill()
+        end.bus.close()
+
+
+def test_lockstep_sends_the_next_frame_only_when_the_last_is_done(other_end):
+    end = other_end(pace="lockstep", frames=4)
+    time.sleep(1.5)
+    assert end.frames.poll() is None  # nobody is there yet
+    for index in range(4):
+        assert end.next_frame().index == index
+        assert end.frames.wait(0.2) is None
+        end.steps.put(Step(stage="mapped", index=index))
+        end.steps.put(Step(stage="done", index=index))
+    source_end = end.end.wait(5)
+    assert source_end.frame_count == 4
+    end.expect_clean_end()
+
+
+def test_lockstep_sends_again_to_a_restarted_process(other_end):
+    end = other_end(pace="lockstep", frames=2)
+    first = end.next_frame()
+    end.beat(pid=2)
+    again = end.frames.wait(5)
+    assert (again.index, bytes(again.color)) == (first.index, bytes(first.color))
+
+
+def test_a_restarted_camera_goes_on_where_it_was(other_end):
+    end = other_end(pace="lockstep", frames=5)
+    for index in range(2):
+        assert end.next_frame().index == index
+        end.steps.put(Step(stage="done", index=index))
+    assert end.next_frame().index == 2
+    os.kill(end.camera.pid, 9)
+    deadline = time.monotonic() + 5
+    while end.camera.restarts == 0 and time.monotonic() < deadline:
+        end.camera.tick()
+    time.sleep(0.6)
+    end.camera.tick()
+    for index in range(2, 5):
+        assert end.next_frame().index == index
+        end.steps.put(Step(stage="done", index=index))
+    assert end.end.wait(5).frame_count == 5
+
+
+def test_realtime_holds_for_the_map_then_keeps_the_clock(other_end):
+    end = other_end(frames=40, rate_hz=60.0)
+    assert end.next_frame().index == 0
+    assert end.frames.wait(0.5) is None
+    end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
+    stamps, lateness_ms = [], []
+    for index in range(1, 40):
+        frame = end.frames.wait(5)
+        assert frame.index == index
+        stamps.append(frame.stamp_ns)
+        lateness_ms.append((time.time_ns() - frame.stamp_ns) / 1e6)
+    np.testing.assert_allclose(np.diff(stamps), 1e9 / 60, rtol=1e-3)
+    assert np.median(lateness_ms) < 10
+    assert end.end.wait(5).frame_count == 40
+    end.expect_clean_end()
+
+
+def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
+    end = other_end(frames=40, rate_hz=20.0)
+    holds = end.bus.publisher(topics.HOLD)
+    assert end.next_frame().index == 0
+    end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
+    last = end.frames.wait(5)
+    holds.put(Hold(paused=True))
+    while (frame := end.frames.wait(0.6)) is not None:
+        last = frame
+    assert last.index < 20
+    assert end.frames.wait(1.0) is None
+    holds.put(Hold(paused=False))
+    after = [end.frames.wait(5) for _ in range(4)]
+    assert [frame.index for frame in after] == [last.index + k for k in range(1, 5)]
+    assert after[0].stamp_ns - last.stamp_ns > 1e9  # what the hold took to arrive is not in it
+    np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)
+
+
+def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
+    end = other_end(frames=40, rate_hz=20.0)
+    holds, version = end.bus.publisher(topics.HOLD), 1
+    assert end.next_frame().index == 0
+    first_map = MapVersion(version=version, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0)
+    end.maps.put(first_map)
+    last = end.frames.wait(5)
+    assert last.index == 1
+    holds.put(Hold(paused=True))
+    while (frame := end.frames.wait(0.6)) is not None:
+        last = frame
+    RunMode(end.arena_dir).world = 1
+    holds.put(Hold(paused=False))
+    assert end.frames.wait(5).index == last.index + 1
+    assert end.frames.wait(0.6) is None  # until there is a map
+    end.maps.put(first_map)
+    after = [end.frames.wait(5) for _ in range(3)]
+    assert [frame.index for frame in after] == [last.index + k for k in range(2, 5)]

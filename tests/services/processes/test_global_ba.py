@@ -1,0 +1,63 @@
+"""The loop of the global BA process, over an arena that a real pipeline has filled."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.slam import Slam
+from hsslam_proto import topics
+from hsslam_proto.messages import MapVersion
+from hsslam_services.bus.bus import Bus
+from hsslam_services.launch.worker import Worker
+from hsslam_services.processes import global_ba
+from hsslam_services.run.arena import Arena
+from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.run_info import RunInfo
+from tests.small_room import SMALL, room_frames
+
+_ENDLESS = 10**6  # iterations of one round
+
+
+def test_a_round_at_work_ends_when_the_map_may_not_change_any_more(
+    make_run: Callable[..., RunInfo],
+):
+    ba = replace(SMALL.ba, method="joint", iterations=_ENDLESS, every_keyframes=1)
+    config = replace(
+        SMALL,
+        mapper=replace(SMALL.mapper, first_iterations=10, iterations=2),
+        ba=replace(ba, selection="uniform", pose_rate=1e-3, rays=128),
+    )
+    run = make_run(slam=config)
+    slam = Slam(replace(config, ba=replace(ba, enabled=False)), arrays=Arena(Path(run.arena_dir)))
+    for frame in room_frames()[:9]:
+        slam.process(frame)
+    store, parameters = slam.store, slam.parameters
+    assert store and parameters and store.count > 1
+    mode, before = RunMode(run.arena_dir), (parameters.step, store.poses())
+    with Bus(run.endpoint, run.robot, "test") as bus, Worker("global_ba", run) as worker:
+        corrections = bus.subscribe(topics.CORRECTION, 4)
+        maps = bus.publisher(topics.MAP)
+        loop = threading.Thread(target=global_ba._run, args=(worker,), daemon=True)
+        loop.start()
+        maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=3, mapping_ms=0.0))
+        _wait_for(lambda: parameters.step > before[0] + 3)
+        mode.localise_only = True
+        _wait_for(lambda: worker.counters.get("rounds", 0) == 1)
+        step = parameters.step
+        worker.stop_event().set()
+        loop.join()
+        assert corrections.wait(0.3) is None
+    assert parameters.step == step < before[0] + _ENDLESS
+    np.testing.assert_array_equal(store.poses(), before[1])
+    assert store.pose_version == 0
+
+
+def _wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)

@@ -1,0 +1,201 @@
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import rerun_cli
+from mcap.reader import make_reader
+
+from hsslam_proto import messages, topics
+from hsslam_proto.codec import decode, encoding_of
+from hsslam_proto.frame_codec import frame_from_message
+from hsslam_services.bus.bus import Bus
+from hsslam_services.log.recovery import is_finished
+from hsslam_services.processes.recorder import Recorder
+from tests.services.wire_samples import frame, keyframe, mesh, pose
+
+RECORDER = """
+import signal, sys
+from pathlib import Path
+from hsslam_services.bus.bus import Bus
+from hsslam_services.processes.recorder import Recorder
+stop = []
+signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
+with Bus(sys.argv[1], "r", "recorder") as bus:
+    recorder = Recorder(bus, Path(sys.argv[2]), "run-1", "none", lambda *e: print(*e, flush=True))
+    print("ready", flush=True)
+    while not stop:
+        recorder.spin_once()
+    recorder.close()
+"""
+
+
+def test_a_run_is_logged_whole(endpoint, tmp_path):
+    events = []
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        early = outside.publisher(topics.POSE)
+        early.put(pose(0))
+        early_keyframe = outside.publisher(topics.KEYFRAME)
+        early_keyframe.put(keyframe(0))
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *e: events.append(e))
+        frames, meshes = outside.publisher(topics.FRAME), outside.publisher(topics.MESH)
+        sent = [frame(index) for index in range(30)]
+        _spin(recorder, 0.3)
+        for index in range(1, 30):
+            frames.put(sent[index])
+            early.put(pose(index))
+            recorder.spin_once(0.01)
+        early_keyframe.put(keyframe(1))
+        meshes.put(mesh(final=True))
+        outside.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=30))
+        recorder.close()
+    read = _read(tmp_path / "run.mcap")
+    assert [m.index for m in read["out/pose"]] == list(range(30))
+    assert [m.index for m in read["in/frame"]] == list(range(1, 30))
+    assert [m.id for m in read["out/keyframe"]] == [0, 1]
+    assert len(read["out/mesh"]) == len(read["in/end"]) == 1
+    logged = read["in/frame"][4]
+    assert (logged.color_encoding, logged.depth_encoding) == ("jpeg", "png")
+    back, original = frame_from_message(logged), frame_from_message(sent[5])
+    np.testing.assert_array_equal(back.depth_raw, original.depth_raw)
+    assert np.abs(back.color.astype(int) - original.color).mean() < 4
+    summary = json.loads((tmp_path / "recorder.json").read_text())
+    assert summary["frames_logged"] == 29
+    assert summary["poses_logged"] == 30
+    assert summary["frames_dropped"] == summary["poses_dropped"] == 0
+    assert summary["complete"] is True
+    assert summary["parts"] == ["run.mcap"]
+    assert (tmp_path / "run.rrd").stat().st_size > 1000
+    assert events == []
+
+
+def test_the_process_ends_in_order_on_sigterm(run_info):
+    command = [
+        sys.executable,
+        "-m",
+        "hsslam_services.processes.recorder",
+        "--run",
+        run_info.run_dir,
+    ]
+    recorder = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    with Bus(run_info.endpoint, run_info.robot, "tracker") as bus:
+        health, poses = bus.subscribe(topics.HEALTH, depth=64), bus.publisher(topics.POSE)
+        while (beat := health.wait(20.0)) is None or beat.state != "running":
+            assert recorder.poll() is None, recorder.communicate()
+        for index in range(10):
+            poses.put(pose(index))
+        recorder.send_signal(signal.SIGTERM)
+        assert recorder.wait(timeout=20) == 0, recorder.communicate()
+        beats = health.drain()
+    assert beats[-1].counters["poses_logged"] == 10
+    assert (run_info.path / "run.rrd").exists()
+    assert json.loads((run_info.path / "recorder.json").read_text())["poses_logged"] == 10
+
+
+def test_rerun_reads_the_log(endpoint, tmp_path):
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
+        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        _spin(recorder, 0.3)
+        frames.put(frame(0))
+        poses.put(pose(0))
+        recorder.close()
+    rerun = str(Path(rerun_cli.__file__).parent / "rerun")
+    converted = tmp_path / "converted.rrd"
+    convert = [rerun, "mcap", "convert", str(tmp_path / "run.mcap"), "-o", str(converted)]
+    subprocess.run(convert, check=True, capture_output=True)
+    printed = subprocess.run(
+        [rerun, "rrd", "print", "-vv", converted], check=True, capture_output=True, text=True
+    ).stdout
+    assert "/viz/camera/image" in printed
+
+
+def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
+    with Bus(endpoint, "r", "tracker") as bus:
+        poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
+        first = _start(endpoint, tmp_path)
+        for index in range(100):
+            poses.put(pose(index))
+            if index % 10 == 0:
+                keyframes.put(keyframe(index // 10))
+            time.sleep(0.02)
+        first.kill()
+        first.wait()
+        for index in range(100, 120):
+            poses.put(pose(index))
+        second = _start(endpoint, tmp_path)
+        for index in range(120, 140):
+            poses.put(pose(index))
+            time.sleep(0.02)
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(timeout=20) == 0, second.communicate()
+    assert is_finished(tmp_path / "run.mcap")
+    one, two = _read(tmp_path / "run.mcap"), _read(tmp_path / "run.1.mcap")
+    indices = [m.index for m in one["out/pose"] + two["out/pose"]]
+    assert sorted(indices) == list(range(140))  # none lost, none twice
+    assert [m.id for m in one["out/keyframe"] + two.get("out/keyframe", [])] == list(range(10))
+    summary = json.loads((tmp_path / "recorder.json").read_text())
+    assert summary["poses_logged"] == 140
+    assert summary["parts"] == ["run.mcap", "run.1.mcap"]
+
+
+def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch):
+    monkeypatch.setattr("hsslam_services.log.mcap_writer.RESERVE_BYTES", 2**62)
+    events = []
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *e: events.append(e))
+        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        _spin(recorder, 0.3)
+        for index in range(5):
+            frames.put(frame(index))
+            poses.put(pose(index))
+        recorder.close()
+    read = _read(tmp_path / "run.mcap")
+    assert len(read["out/pose"]) == 5
+    assert "in/frame" not in read
+    assert len(events) == 1 and "disk nearly full" in events[0][1]
+    assert json.loads((tmp_path / "recorder.json").read_text())["frames_dropped"] == 5
+
+
+def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):
+    sent = frame(0, compressed=True)
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
+        frames = outside.publisher(topics.FRAME)
+        _spin(recorder, 0.3)
+        frames.put(sent)
+        recorder.close()
+    (logged,) = _read(tmp_path / "run.mcap")["in/frame"]
+    assert bytes(logged.color) == bytes(sent.color)
+    assert bytes(logged.depth) == bytes(sent.depth)
+
+
+def _start(endpoint, run_dir) -> subprocess.Popen:
+    process = subprocess.Popen(
+        [sys.executable, "-c", RECORDER, endpoint, str(run_dir)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    while "ready" not in process.stdout.readline():
+        pass
+    return process
+
+
+def _spin(recorder, seconds) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        recorder.spin_once(0.05)
+
+
+def _read(path) -> dict[str, list]:
+    by_key = {topic.key("r"): topic for topic in topics.TOPICS}
+    out: dict[str, list] = {}
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            topic = by_key.get(channel.topic)
+            if topic is not None:
+                decoded = decode(topic, message.data, encoding_of(topic))
+                out.setdefault(topic.name, []).append(decoded)
+    return out

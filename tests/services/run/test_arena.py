@@ -1,0 +1,122 @@
+"""Shared arrays: re-attached by others, zero-filled, leased, refused where memory is short."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.run.arena import Arena
+from hsslam_services.run.arena_folder import ArenaFolder, remove_dead_arenas
+
+_POSE = np.dtype([("index", "<i8"), ("T", "<f8", (4, 4)), ("ok", "u1")])
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"), [((3, 4), np.float32), ((5,), _POSE), ((), np.int64), ((0, 3), np.uint8)]
+)
+def test_reattached_array_is_the_same_memory(tmp_path: Path, shape, dtype):
+    first = Arena(tmp_path).create("a", shape, dtype)
+    assert first.shape == shape
+    assert first.dtype == dtype
+    assert not first.any() if first.dtype.names is None else not first["T"].any()
+    first.reshape(-1).view(np.uint8)[...] = 7
+    again = Arena(tmp_path).create("a", shape, dtype)
+    assert again.dtype == first.dtype
+    assert again.tobytes() == first.tobytes()
+
+
+def test_other_shape_is_refused_and_absence_is_a_key_error(tmp_path: Path):
+    arena = Arena(tmp_path)
+    arena.create("a", (3,), np.float32)
+    with pytest.raises(ValueError, match="array a is"):
+        arena.create("a", (4,), np.float32)
+    with pytest.raises(KeyError):
+        arena.open("b")
+    assert arena.exists("a")
+    assert not arena.exists("b")
+
+
+def test_a_removed_array_stays_with_those_who_use_it(tmp_path: Path):
+    arena = Arena(tmp_path)
+    array = arena.create("a", (3,), np.int64)
+    array[:] = 5
+    Arena(tmp_path).remove("a")
+    arena.remove("a")
+    with pytest.raises(KeyError):
+        arena.open("a")
+    assert (array == 5).all()
+    assert arena.create("a", (2,), np.float32).tolist() == [0, 0]
+
+
+def test_memory_survives_a_killed_writer_and_its_lease_is_freed(tmp_path: Path):
+    code = (
+        "import sys, time; from pathlib import Path; import numpy as np\n"
+        "from hsslam_services.run.arena import Arena\n"
+        "arena = Arena(Path(sys.argv[1]))\n"
+        "with arena.lease('params'):\n"
+        "    arena.create('a', (4,), np.int64)[:] = 11\n"
+        "    print('held', flush=True); time.sleep(60)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "held\n"
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    with Arena(tmp_path).lease("params"):
+        assert Arena(tmp_path).open("a").tolist() == [11] * 4
+
+
+@pytest.fixture
+def small_shm(tmp_path: Path):
+    if os.geteuid() != 0:
+        pytest.skip("mounting a small tmpfs needs root")
+    root = tmp_path / "shm"
+    root.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(root)]
+    if subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("this machine does not allow mounts")
+    yield root
+    subprocess.run(["umount", "-l", str(root)], check=True)
+
+
+def test_full_memory_names_the_bytes_and_leaves_nothing(small_shm: Path):
+    folder = ArenaFolder("full", small_shm, root=small_shm)
+    with pytest.raises(UserError, match="array params needs 4000000 bytes"):
+        Arena(folder.path).create("params", (1_000_000,), np.float32)
+    assert not Arena(folder.path).exists("params")
+    assert not (folder.path / "params.bin").exists()
+    Arena(folder.path).create("params", (1000,), np.float32)
+
+
+def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Path):
+    code = (
+        "import sys, time; from pathlib import Path\n"
+        "from hsslam_services.run.arena_folder import ArenaFolder\n"
+        "ArenaFolder('dead', Path('/x'), root=Path(sys.argv[1]))\n"
+        "assert 'torch' not in sys.modules\n"
+        "print('made', flush=True); time.sleep(60)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "made\n"
+    mine = ArenaFolder("mine", Path("/y"), root=tmp_path)
+    assert (mine.path.stat().st_mode & 0o777) == 0o700
+    assert remove_dead_arenas(tmp_path) == []
+    child.kill()
+    child.wait()
+    deadline = time.monotonic() + 5
+    while (tmp_path / "hsslam-dead").exists() and time.monotonic() < deadline:
+        remove_dead_arenas(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["hsslam-mine"]
+    mine.remove()
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,53 @@
+"""PSS: what is shared is counted once, what one process has is counted there."""
+
+import mmap
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from hsslam_services.run.memory import MemoryOfAll, OwnMemory, read_pss_mb
+
+
+def test_own_pages_count_whole_and_shared_ones_by_their_share():
+    before = read_pss_mb()
+    block = np.ones(100 * 10**6, np.uint8)
+    alone = read_pss_mb()
+    assert alone - before == pytest.approx(100, abs=15)
+    child = os.fork()
+    if child == 0:
+        signal.pause()
+    time.sleep(0.2)
+    together = read_pss_mb() + read_pss_mb(child)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert together == pytest.approx(alone, abs=40)
+    assert len(block) > mmap.PAGESIZE
+
+
+def test_a_process_that_is_gone_has_none():
+    assert read_pss_mb(2**22 + 1) == 0
+
+
+def test_it_is_measured_now_and_then():
+    memory = OwnMemory()
+    first = memory.pss_mb()
+    block = np.ones(200 * 10**6, np.uint8)
+    assert memory.pss_mb() == first > 0
+    assert block.any()
+
+
+def test_the_peak_is_of_one_moment():
+    memory = MemoryOfAll()
+    for tracker, mapper in ((500, 300), (200, 400)):
+        memory.look({"tracker": tracker, "mapper": mapper}, None)
+    found = memory.section()["memory"]
+    own = found["peak_pss_mb_of"]["supervisor"]
+    assert own > 0
+    assert memory.total_mb == 600 + own
+    assert memory.peak_mb == found["peak_pss_mb"] == 800 + own
+    assert found["peak_pss_mb_of"] == {
+        "tracker": 500, "mapper": 400, "supervisor": own, "fork_server": 0,
+    }  # fmt: skip

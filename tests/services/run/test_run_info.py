@@ -1,0 +1,28 @@
+"""run.json carries every option to the processes of a run."""
+
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.run_info import RunInfo
+
+_LINE = "--preset paper --slam.tracker.points 77 --synth.size-m 5 5 3 --frames 9 --seed 4"
+
+
+def test_options_survive_the_file(tmp_path: Path):
+    info = RunInfo(
+        "id", str(tmp_path), "/a", "tcp/h:1", "r", 1, 2, parse_command_line(_LINE.split())
+    )
+    info.write()
+    assert RunInfo.read(tmp_path) == info
+
+
+@pytest.mark.parametrize("text", [None, "{", '{"run_id": 3}'])
+def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path, text: str | None):
+    if text is not None:
+        (tmp_path / "run.json").write_text(text)
+    with pytest.raises(UserError, match="expected the file of a run") as caught:
+        RunInfo.read(tmp_path)
+    assert "\n" not in str(caught.value)

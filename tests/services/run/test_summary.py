@@ -1,0 +1,31 @@
+"""summary.json: sections merge; rate and latency come from the pose log."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.tracking.pose_log import LOST, POSE_ROW, TRACKED
+from hsslam_services.run.summary import pose_section, read_summary, update_summary
+
+
+def test_sections_merge_key_by_key(tmp_path: Path):
+    assert read_summary(tmp_path) == {}
+    update_summary(tmp_path, {"frames": {"tracked": 3}, "seed": 1})
+    update_summary(tmp_path, {"frames": {"in": 4}, "seed": 2})
+    assert read_summary(tmp_path) == {"frames": {"tracked": 3, "in": 4}, "seed": 2}
+
+
+def test_rate_and_latency_leave_out_the_first_pose():
+    rows = np.zeros(31, POSE_ROW)
+    rows["status"] = TRACKED
+    rows["status"][5] = LOST
+    rows["stamp_ns"][1:] = 10**12 + np.arange(30) * 10**8
+    rows["publish_ns"] = rows["stamp_ns"] + 20_000_000
+    section = pose_section(rows)
+    assert section["frames"] == {"tracked": 30, "lost": 1}
+    assert abs(section["wall_fps"] - 10.0) < 1e-6
+    assert section["latency_ms"] == {"p50": 20.0, "p95": 20.0, "p99": 20.0}
+
+
+def test_no_pose_at_all_is_a_summary_too():
+    assert pose_section(np.zeros(0, POSE_ROW)) == {"frames": {"tracked": 0, "lost": 0}}

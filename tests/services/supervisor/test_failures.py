@@ -1,0 +1,60 @@
+"""Processes of a run die: it goes on, ends with code 0, and says so."""
+
+import contextlib
+import time
+
+import psutil
+import pytest
+
+from hsslam_node.geometry.trajectory import read_tum
+from tests.services.ordinary_user import as_ordinary_user
+from tests.services.serve_process import SMALL_ROOM
+
+pytestmark = pytest.mark.e2e
+
+
+def test_death_of_ba_recorder_mesher_and_fork_server_costs_no_pose(serve):
+    run = serve(*SMALL_ROOM, "--frames", "120")
+    run.wait_for_poses(30)
+    for name in ("global_ba", "recorder", "mesher", "fork_server"):
+        run.kill_worker(name)
+    assert run.finish() == 0, run.stderr
+    run.expect_nothing_left()
+    assert "fork server was killed by SIGKILL: restarted" in run.stderr
+    summary = run.summary()
+    for name in ("global_ba", "recorder", "mesher"):
+        assert summary["processes"][name]["restarts"] == 1
+        assert f"{name} was restarted 1 x" in run.stderr
+    frames = summary["frames"]
+    assert frames["in"] == 120
+    assert frames["lost"] == 0
+    assert frames["dropped"] <= 30
+    assert len(read_tum(run.out / "trajectory.txt")) == frames["tracked"]
+
+
+def test_mapper_camera_and_tracker_are_replaced_and_a_crash_loop_ends_the_run_with_code_1(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", prefix=as_ordinary_user())
+    run.wait_for_poses(20)
+    for name in ("mapper", "camera", "tracker"):
+        killed_ns = time.time_ns()
+        run.kill_worker(name)
+        while not any(p.stamp_ns > killed_ns and p.status == "tracked" for p in run.poses):
+            run.wait_for_poses(1)
+    killed: set[int] = set()
+    deadline = time.monotonic() + 60
+    while run.process.poll() is None and time.monotonic() < deadline and len(killed) < 5:
+        with contextlib.suppress(psutil.Error, AssertionError):
+            pid = run.pid_of("tracker")
+            if pid is not None and pid not in killed:
+                psutil.Process(pid).kill()
+                killed.add(pid)
+        time.sleep(0.05)
+    assert run.finish() == 1, run.stderr
+    run.expect_nothing_left()
+    assert "tracker was killed by SIGKILL: too many restarts, given up" in run.stderr
+    summary = run.summary()
+    for name, restarts in (("mapper", 1), ("camera", 1), ("tracker", 5)):
+        assert summary["processes"][name]["restarts"] == restarts
+        assert f"{name} was restarted {restarts} x" in run.stderr
+    assert (run.out / "trajectory.txt").exists()
+    assert (run.out / "mesh.ply").exists()

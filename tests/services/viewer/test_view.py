@@ -1,0 +1,212 @@
+import os
+import re
+import signal
+import socket
+import subprocess
+import time
+import urllib.request
+from pathlib import Path
+
+import msgspec
+import pytest
+import rerun_cli
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages
+from hsslam_services.viewer.rerun_process import ViewerProcess
+from hsslam_services.viewer.view import RerunView
+from tests.services.wire_samples import frame, keyframe, mesh, pose
+
+RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
+
+
+def test_the_file_has_the_whole_scene(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
+    _show_a_run(view)
+    view.close()
+    assert events == []
+    assert view.dropped == 0
+    _rrd("verify", tmp_path / "run.rrd")
+    printed = _rrd("print", "-vv", tmp_path / "run.rrd")
+    for entity in (
+        "/world",
+        "/world/camera",
+        "/world/camera/image",
+        "/world/trajectory/0",
+        "/world/trajectory/1",
+        "/world/keyframes/0",
+        "/world/lost/here",
+        "/world/lost/0",
+        "/world/loops",
+        "/world/mesh",
+        "/model",
+        "/plots/latency_ms",
+        "/plots/fps",
+        "/plots/quality",
+        "/plots/loss",
+        "/plots/memory_mb/mapper",
+        "/events",
+    ):
+        assert f"{entity} " in printed or f"{entity}\n" in printed or f"{entity}`" in printed
+    assert "Mesh3D:vertex_colors" in printed
+    assert _rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100  # its style, every pose
+    assert _rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
+
+
+def test_a_new_world_clears_what_was_drawn_of_the_old(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    _show_a_run(view)
+    view.show(msgspec.structs.replace(pose(101), world=1))
+    view.show(pose(102))  # a straggler of the old world is not drawn
+    view.show(msgspec.structs.replace(pose(103), world=1))
+    view.close()
+    printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
+    assert printed.count("Clear:is_recursive") >= 6
+    rows = re.findall(r"with (\d+) rows .* - /world/trajectory/0 ", printed)
+    assert rows[-1] == "1"  # from pose 101 to pose 103
+
+
+def test_show_does_not_wait_for_the_drawing(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    begin = time.monotonic()
+    for index in range(300):
+        view.show(frame(index, compressed=False, width_px=64, height_px=48))
+    took_s = time.monotonic() - begin
+    view.close()
+    assert took_s < 2.0
+
+
+def test_a_viewer_that_is_closed_is_one_event(tmp_path):
+    events = []
+    server = ViewerProcess("web")
+    assert server.page is not None and server.page.startswith("http://127.0.0.1:")
+    view = RerunView(
+        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
+    )
+    _show_a_run(view)
+    time.sleep(2.5)
+    view.show(pose(200))
+    time.sleep(0.5)
+    assert events == []
+    server.close()
+    assert server.has_ended()
+    deadline = time.monotonic() + 20
+    while not events and time.monotonic() < deadline:
+        view.show(pose(201))
+        time.sleep(0.05)
+    view.show(pose(202))
+    view.close()
+    assert [level for level, _ in events] == ["warning"]
+    assert "is closed" in events[0][1]
+    subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
+
+
+def test_a_frozen_viewer_holds_nobody_up_and_goes_on_when_it_thaws(tmp_path):
+    events = []
+    server = ViewerProcess("web")
+    view = RerunView(
+        tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
+    )
+    _show_a_run(view)
+    time.sleep(2.1)
+    view.show(pose(200))  # the viewer is looked at for the first time, with patience
+    time.sleep(0.3)
+    os.kill(server.pid, signal.SIGSTOP)
+    large = memoryview(os.urandom(1_000_000))  # soon nothing on the way takes any more
+    picture = msgspec.structs.replace(frame(0, compressed=True), color=large)
+    longest_s, index, deadline = 0.0, 0, time.monotonic() + 20
+    while not (events and view.dropped) and time.monotonic() < deadline:
+        begin = time.monotonic()
+        view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
+        longest_s = max(longest_s, time.monotonic() - begin)
+        index += 1
+        time.sleep(0.005)
+    assert [level for level, _ in events] == ["warning"]
+    assert "takes no data" in events[0][1]
+    assert view.dropped and longest_s < 1.0
+    os.kill(server.pid, signal.SIGCONT)
+    dropped = -1
+    while dropped != view.dropped and time.monotonic() < deadline:  # it is drawn to again
+        dropped = view.dropped
+        for _ in range(20):
+            view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
+            index += 1
+            time.sleep(0.05)
+    assert dropped == view.dropped
+    assert len(events) == 1  # it was not taken for closed
+    server.close()
+    view.close()
+
+
+def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
+    _show_a_run(view)
+    ((level, text),) = events
+    page = text.split()[-1]
+    assert level == "info" and page.startswith("http://127.0.0.1:")
+    assert _status(page) == 200
+    address = (socket.gethostbyname(socket.gethostname()), int(page.split(":")[2].split("/")[0]))
+    if not address[0].startswith("127."):
+        with socket.socket() as outside:
+            assert outside.connect_ex(address) != 0
+    view.close()
+    with pytest.raises(OSError):
+        _status(page, patience_s=0)
+
+
+def test_an_address_that_is_none_is_one_line(tmp_path):
+    with pytest.raises(UserError, match="expected connect:HOST:PORT"):
+        RerunView(tmp_path / "run.rrd", "connect:gopher://x", "run-1", lambda *_: None)
+
+
+def _status(page, patience_s=10.0) -> int:
+    deadline = time.monotonic() + patience_s
+    while True:
+        try:
+            return urllib.request.urlopen(page, timeout=5).status
+        except OSError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+def _rows(rrd: Path, entity: str) -> int:
+    chunks = re.findall(rf"with (\d+) rows .* {entity} ", _rrd("print", rrd))
+    return sum(int(rows) for rows in chunks)
+
+
+def _rrd(*command: str | Path) -> str:
+    """What `rerun rrd ...` prints."""
+    whole = [RERUN, "rrd", *command]
+    return subprocess.run(whole, check=True, capture_output=True, text=True).stdout
+
+
+def _show_a_run(view: RerunView) -> None:
+    view.show(keyframe(0))
+    for index in range(100):
+        if index % 10 == 0:
+            view.show(frame(index, compressed=True))
+            time.sleep(0.02)
+        view.show(pose(index, status="lost" if index == 50 else "tracked"))
+    view.show(keyframe(40))
+    view.show(messages.MapVersion(version=1, iterations=10, loss=0.5, keyframes=2, mapping_ms=9.0))
+    view.show(
+        messages.Correction(
+            pose_version=1,
+            base_version=0,
+            keyframes=[0],
+            t=[(0.0, 0.1, 0.0)],
+            q=[(0.0, 0.0, 0.0, 1.0)],
+            loss_before=1.0,
+            loss_after=0.5,
+            loops=[(0, 40)],
+        )
+    )
+    view.show(mesh(final=True))
+    color = memoryview(bytes(36))
+    view.show(messages.View(index=1, stamp_ns=1, width_px=4, height_px=3, color=color))
+    view.show(messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
+    view.show(messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
+    time.sleep(0.3)

@@ -1,3 +1,0 @@
-"""Fixtures of the tests of sources."""
-
-from tests.sources.download.breaking_server import serve_files  # noqa: F401
