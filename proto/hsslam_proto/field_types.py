@@ -36,6 +36,8 @@ def _text(kind: inspect.Type) -> str:
         case inspect.DictType():
             key, value = _text(kind.key_type), _text(kind.value_type)
             return f"map of ({key}) to ({value}){_at_most(kind.max_length)}"
+        case inspect.StructType():
+            return ", ".join(f"`{f.encode_name}`: {_text(f.type)}" for f in kind.fields)
         case inspect.Metadata():
             return _text(kind.type)
     raise TypeError(f"{kind}: no words for this type of field")

@@ -195,13 +195,27 @@ class Step(Message, frozen=True, kw_only=True):
     index: Index
 
 
+class TopicCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """Messages of one topic that a process did not take: missed (`dropped`), unreadable (`rejected`)."""
+
+    dropped: Index = 0
+    rejected: Index = 0
+
+
 class Health(Message, frozen=True, kw_only=True):
-    """Heartbeat of one process: counters since its start and mean stage times."""
+    """Heartbeat of one process: counters since its start and mean stage times.
+
+    `pss_mb`: memory, shared pages divided among their users. `idle_ms`: since the main loop last came
+    round. `topics`: what the process missed of the topics that it subscribes to, by topic.
+    """
 
     process: Name
     pid: Index
     state: Name
     rss_bytes: Index
+    pss_mb: Index = 0
+    idle_ms: Index = 0
+    topics: Annotated[dict[Name, TopicCounts], Meta(max_length=64)] = {}
     counters: Counters = {}
     stage_ms: StageTimes = {}
 
@@ -222,7 +236,7 @@ class Hold(Message, frozen=True, kw_only=True):
 
 
 class Stop(Message, frozen=True, kw_only=True):
-    """All processes end in order."""
+    """The run ends, and why; a note for the log. Processes end by SIGTERM, stage by stage."""
 
     reason: Text
 

@@ -27,7 +27,7 @@ def _run(worker: Worker) -> None:
 
 
 def main() -> None:
-    run_worker("sample", _run)
+    run_worker("sample_worker", _run)
 
 
 if __name__ == "__main__":

@@ -74,8 +74,8 @@ class ServeProcess:
         """Process id of a worker, None while it does not live."""
         for child in psutil.Process(self.process.pid).children():
             try:
-                modules = (word for word in child.cmdline() if word.startswith("hsslam_services."))
-                if any(module.endswith(f".{name}") for module in modules):
+                words = " ".join(child.cmdline()).split()  # of a forked process they are one
+                if any(w.startswith("hsslam_") and w.endswith(f".{name}") for w in words):
                     return child.pid
             except psutil.Error:
                 continue

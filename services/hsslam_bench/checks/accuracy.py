@@ -14,6 +14,17 @@ from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 
+TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
+_ATE_BOUNDS_M = {
+    "livingroom": 0.008,
+    "house": 0.006,
+    "house-kinect": 0.008,
+    "kitchen": 0.04,
+    "room-kinect": 0.008,
+}
+_REPEATED = ("livingroom", "room-kinect")
+_ACCURACY_M, _COMPLETION = 0.006, 0.98
+
 
 @dataclass(frozen=True)
 class Accuracy:
@@ -66,9 +77,6 @@ def _final(run: ServeRun) -> dict[str, Any]:
     return run.summary.get("evaluation", {}).get("ate", {}).get("final", {})
 
 
-TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
-
-
 def different_files(runs: Sequence[ServeRun]) -> list[str]:
     """Names of the trajectories that are not the same byte for byte, or missing."""
     return [name for name in TRAJECTORIES if not _are_same(runs, name)]
@@ -77,17 +85,6 @@ def different_files(runs: Sequence[ServeRun]) -> list[str]:
 def _are_same(runs: Sequence[ServeRun], name: str) -> bool:
     paths = [run.folder / name for run in runs]
     return all(p.exists() for p in paths) and len({p.read_bytes() for p in paths}) == 1
-
-
-_ATE_BOUNDS_M = {
-    "livingroom": 0.008,
-    "house": 0.006,
-    "house-kinect": 0.008,
-    "kitchen": 0.04,
-    "room-kinect": 0.008,
-}
-_REPEATED = ("livingroom", "room-kinect")
-_ACCURACY_M, _COMPLETION = 0.006, 0.98
 
 
 def lockstep_checks() -> list[Check]:

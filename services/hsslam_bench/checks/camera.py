@@ -15,6 +15,12 @@ from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.session import Session
 
 Scores = list[dict[str, Any]]
+_GAP_SEQUENCES = ("house-kinect", "livingroom", "kitchen", "apartment-kinect")
+_MOST_FRAMES = "900"  # of the apartment's 2202 enough
+_FEWEST_GAPS = 0.9  # of the gaps
+_KIDNAPPING_SEQUENCES = ("house", "house-kinect", "livingroom", "livingroom-kinect", "kitchen")
+_FEWEST_KIDNAPPINGS = 0.9  # of the jumps
+_LOCALISE_SEQUENCES = ("livingroom",)
 
 
 def camera_scores(session: Session, script: str, sequence: str, *options: str) -> Scores:
@@ -47,11 +53,6 @@ def wrong_poses(name: str, of: str, scored: Callable[[Session], Scores]) -> Chec
     return Check(f"{name}:wrong", what, "0", wrong)
 
 
-_GAP_SEQUENCES = ("house-kinect", "livingroom", "kitchen", "apartment-kinect")
-_MOST_FRAMES = "900"  # of the apartment's 2202 enough
-_FEWEST_GAPS = 0.9  # of the gaps
-
-
 def gap_checks() -> list[Check]:
     """Two rows a sequence: tracked at once, and nothing wrong believed."""
     return [check for sequence in _GAP_SEQUENCES for check in _gap_checks(sequence)]
@@ -78,10 +79,6 @@ def _gap_checks(sequence: str) -> list[Check]:
         Check(f"{name}:found", f"{of}: tracked with the first frame after", "90 %", found),
         wrong_poses(name, of, scored),
     ]
-
-
-_KIDNAPPING_SEQUENCES = ("house", "house-kinect", "livingroom", "livingroom-kinect", "kitchen")
-_FEWEST_KIDNAPPINGS = 0.9  # of the jumps
 
 
 def kidnapping_checks() -> list[Check]:
@@ -114,9 +111,6 @@ def _kidnapping_checks(sequence: str) -> list[Check]:
         Check(f"{name}:found", f"{of}: relocalised within 10 frames", "18 of 20", found),
         wrong_poses(name, of, scored),
     ]
-
-
-_LOCALISE_SEQUENCES = ("livingroom",)
 
 
 def localise_checks() -> list[Check]:

@@ -28,6 +28,16 @@ from hsslam_node.sources.source import SourceOptions
 _EVERY = 10  # frames between the views
 _TOLERANCE_M = 0.03
 _SAMPLES = 100_000
+_SEQUENCE = "apartment-kinect"
+_FIRST_FRAMES = 300  # in the first room
+_NO_WORSE = 1.05  # times: what two runs of one room differ by anyway
+GROWTH_FRAMES = (300, 1000, 3000)
+GROWTH_ROOMS_M = (4.0, 8.0, 16.0)
+_MEMORY_FRAMES, _ROOM_FRAMES = 1000, 600
+_LAST_FRAMES = 150  # over which the time of a frame is taken: what it costs by then
+_TOTAL_BYTES, _MAPPER_BYTES = 3.0e9, 1.2e9
+_MIB = 2**20
+Reading = Callable[[ServeRun], Mapping[str, float]]  # the first item is the one to look at
 
 
 @dataclass(frozen=True)
@@ -64,11 +74,6 @@ def score_first_room(room: FirstRoom, run: Path) -> MeshMetrics:
     return compare_meshes(aligned, room.mesh, room.views, samples=_SAMPLES)
 
 
-_SEQUENCE = "apartment-kinect"
-_FIRST_FRAMES = 300  # in the first room
-_NO_WORSE = 1.05  # times: what two runs of one room differ by anyway
-
-
 def map_checks() -> list[Check]:
     """One check: accuracy on the apartment itself is among those of the trajectories."""
     return [
@@ -102,16 +107,6 @@ def _first_room(session: Session) -> Measured:
         after.accuracy_mean_m,
         "lower",
     )
-
-
-GROWTH_FRAMES = (300, 1000, 3000)
-GROWTH_ROOMS_M = (4.0, 8.0, 16.0)
-_MEMORY_FRAMES, _ROOM_FRAMES = 1000, 600
-_LAST_FRAMES = 150  # over which the time of a frame is taken: what it costs by then
-_TOTAL_BYTES, _MAPPER_BYTES = 3.0e9, 1.2e9
-_MIB = 2**20
-
-Reading = Callable[[ServeRun], Mapping[str, float]]  # the first item is the one to look at
 
 
 def growth_checks() -> list[Check]:

@@ -20,6 +20,17 @@ from hsslam_node.presets import PRESETS
 
 _ROBUSTNESS_SEQUENCES = ("person-kinect", "room-kinect-exposure", "corridor-kinect")
 _BOUND_M = 0.02
+_STRIDE_SEQUENCES = ("livingroom", "kitchen")
+_STRIDES = {2: "second", 3: "third"}
+_FACTOR = 2.0  # of the ATE at full rate
+_FACTORS = {"apartment-kinect": 0.6, "house": 1.05, "livingroom": 1.05}
+_MOST_M = {"apartment-kinect": 0.03}
+_LEAST_SCORED = {"lockstep": 1.0, "realtime": 0.95}  # in real time frames may be dropped
+_BASELINES = ("eslam", "co-slam")
+_OURS = "realtime"
+_SEQUENCE, _FRAMES = "house", 100
+_SPEED_UP = 20.0
+_PAPER_FRAMES = 40  # seven seconds each on one core
 
 
 def robustness_checks() -> list[Check]:
@@ -41,11 +52,6 @@ def _robustness_check(sequence: str) -> Check:
 
     what = f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds; all scored, none lost"
     return Check(f"robust:{sequence}", what, f"{100 * _BOUND_M:g} cm", measure)
-
-
-_STRIDE_SEQUENCES = ("livingroom", "kitchen")
-_STRIDES = {2: "second", 3: "third"}
-_FACTOR = 2.0  # of the ATE at full rate
 
 
 def stride_checks() -> list[Check]:
@@ -76,11 +82,6 @@ def _stride_check(sequence: str, stride: int) -> Check:
         "seeds; all scored, none lost"
     )
     return Check(f"stride:{sequence}:{stride}", what, f"{_FACTOR:g} x full rate", measure)
-
-
-_FACTORS = {"apartment-kinect": 0.6, "house": 1.05, "livingroom": 1.05}
-_MOST_M = {"apartment-kinect": 0.03}
-_LEAST_SCORED = {"lockstep": 1.0, "realtime": 0.95}  # in real time frames may be dropped
 
 
 def refinement_checks() -> list[Check]:
@@ -122,13 +123,6 @@ def _refinement_check(pace: str, sequence: str) -> Check:
 def _scored_share(run: ServeRun) -> float:
     n, expected = scored(run)
     return n / expected if expected else 0.0
-
-
-_BASELINES = ("eslam", "co-slam")
-_OURS = "realtime"
-_SEQUENCE, _FRAMES = "house", 100
-_SPEED_UP = 20.0
-_PAPER_FRAMES = 40  # seven seconds each on one core
 
 
 def baseline_checks() -> list[Check]:

@@ -18,6 +18,9 @@ CHANNELS = (16, 32)
 _BOUNDS = {"86k": 30.0}  # times as fast
 _US_PER_POINT, _LIGHT_MS = 1.6, 15.0
 _SCRIPTS = "hsslam_bench.scripts"
+_FPS = {"paper": 20.0, "realtime": 60.0}
+_FRAMES = 200
+_TESTS = "tests/node/gpu_kernels"
 
 
 def kernel_checks() -> list[Check]:
@@ -95,11 +98,6 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
 def _tracking(session: Session) -> Measured:
     found = json.loads(session.python(f"{_SCRIPTS}.tracking_stages"))
     return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
-
-
-_FPS = {"paper": 20.0, "realtime": 60.0}
-_FRAMES = 200
-_TESTS = "tests/node/gpu_kernels"
 
 
 def gpu_checks() -> list[Check]:

@@ -17,6 +17,8 @@ _P99_MS = 66.0
 _ITERATIONS_HZ = 20.0
 _ATE_FACTOR = 1.3
 _SMALL_MS = 0.05  # is not worth a word
+_FROZEN_SEQUENCES = ("kitchen", "room")
+_SEQUENCE_OPTIONS = ("--pace", "realtime", "--rate-hz", "30")
 
 
 def viewer_checks() -> list[Check]:
@@ -76,10 +78,6 @@ def _budget(session: Session) -> Measured:
         each = ", ".join(f"{process} {ms:.1f}" for process, ms in shown.items())
         texts.append(f"{run.name}: {sum(run.core_ms.values()):.1f} ({each})")
     return Measured("; ".join(texts), None, {run.name: run.core_ms for run in runs})
-
-
-_FROZEN_SEQUENCES = ("kitchen", "room")
-_SEQUENCE_OPTIONS = ("--pace", "realtime", "--rate-hz", "30")
 
 
 def frozen_checks() -> list[Check]:

@@ -76,6 +76,7 @@ _ALL: tuple[m.Message, ...] = (
         state="running",
         rss_bytes=7,
         counters={"tracked": 7},
+        topics={"in/frame": m.TopicCounts(dropped=7)},
         stage_ms={"track": 1.5},
     ),
     m.Event(process="tracker", level="info", text="somewhere", stamp_ns=_STAMP),

@@ -27,6 +27,7 @@ _BLOCK = re.compile(
 _HEAD = ("name", "what", "bound", "measured", "")
 _MARKS = {"ok": "ok", "NOT MET": "**NOT MET**", "measured": "", "skipped": "", "not measured": ""}
 _SHOWN = 0.05  # values that would be shown as 0.0 in every column are left out
+_END = "<!-- table:end -->"
 
 
 def fill_document(document: Path, results: Sequence[Path]) -> None:
@@ -130,9 +131,6 @@ def _circumstances(found: Report) -> str:
 
 def _escaped(cell: str) -> str:
     return cell.replace("|", "\\|").replace("\n", " ")
-
-
-_END = "<!-- table:end -->"
 
 
 def fill_table(document: Path, name: str, text: str) -> None:

@@ -89,7 +89,7 @@ class Usage:
                 return output.stem
             if process.name() == _VIEWER_PROGRAM:
                 return _VIEWER
-            modules = (part for part in process.cmdline() if part.startswith(_PACKAGE))
+            modules = (w for w in " ".join(process.cmdline()).split() if w.startswith(_PACKAGE))
             return next((module.rpartition(".")[2] for module in modules), _UNKNOWN)
         except (psutil.Error, OSError):
             return _UNKNOWN

@@ -19,6 +19,8 @@ import psutil
 
 _TOLD = "viewer: open "  # in the log of the process that serves the page
 _END_S = 5.0
+FROZEN_S = 10.0
+_FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
 
 
 class AttachedViewer:
@@ -81,8 +83,6 @@ def _written_bytes(pid: int) -> int:
         return 0
 
 
-FROZEN_S = 10.0
-_FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
 
 
 class FrozenViewer(AttachedViewer):

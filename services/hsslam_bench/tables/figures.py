@@ -17,6 +17,20 @@ from hsslam_bench.tables.plan import RunResult
 
 HIGHER_IS_BETTER = ("completion_pct", "fps")
 _UNORDERED = ("model_mib", "fps", "lost")  # what the paper's ablation says nothing about
+_HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
+    {
+        "accuracy_cm": ("acc. cm", 2),
+        "completion_cm": ("comp. cm", 2),
+        "completion_pct": ("comp. %", 2),
+        "depth_l1_cm": ("depth L1 cm", 2),
+        "ate_cm": ("ATE cm", 3),
+        "ate_mean_cm": ("ATE mean cm", 3),
+        "ate_online_cm": ("ATE online cm", 3),
+        "lost": ("lost", 1),
+        "model_mib": ("model MiB", 1),
+        "fps": ("frames/s", 2),
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -138,22 +152,6 @@ def _sign(metric: str) -> float:
 
 def _text(figure: Figure) -> str:
     return f"{figure.mean:.3g}" + ("" if figure.deviation is None else f" ± {figure.deviation:.2g}")
-
-
-_HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
-    {
-        "accuracy_cm": ("acc. cm", 2),
-        "completion_cm": ("comp. cm", 2),
-        "completion_pct": ("comp. %", 2),
-        "depth_l1_cm": ("depth L1 cm", 2),
-        "ate_cm": ("ATE cm", 3),
-        "ate_mean_cm": ("ATE mean cm", 3),
-        "ate_online_cm": ("ATE online cm", 3),
-        "lost": ("lost", 1),
-        "model_mib": ("model MiB", 1),
-        "fps": ("frames/s", 2),
-    }
-)
 
 
 def rich_table(title: str, rows: Sequence[MeasuredRow], metrics: Sequence[str]) -> Table:

@@ -31,6 +31,20 @@ _NEVER = 2**40
 _ALL_POOLS_BYTES = 16 * _POOL_BYTES  # of all senders of a run that a process may come to hear
 _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
 _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not count
+Settings = Mapping[str, object]
+_CONNECT_TIMEOUT_S = 10.0
+NO_SETTINGS: Settings = MappingProxyType({})
+_COMMON: Settings = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,  # nobody is scouted, so open at once
+    "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
+    "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
+    "transport/link/rx/max_message_size": 512 * 2**20,
+    # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
+}
 
 
 def shared_memory_settings() -> dict[str, object]:
@@ -63,23 +77,6 @@ def _is_exempt() -> bool:
     status = Path("/proc/self/status").read_text(encoding="ascii")
     effective = next(line for line in status.splitlines() if line.startswith("CapEff:"))
     return bool(int(effective.split()[1], 16) >> _CAP_IPC_LOCK & 1)
-
-
-Settings = Mapping[str, object]
-
-_CONNECT_TIMEOUT_S = 10.0
-NO_SETTINGS: Settings = MappingProxyType({})
-_COMMON: Settings = {
-    "scouting/multicast/enabled": False,
-    "scouting/gossip/enabled": False,
-    "scouting/delay": 0,  # nobody is scouted, so open at once
-    "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
-    "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
-    "transport/link/rx/max_message_size": 512 * 2**20,
-    # a peer that takes nothing for 1 s with full buffers is cut off; it reconnects
-    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
-    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 5_000,  # us
-}
 
 
 def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Session:

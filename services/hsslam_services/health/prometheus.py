@@ -18,7 +18,6 @@ from hsslam_services.health.run_state import BOUNDS_MS
 from hsslam_services.health.snapshot import Snapshot
 
 _STATES = ("starting", "running", "paused", "stopping")
-_DROPPED = "dropped "  # followed by the topic's name in each heartbeat
 
 
 def exposition(snapshot: Snapshot | None, accept: str = "") -> tuple[bytes, str]:
@@ -95,12 +94,11 @@ def _of_processes(snapshot: Snapshot) -> Iterator[Metric]:
         "hsslam_messages_dropped", "Messages that a process missed", labels=["process", "topic"]
     )
     for name, health in snapshot.health.items():
-        memory.add_metric([name], 1e6 * health.counters.get("pss_mb", 0))
+        memory.add_metric([name], 1e6 * health.pss_mb)
         for stage, took_ms in health.stage_ms.items():
             stages.add_metric([name, stage], took_ms / 1e3)
-        for counter, count in health.counters.items():
-            if counter.startswith(_DROPPED):
-                dropped.add_metric([name, counter.removeprefix(_DROPPED)], count)
+        for topic, counts in health.topics.items():
+            dropped.add_metric([name, topic], counts.dropped)
     yield from (up, restarts, memory, stages, dropped)
 
 

@@ -14,6 +14,7 @@ from hsslam_proto.messages import Event, Health, MapVersion, Pose, SourceEnd
 from hsslam_services.bus.bus import Bus
 
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
+_RECENT = 64  # poses for rate and latency
 
 
 class LatencyBins:
@@ -32,9 +33,6 @@ class LatencyBins:
         """How many were at most so long, for each bound, and how many there were."""
         total = 0
         return [total := total + count for count in self._counts]
-
-
-_RECENT = 64  # poses for rate and latency
 
 
 @dataclass

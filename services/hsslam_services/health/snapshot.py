@@ -13,6 +13,9 @@ from hsslam_proto.request_messages import Status
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 
+_HUNG_S = 10.0  # the supervisor comes round every 50 ms
+_CAMERA = "camera"
+
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -44,10 +47,6 @@ def take_snapshot(
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
         taken_s=time.monotonic(),
     )
-
-
-_HUNG_S = 10.0  # the supervisor comes round every 50 ms
-_CAMERA = "camera"
 
 
 def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[int, dict[str, Any]]:

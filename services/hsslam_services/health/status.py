@@ -1,7 +1,4 @@
-"""The answer to `status`, from what the supervisor has heard.
-
-How many messages could not be read, counted by those who listen to them.
-"""
+"""The numbers of a run that the supervisor reports: the answer to `status`, its part of the summary."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -9,15 +6,15 @@ from typing import Any, Literal
 
 import msgspec
 
+from hsslam_proto.messages import TopicCounts
 from hsslam_proto.request_messages import Status
+from hsslam_proto.topics import FRAME
 from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import read_json, read_summary, versions
-
-_RECORDER_FILE = "recorder.json"  # what the recorder says of its log
+from hsslam_services.run.summary import read_summary, versions
 
 
 def run_status(
@@ -42,7 +39,7 @@ def run_status(
         frames_sent=_sent(children, state),
         frames_tracked=state.tracked,
         frames_lost=state.lost,
-        frames_dropped=_counter(children, "tracker", "dropped in/frame"),
+        frames_dropped=_frames_dropped(children),
         fps=state.fps,
         latency_ms=state.latency_ms,
         tracking="none" if pose is None else pose.status,
@@ -83,7 +80,6 @@ def process_section(
             "iterations": state.map.iterations if state.map else 0,
         },
         "ba_rounds": state.ba_rounds,
-        "log": read_json(run.path / _RECORDER_FILE),
         "processes": {name: _process(child) for name, child in children.items()},
         "options": msgspec.to_builtins(run.options),
         "versions": versions(),
@@ -98,6 +94,7 @@ def _process(child: Child) -> dict[str, Any]:
         "peak_rss_bytes": child.peak_rss_bytes,
         "stage_ms": dict(health.stage_ms) if health else {},
         "counters": dict(health.counters) if health else {},
+        "topics": msgspec.to_builtins(health.topics) if health else {},
     }
 
 
@@ -105,15 +102,14 @@ def _sent(children: Mapping[str, Child], state: RunState) -> int:
     """By the camera's last heartbeat, which is older than the last pose; 0 without a camera of ours."""
     if "camera" not in children:
         return 0
-    return max(_counter(children, "camera", "sent"), state.tracked + state.lost)
+    camera = children["camera"].health
+    sent = camera.counters.get("sent", 0) if camera else 0
+    return max(sent, state.tracked + state.lost)
 
 
-def _counter(children: Mapping[str, Child], process: str, name: str) -> int:
-    child = children.get(process)
-    return child.health.counters.get(name, 0) if child and child.health else 0
-
-
-_COUNTER = "rejected "  # followed by the topic's name in each heartbeat
+def _frames_dropped(children: Mapping[str, Child]) -> int:
+    health = children["tracker"].health if "tracker" in children else None
+    return health.topics.get(FRAME.name, TopicCounts()).dropped if health else 0
 
 
 def rejected_messages(own: Iterable[Subscription], children: Mapping[str, Child]) -> dict[str, int]:
@@ -123,8 +119,6 @@ def rejected_messages(own: Iterable[Subscription], children: Mapping[str, Child]
     """
     most = {subscription.topic.name: subscription.rejected for subscription in own}
     for child in children.values():
-        for name, count in child.health.counters.items() if child.health else ():
-            if name.startswith(_COUNTER):
-                topic = name.removeprefix(_COUNTER)
-                most[topic] = max(most.get(topic, 0), count)
+        for topic, counts in child.health.topics.items() if child.health else ():
+            most[topic] = max(most.get(topic, 0), counts.rejected)
     return {topic: count for topic, count in sorted(most.items()) if count}

@@ -14,8 +14,14 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from hsslam_proto.messages import TopicCounts
+from hsslam_proto.topics import FRAME
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
+
+_REDRAW_S = 0.25
+_PRINT_S = 5.0
+_STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended": "dim"}
 
 
 class PatientStream(io.TextIOBase):
@@ -52,11 +58,6 @@ class PatientStream(io.TextIOBase):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
-
-
-_REDRAW_S = 0.25
-_PRINT_S = 5.0
-_STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended": "dim"}
 
 
 class StatusLine:
@@ -111,13 +112,13 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     camera = children["camera"].health if "camera" in children else None
     tracker = children["tracker"].health
     sent = camera.counters.get("sent", 0) if camera else 0
-    dropped = tracker.counters.get("dropped in/frame", 0) if tracker else 0
+    frames = tracker.topics.get(FRAME.name, TopicCounts()) if tracker else TopicCounts()
     quality = "-" if pose is None else "lost" if pose.status == "lost" else f"{pose.quality:.2f}"
     frame = "-" if pose is None else str(pose.index)
     text = Text(
         f"frame {frame}/{sent}  {state.fps:.1f} FPS  {state.latency_ms:.0f} ms  quality {quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
-        f"dropped {dropped}  lost {state.lost}  memory {memory_mb} MB  "
+        f"dropped {frames.dropped}  lost {state.lost}  memory {memory_mb} MB  "
     )
     for name, child in children.items():
         text.append(f"{name}:", style="dim")

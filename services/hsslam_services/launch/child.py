@@ -1,7 +1,4 @@
-"""One supervised process: started, watched, restarted, stopped.
-
-When a process that failed is started again, and when not any more. Pure; time is an argument.
-"""
+"""One supervised process: started, watched, restarted by a policy, stopped."""
 
 import signal
 import time
@@ -12,14 +9,21 @@ from typing import Literal
 from hsslam_proto.messages import Health
 from hsslam_services.launch.process_table import ProcessSpec
 from hsslam_services.launch.spawn import Process, Spawn, how_it_ended, last_error, log_path, spawn
+from hsslam_services.run.process_result import clear_result
 
 _MOST_RESTARTS = 5
 _WINDOW_S = 300.0
+State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
+_USER_ERROR = 2
+_OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
+_PATIENCE_S = 10.0  # after it, for all to come round
 
 
 @dataclass
 class RestartPolicy:
-    """Delays double from `first_delay_s` to `longest_delay_s`; a quiet window starts them anew.
+    """When a process that failed is started again; pure, time is an argument.
+
+    Delays double from `first_delay_s` to `longest_delay_s`; a quiet window starts them anew.
 
     More than 5 restarts in 300 s are a crash loop.
     """
@@ -37,14 +41,8 @@ class RestartPolicy:
         return min(self.first_delay_s * 2 ** (count - 1), self.longest_delay_s)
 
 
-State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
-_USER_ERROR = 2
-_OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
-_PATIENCE_S = 10.0  # after it, for all to come round
-
-
 class Child:
-    """A row of the process table in the flesh.
+    """One supervised process: started, watched and restarted according to its row of the process table.
 
     `wanted` says whether it should run; `tick` makes it so. `ended`: exited as it should; `failed`:
     given up on (crash loop, or bad input: then `user_error` has the line to show).
@@ -81,7 +79,7 @@ class Child:
     @property
     def pss_mb(self) -> int:
         """Memory that it told of last; 0 when it does not live."""
-        return self.health.counters.get("pss_mb", 0) if self.health and self.is_alive else 0
+        return self.health.pss_mb if self.health and self.is_alive else 0
 
     def heard(self, health: Health) -> None:
         """A heartbeat of the process of this name; one of a dead predecessor is ignored."""
@@ -89,7 +87,7 @@ class Child:
         if health.pid == self.pid:
             self.health = health
             self._beat_s = time.monotonic()
-            stalled = health.counters.get("idle_ms", 0) > 1e3 * self.spec.stall_timeout_s
+            stalled = health.idle_ms > 1e3 * self.spec.stall_timeout_s
             if self.state != "ended" and health.state != "stopping":
                 running = health.state == "running"
                 self.state = (
@@ -123,6 +121,7 @@ class Child:
             self._exited(self._process.wait(), time.monotonic())
 
     def _start(self, now: float) -> None:
+        clear_result(self._run_dir, self.spec.name)
         self._process = self._spawn(self.spec.module, self._run_dir)
         self.state, self._started_s, self._stop_sent_s, self.health = "starting", now, 0.0, None
 

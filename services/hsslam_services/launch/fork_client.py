@@ -26,6 +26,8 @@ from hsslam_services.launch.spawn import (
 
 _POLL_S = 0.01
 _PATIENCE_S = 120.0  # for a fork server that still imports; one that is frozen is not waited for
+_PR_SET_CHILD_SUBREAPER = 36
+_END_TIMEOUT_S = 2.0
 
 
 class ForkedProcess:
@@ -107,10 +109,6 @@ class ForkedProcess:
         if self._link is not None:
             self._link.close()
             self._link = None
-
-
-_PR_SET_CHILD_SUBREAPER = 36
-_END_TIMEOUT_S = 2.0
 
 
 class ForkClient:

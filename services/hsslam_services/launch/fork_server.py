@@ -1,10 +1,9 @@
 """The fork server: imports what most processes of a run need, once, and forks them from itself.
 
-They share its pages, and a restart takes a moment instead of seconds. It has one thread and no
-connection: what it forks is as good as a fresh interpreter. A forked process is an orphan at once,
-so it becomes a child of the supervisor (a subreaper), which waits for it and is survived by none.
-
-What `ps` and /proc show of a forked process: the command line that it stands for.
+Forks share the pages of the imports, and a restart takes a moment instead of seconds. The fork server
+has one thread and no connection, so a fork is as good as a fresh interpreter. Forked processes are
+reparented to the supervisor (a subreaper) at once. The supervisor reaps them; if it dies, the kernel
+ends them.
 """
 
 import argparse
@@ -16,26 +15,13 @@ import select
 import signal
 import socket
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import setproctitle
+
 from hsslam_services.launch.spawn import module_command
-
-_PR_SET_NAME = 15
-_ARG_START, _ARG_END = 45, 46  # fields of /proc/self/stat after the name
-
-
-def set_process_title(name: str, command: Sequence[str]) -> None:
-    """Show `name` (15 characters) and `command`; one longer than the process's own is left out."""
-    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
-    fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    start, end = int(fields[_ARG_START]), int(fields[_ARG_END])
-    text = b"\0".join(os.fsencode(word) for word in command) + b"\0"
-    if 0 < len(text) <= end - start:
-        ctypes.memmove(start, text.ljust(end - start, b"\0"), end - start)
-
 
 _PR_SET_PDEATHSIG = 1
 _PROCESSES = "hsslam_services.processes"
@@ -43,6 +29,20 @@ _PROCESSES = "hsslam_services.processes"
 _FIRST_IMPORTS = ("hsslam_services.launch.worker", f"{_PROCESSES}.camera", "cv2", "numba")
 _IMPORTS = tuple(f"{_PROCESSES}.{name}" for name in ("tracker", "mapper", "global_ba"))
 _EARLY = (f"{_PROCESSES}.camera", f"{_PROCESSES}.recorder")
+
+
+def set_process_title(name: str, command: Sequence[str]) -> None:
+    """Show `name` (15 characters) and `command` in `ps` and /proc, where the watchdog finds the process.
+
+    Raises:
+        OSError: the command line does not fit.
+    """
+    title = " ".join(command)
+    setproctitle.setproctitle(title)
+    setproctitle.setthreadtitle(name)
+    shown = Path("/proc/self/cmdline").read_bytes().rstrip(b"\0")
+    if shown != os.fsencode(title):
+        raise OSError(f"command line of {len(title)} bytes does not fit into /proc/self/cmdline")
 
 
 class _Request(NamedTuple):
@@ -134,11 +134,20 @@ def _fork(request: _Request, others: list[_Request]) -> bool:
     go_between = os.getpid()
     if os.fork():
         os._exit(0)
-    while os.getppid() == go_between:
-        time.sleep(0.001)
+    _wait_for_end(go_between)
     for other in others:
         other.close()
     return True
+
+
+def _wait_for_end(pid: int) -> None:
+    """Return when the process has ended; its children have their new parent then."""
+    try:
+        fd = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    select.select([fd], [], [])
+    os.close(fd)
 
 
 def _become(request: _Request, run_dir: str) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, WATCHDOG
-from hsslam_services.launch.spawn import Spawn, last_error, module_command, spawn
+from hsslam_services.launch.spawn import Spawn, last_error, module_command, process_name, spawn
+from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import update_summary
 
 _WATCHDOG_TIMEOUT_S = 5.0
-_LAST_TICKS = 2  # its last words may still be on their way
 
 
 def run_one_shot(
@@ -20,10 +21,15 @@ def run_one_shot(
     is_cancelled: Callable[[], bool],
     spawn: Spawn = spawn,
 ) -> str:
-    """Run a process to its end, calling `tick` meanwhile; returns "" or what went wrong."""
+    """Run a process to its end, calling `tick` meanwhile; adds its section to the summary.
+
+    Returns "" or what went wrong.
+    """
     if is_cancelled():
         return "cancelled"
     timeout_s = ONE_SHOT_TIMEOUT_S[module]
+    name = process_name(module)
+    clear_result(run_dir, name)
     process = spawn(module, run_dir)
     deadline = time.monotonic() + timeout_s
     while (code := process.poll()) is None:
@@ -32,8 +38,7 @@ def run_one_shot(
             process.kill()
             process.wait()
             return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
-    for _ in range(_LAST_TICKS):
-        tick()
+    update_summary(run_dir, read_result(run_dir, name).summary)
     return last_error(run_dir, module) if code else ""
 
 

@@ -10,6 +10,7 @@ from typing import IO, Protocol
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_services.launch.process_table import environment_of_threads
+from hsslam_services.run.process_result import read_result
 
 # glibc gives memory of this size back to the system when it is freed, and the system clears it again
 # for the next image: half the time of preparing a reference keyframe. Keep it; other C libraries do
@@ -76,14 +77,18 @@ def open_log(run_dir: Path, module: str) -> IO[bytes]:
 
 def log_path(run_dir: Path, module: str) -> Path:
     """Where a process's own output goes."""
-    return run_dir / "logs" / f"{module.rpartition('.')[2]}.log"
+    return run_dir / "logs" / f"{process_name(module)}.log"
+
+
+def process_name(module: str) -> str:
+    """Name of the process that runs this module: of its log and of its result."""
+    return module.rpartition(".")[2]
 
 
 def last_error(run_dir: Path, module: str) -> str:
-    """The last `error: ...` line of a process's log, without the prefix."""
-    lines = log_path(run_dir, module).read_text(errors="replace").splitlines()
-    errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    return errors[-1] if errors else f"{module} failed; see {log_path(run_dir, module)}"
+    """Why a process failed: the line that it has left, else where its log is."""
+    error = read_result(run_dir, process_name(module)).error
+    return error or f"{process_name(module)} failed; see {log_path(run_dir, module)}"
 
 
 def how_it_ended(code: int) -> str:

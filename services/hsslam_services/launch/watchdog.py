@@ -40,16 +40,20 @@ def main() -> None:
 
 
 def _processes_of(run_dir: Path) -> set[int]:
-    """Processes `python -m <module> --run <run_dir>`, but this one."""
+    """Processes with a command line as `spawn.module_command` makes it, but this one.
+
+    A forked process shows its command line as one text with spaces, not as separate words.
+    """
+    of_run = b" --run " + os.fsencode(run_dir)
     found = set()
     for entry in Path("/proc").iterdir():
         if not entry.name.isdecimal() or int(entry.name) == os.getpid():
             continue
         try:
-            command = (entry / "cmdline").read_bytes().split(b"\0")
+            command = (entry / "cmdline").read_bytes().rstrip(b"\0").replace(b"\0", b" ")
         except OSError:
             continue
-        if command[1:3] == [b"-P", b"-m"] and command[4:6] == [b"--run", os.fsencode(run_dir)]:
+        if b" -P -m " in command and (command.endswith(of_run) or of_run + b" " in command):
             found.add(int(entry.name))
     return found
 

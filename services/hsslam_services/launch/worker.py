@@ -1,7 +1,4 @@
-"""What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor.
-
-The device that a process of a run computes on.
-"""
+"""What all processes of a run share: bus, arena, device, heartbeat, signals, death with the supervisor."""
 
 import argparse
 import contextlib
@@ -13,25 +10,27 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+import msgspec
 
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
-from hsslam_proto.messages import Event, Health
+from hsslam_proto.messages import Event, Health, TopicCounts
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.bus.zenoh_session import shared_memory_of_run
 from hsslam_services.launch.process_table import PROCESSES
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.memory import OwnMemory
+from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import update_summary
 
 if TYPE_CHECKING:
     from hsslam_services.run.arena import Arena
@@ -66,6 +65,7 @@ class Worker:
         self._turned_s = time.monotonic()
         self._tell_rejected: dict[str, int] = {}  # of each topic, when so many were
         self._memory = OwnMemory()
+        self._result = ProcessResult()
         self._events = self.bus.publisher(topics.EVENT)
         self._health = self.bus.publisher(topics.HEALTH)
         self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
@@ -123,6 +123,24 @@ class Worker:
             Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
         )
 
+    def add_to_summary(self, section: Mapping[str, Any]) -> None:
+        """Leave a section of summary.json for the supervisor, beside those left before."""
+        sections = {**self._result.summary, **section}
+        self._leave(msgspec.structs.replace(self._result, summary=sections))
+
+    def answer(self, answer: msgspec.Struct) -> None:
+        """Leave the answer to the request that started this process."""
+        self._leave(msgspec.structs.replace(self._result, answer=msgspec.to_builtins(answer)))
+
+    def _leave(self, result: ProcessResult) -> None:
+        self._result = result
+        try:
+            write_result(self.run.path, self.name, result)
+        except OSError as error:
+            self.event(
+                "error", f"{self.run.path}: {error.strerror}: result of {self.name} not left"
+            )
+
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
         """Once is enough: a second one within `set` would wait for ever for the first one's lock."""
         for number in _STOP_SIGNALS:
@@ -141,19 +159,21 @@ class Worker:
     def _publish_health(self) -> None:
         state = self._state  # first, so that what was counted before "running" goes with it
         counters = dict(self.counters)
+        counts: dict[str, TopicCounts] = {}
         for subscription in self.bus.subscriptions:
-            topic = subscription.topic.name
-            counters[f"dropped {topic}"] = subscription.dropped
-            counters[f"rejected {topic}"] = subscription.rejected
+            counts[subscription.topic.name] = TopicCounts(
+                dropped=subscription.dropped, rejected=subscription.rejected
+            )
             self._tell_of(subscription)
-        counters["pss_mb"] = self._memory.pss_mb()
-        counters["idle_ms"] = int(1e3 * (time.monotonic() - self._turned_s))
         self._health.put(
             Health(
                 process=self.name,
                 pid=os.getpid(),
                 state=state,
                 rss_bytes=_rss_bytes(),
+                pss_mb=self._memory.pss_mb(),
+                idle_ms=int(1e3 * (time.monotonic() - self._turned_s)),
+                topics=counts,
                 counters=counters,
                 stage_ms=dict(self.stage_ms),
             )
@@ -193,6 +213,8 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
                 raise
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
+        with contextlib.suppress(OSError):  # the run folder may be what is wrong
+            write_result(run_dir, name, ProcessResult(error=str(error)))
         sys.exit(2)
 
 
@@ -228,6 +250,6 @@ def worker_device(worker: Worker, *, rehearsed: bool = False) -> Device:
 
 
 def tell_device(worker: Worker, device: Device) -> None:
-    """For one process of the run: an event for status line, log and viewer, and a line of the summary."""
+    """For one process of the run: an event for status line, log and viewer, and a section of the summary."""
     worker.event("info", f"the map is computed by {device}")
-    update_summary(worker.run.path, {"device": dataclasses.asdict(device)})
+    worker.add_to_summary({"device": dataclasses.asdict(device)})

@@ -23,6 +23,10 @@ from hsslam_proto.json_schemas import json_schema
 from hsslam_proto.topics import Topic
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+RESERVE_BYTES = 64 * 2**20
+RUN_METADATA = "hsslam.run"
+_FLUSH_S = 1.0
+_CHUNK_BYTES = 2**20
 
 
 class PatientFile:
@@ -86,12 +90,6 @@ class PatientFile:
             if error.errno in _FULL:
                 return 0
             raise
-
-
-RESERVE_BYTES = 64 * 2**20
-RUN_METADATA = "hsslam.run"
-_FLUSH_S = 1.0
-_CHUNK_BYTES = 2**20
 
 
 class McapLog:

@@ -24,6 +24,8 @@ _TORN = (
     *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
     *(OverflowError, MemoryError),  # of a size that is none
 )
+Say = Callable[[str], None]
+_TOPICS = {topic.name: topic for topic in TOPICS}
 
 
 @contextmanager
@@ -60,10 +62,6 @@ def end_ns(reader: McapReader) -> int:
 
 def _damaged(path: Path, error: Exception) -> UserError:
     return UserError(f"{path}: damaged ({error!s:.120}): expected a whole MCAP file")
-
-
-Say = Callable[[str], None]
-_TOPICS = {topic.name: topic for topic in TOPICS}
 
 
 @dataclass(frozen=True)

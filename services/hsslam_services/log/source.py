@@ -23,6 +23,7 @@ from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
 
 _RATE_FRAMES = 30  # the rate is told from the stamps of so many
+_MOST_LOGS = 8  # a run from the log of a run from the log of ...
 
 
 class McapSource:
@@ -84,9 +85,6 @@ class McapSource:
             if message.index > newest:
                 newest = message.index
                 yield message
-
-
-_MOST_LOGS = 8  # a run from the log of a run from the log of ...
 
 
 @dataclass(frozen=True)

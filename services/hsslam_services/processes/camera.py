@@ -23,6 +23,8 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.map_state import RunMode
 
 _POLL_S = 0.1
+_AHEAD = 30  # frames decoded in advance: rides out a second of other load
+_FLUSH_S = 0.3  # for the last message to leave
 
 
 class CameraHold:
@@ -47,10 +49,6 @@ class CameraHold:
     def _hear(self) -> None:
         for hold in self._holds.drain():
             self._is_paused = hold.paused
-
-
-_AHEAD = 30  # frames decoded in advance: rides out a second of other load
-_FLUSH_S = 0.3  # for the last message to leave
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.map_snapshot import map_snapshot
-from hsslam_services.run.maps_folder import map_path, read_save_request, write_saved_map
+from hsslam_services.run.maps_folder import map_path, read_save_request
 from hsslam_services.run.shared_map import MapLink
 
 
@@ -36,7 +36,7 @@ def _run(worker: Worker) -> None:
         nbytes=path.stat().st_size,
         keyframes=len(checkpoint.T_world_keyframe),
     )
-    write_saved_map(arena_dir, saved)
+    worker.answer(saved)
 
 
 if __name__ == "__main__":

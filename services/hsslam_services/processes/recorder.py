@@ -1,9 +1,9 @@
 """The recorder: all topics into the MCAP log, run.rrd and the viewer. Nobody waits for it."""
 
-import json
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import cv2
 
@@ -20,10 +20,8 @@ from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog, log_settings
 from hsslam_services.log.recovery import EarlierParts, parts
-from hsslam_services.run.run_info import write_atomically
 from hsslam_services.viewer.view import RerunView
 
-SUMMARY_FILE = "recorder.json"
 _FRAME_DEPTH = 16
 _DEPTH = 8192
 _QUIET_S = 0.3  # at the end: what is still on its way has arrived after this much silence
@@ -110,23 +108,19 @@ class Recorder:
             "viewer_dropped": self._view.dropped,
         }
 
-    def close(self) -> None:
-        """Log what is still on its way, finish log and viewer, write recorder.json."""
+    def close(self) -> dict[str, Any]:
+        """Log what is still on its way, finish log and viewer; returns what the summary says of the log."""
         self._earlier.join()
         self._drain()
         self._view.close()
         lost_bytes = self._log.close()
         if lost_bytes:
             self._tell("error", f"{self._log.path}: disk full, {lost_bytes} bytes were not written")
-        summary = {
+        return {
             **self.counters(),
             "complete": lost_bytes == 0,
             "parts": [path.name for path in parts(self._run_dir)],
         }
-        try:
-            write_atomically(self._run_dir / SUMMARY_FILE, json.dumps(summary, indent=1).encode())
-        except OSError as error:
-            self._tell("error", f"{self._run_dir / SUMMARY_FILE}: {error.strerror}")
 
     def _drain(self) -> None:
         deadline = time.monotonic() + _DRAIN_S
@@ -199,7 +193,7 @@ def record(worker: Worker) -> None:
                 recorder.spin_once()
             worker.counters.update(recorder.counters())
     finally:
-        recorder.close()
+        worker.add_to_summary({"log": recorder.close()})
         worker.counters.update(recorder.counters())
 
 

@@ -26,7 +26,7 @@ from hsslam_services.run.arena import Arena
 from hsslam_services.run.map_snapshot import map_checkpoint
 from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.shared_map import MapLink
-from hsslam_services.run.summary import pose_section, update_summary
+from hsslam_services.run.summary import pose_section
 
 
 def main() -> None:
@@ -38,11 +38,10 @@ def _run(worker: Worker) -> None:
     link = MapLink(arena, worker.options.slam)
     store, parameters = link.store(), link.parameters()
     world = RunMode(worker.run.arena_dir).world
-    save_trajectories(run_dir, arena, store, world)
+    worker.add_to_summary(save_trajectories(run_dir, arena, store, world))
     if store is None or parameters is None or store.count == 0:
         return  # stopped before there was a map
-    update_summary(
-        run_dir,
+    worker.add_to_summary(
         {
             "keyframes": store.count,
             "model_bytes": parameters.layout.size_bytes_by_part(),
@@ -63,14 +62,16 @@ def _run(worker: Worker) -> None:
         return
     _publish(worker, mesh, parameters.version, world)
     mesh.export(run_dir / "mesh.ply")
-    update_summary(run_dir, {"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
+    worker.add_to_summary({"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
 
 
 def save_trajectories(
     run_dir: Path, arena: Arena, store: KeyframeStore | None, world: int, suffix: str = ""
-) -> None:
-    """Write the three trajectory files of a world, whose keyframes are those of the store, and what the
-    summary says of poses: of all, and where there is more than one world also of this."""
+) -> dict[str, Any]:
+    """Write the three trajectory files of one map epoch (`store`: its keyframes).
+
+    Returns the pose statistics of the run for the summary; with several epochs, also those of this one.
+    """
     rows = PoseLog(arena).rows()
     here = of_world(rows, world)
     poses = store.poses() if store is not None else np.zeros((0, 4, 4))
@@ -83,7 +84,7 @@ def save_trajectories(
     if world > 0 or suffix:
         counts = {**pose_section(here)["frames"], "keyframes": len(stamps[own])}
         section["worlds"] = {str(world): {**counts, "trajectory": f"trajectory{suffix}.txt"}}
-    update_summary(run_dir, section)
+    return section
 
 
 def final_mesh(

@@ -15,10 +15,11 @@ def _run(worker: Worker) -> None:
     store = MapLink(worker.arena, worker.options.slam).store()
     world = RunMode(worker.run.arena_dir).world
     try:
-        save_trajectories(worker.run.path, worker.arena, store, world, f".world{world}")
+        section = save_trajectories(worker.run.path, worker.arena, store, world, f".world{world}")
     except OSError as error:
         where = f"{worker.run.path}: {error.strerror}"
         raise UserError(f"{where}: expected to write the trajectories so far there") from None
+    worker.add_to_summary(section)
 
 
 if __name__ == "__main__":

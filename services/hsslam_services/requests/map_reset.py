@@ -13,11 +13,13 @@ from hsslam_services.bus.requests import Asked
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
-from hsslam_services.launch.spawn import Spawn, last_error, log_path
+from hsslam_services.launch.spawn import Spawn, last_error, process_name
 from hsslam_services.requests.pause_and_mode import Holding
 from hsslam_services.run.arena_folder import remove_arrays
 from hsslam_services.run.map_state import RunMode
+from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import update_summary
 
 _PATIENCE_S = 5.0  # for an orderly end; what they are at work on is thrown away anyway
 _Steps = Generator[None, None, None]
@@ -108,7 +110,8 @@ class MapReset:
 
     def _save_trajectories(self) -> Generator[None, None, str]:
         """Run the process that writes them; returns "" or what went wrong."""
-        log_path(self._run.path, TRAJECTORY_SAVER).unlink(missing_ok=True)  # of the one before
+        name = process_name(TRAJECTORY_SAVER)
+        clear_result(self._run.path, name)
         process = self._spawn(TRAJECTORY_SAVER, self._run.path)
         timeout_s = ONE_SHOT_TIMEOUT_S[TRAJECTORY_SAVER]
         deadline_s = time.monotonic() + timeout_s
@@ -122,6 +125,7 @@ class MapReset:
             if code is None:
                 process.kill()
                 process.wait()
+        update_summary(self._run.path, read_result(self._run.path, name).summary)
         return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
 
     def _answer(self, error: str) -> None:

@@ -7,8 +7,9 @@ import msgspec
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.bus.requests import Asked
 from hsslam_services.launch.process_table import MAP_SAVER
-from hsslam_services.launch.spawn import Process, Spawn, last_error, log_path
-from hsslam_services.run.maps_folder import SAVE_REQUEST, SAVED_MAP
+from hsslam_services.launch.spawn import Process, Spawn, last_error, process_name
+from hsslam_services.run.maps_folder import SAVE_REQUEST
+from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo, write_atomically
 
 
@@ -31,8 +32,7 @@ class MapSaving:
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")
             return
-        (self._arena_dir / SAVED_MAP).unlink(missing_ok=True)
-        log_path(self._run.path, MAP_SAVER).unlink(missing_ok=True)  # of the one before
+        clear_result(self._run.path, process_name(MAP_SAVER))
         write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
         self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
 
@@ -44,9 +44,9 @@ class MapSaving:
         if code is None:
             return
         asked, self._asked, self._process = self._asked, None, None
-        saved = self._arena_dir / SAVED_MAP
-        if code == 0 and saved.exists():
-            asked.answer(msgspec.json.decode(saved.read_bytes(), type=SavedMap))
+        result = read_result(self._run.path, process_name(MAP_SAVER))
+        if code == 0 and result.answer:
+            asked.answer(msgspec.convert(result.answer, SavedMap))
         else:
             asked.refuse("failed", f"save: {last_error(self._run.path, MAP_SAVER)}")
 

@@ -6,12 +6,11 @@ from pathlib import Path
 import msgspec
 
 from hsslam_node.errors import UserError, did_you_mean
-from hsslam_proto.request_messages import SavedMap, SaveMap
-from hsslam_services.run.run_info import write_atomically
+from hsslam_proto.request_messages import SaveMap
 
 _SUFFIX = ".safetensors"
 _NAME = r"[A-Za-z0-9_-]{1,64}"
-SAVE_REQUEST, SAVED_MAP = "save_map.json", "saved_map.json"  # in the arena folder
+SAVE_REQUEST = "save_map.json"  # in the arena folder
 
 
 def map_path(folder: Path | str, name: str) -> Path:
@@ -57,8 +56,3 @@ def known_maps(folder: Path | str) -> list[str]:
 def read_save_request(arena_dir: Path) -> SaveMap:
     """What the map saver is asked to save."""
     return msgspec.json.decode((arena_dir / SAVE_REQUEST).read_bytes(), type=SaveMap)
-
-
-def write_saved_map(arena_dir: Path, saved: SavedMap) -> None:
-    """What the map saver has saved, for the supervisor."""
-    write_atomically(arena_dir / SAVED_MAP, msgspec.json.encode(saved))

@@ -3,8 +3,9 @@
 import contextlib
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
+
+import psutil
 
 _EVERY_S = 5.0  # the kernel walks all pages for it: some milliseconds
 
@@ -53,10 +54,7 @@ class MemoryOfAll:
 
 
 def read_pss_mb(pid: int | None = None) -> int:
-    """PSS of a process (none: this one), MB; 0 where the system does not tell."""
-    with contextlib.suppress(OSError):
-        rollup = Path(f"/proc/{pid or 'self'}/smaps_rollup").read_text(encoding="utf-8")
-        for line in rollup.splitlines():
-            if line.startswith("Pss:"):
-                return round(int(line.split()[1]) * 1024 / 1e6)
+    """PSS of a process (none: this one), MB; 0 if the process has ended."""
+    with contextlib.suppress(psutil.Error):
+        return round(psutil.Process(pid).memory_full_info().pss / 1e6)
     return 0

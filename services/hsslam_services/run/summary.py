@@ -1,4 +1,4 @@
-"""summary.json: what a run did, in numbers. Saver, evaluator and supervisor each add their part."""
+"""summary.json: what a run did, in numbers. Only the supervisor writes it."""
 
 import importlib.metadata
 import platform
@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from hsslam_services.run.process_result import python_number
 from hsslam_services.run.run_info import write_atomically
 
 _FILE = "summary.json"
@@ -20,7 +21,7 @@ _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless",
 def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
     """Merge a section into the file; nested mappings are merged key by key."""
     merged = _merged(read_summary(run_dir), section)
-    encoded = msgspec.json.encode(merged, enc_hook=_plain)
+    encoded = msgspec.json.encode(merged, enc_hook=python_number)
     write_atomically(run_dir / _FILE, msgspec.json.format(encoded))
 
 
@@ -48,13 +49,6 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
     return section
 
 
-def _plain(value: Any) -> Any:
-    """NumPy's numbers as Python's."""
-    if isinstance(value, np.generic):
-        return value.item()
-    raise NotImplementedError(type(value).__name__)
-
-
 def read_json(path: Path) -> dict[str, Any]:
     """A JSON object; empty if there is no such file."""
     return msgspec.json.decode(path.read_bytes()) if path.exists() else {}
@@ -66,6 +60,21 @@ def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
         is_nested = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
         merged[key] = _merged(merged[key], value) if is_nested else value
     return merged
+
+
+def evaluation_line(found: Mapping[str, Any]) -> str:
+    """ATE of each trajectory in cm and, where the true mesh is known, distance in cm and completion in %.
+
+    `found`: as `evaluate_run` returns it; what is not known is None there.
+    """
+    ates_m = {name: ate.get("rmse_m") for name, ate in found.get("ate", {}).items()}
+    known = [f"{name} {1e2 * ate_m:.2f} cm" for name, ate_m in ates_m.items() if ate_m is not None]
+    line = f"ATE: {', '.join(known)}" if known else "ATE: no poses to compare"
+    mesh = found.get("mesh", {})
+    off_m, complete = mesh.get("accuracy_mean_m"), mesh.get("completion_ratio_5cm")
+    if off_m is not None and complete is not None:
+        line += f"; mesh: {1e2 * off_m:.2f} cm off, {1e2 * complete:.1f} % complete within 5 cm"
+    return line
 
 
 def versions() -> dict[str, str]:

@@ -27,9 +27,8 @@ _OLD_RESULTS = (
     "mesh.ply",
     "map.safetensors",
     "summary.json",
-    "recorder.json",
     "*.png",
-    "logs/*.log",
+    "logs/*",
 )
 
 

@@ -26,7 +26,8 @@ from hsslam_services.launch.process_table import (
 )
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.memory import MemoryOfAll
-from hsslam_services.run.summary import update_summary
+from hsslam_services.run.process_result import read_result
+from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
 from hsslam_services.supervisor.preparation import Prepared
 
 _TICK_S = 0.05
@@ -163,6 +164,10 @@ class SupervisedRun:
             self._stop_stage(stage)
         if self._info.options.evaluate:
             self._one_shot(EVALUATOR)
+            if evaluation := read_summary(self._info.path).get("evaluation"):
+                self._status.say(evaluation_line(evaluation))
+        for name in self._children:
+            update_summary(self._info.path, read_result(self._info.path, name).summary)
         section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
         section |= self._memory.section() | self._gateway.section(self._children)
         update_summary(self._info.path, section)

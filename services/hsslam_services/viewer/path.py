@@ -21,6 +21,8 @@ _QUALITIES: tuple[tuple[float, Color], ...] = (  # colours between them are mixe
     (0.6, (255, 220, 60)),
     (0.9, (70, 200, 255)),
 )
+_FPS_WEIGHT = 0.1  # of the newest interval in the running mean
+_MOST_WAITING = 64
 
 
 class RerunPath:
@@ -104,10 +106,6 @@ def quality_color(quality: float) -> Color:
             r, g, b = (round(x + share * (y - x)) for x, y in zip(below, above, strict=True))
             return r, g, b
     return _QUALITIES[-1][1]
-
-
-_FPS_WEIGHT = 0.1  # of the newest interval in the running mean
-_MOST_WAITING = 64
 
 
 class RerunPoses:

@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from hsslam_proto.messages import Health
+from hsslam_proto.messages import Health, TopicCounts
 from hsslam_proto.request_messages import Status
 from hsslam_services.health.run_state import LatencyBins
 from hsslam_services.health.snapshot import Snapshot
@@ -42,7 +42,8 @@ _TRACKER = Health(
     pid=7,
     state="running",
     rss_bytes=10**9,
-    counters={"pss_mb": 250, "dropped in/frame": 2, "rejected in/frame": 3},
+    pss_mb=250,
+    topics={"in/frame": TopicCounts(dropped=2, rejected=3)},
     stage_ms={"align": 8.0},
 )
 _STATUS = Status(

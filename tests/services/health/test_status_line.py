@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
-from hsslam_proto.messages import Health, MapVersion, Pose
+from hsslam_proto.messages import Health, MapVersion, Pose, TopicCounts
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status_line import StatusLine, status_text
 from hsslam_services.launch.child import Child
@@ -31,8 +31,8 @@ def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
         state.posed(_pose(index))
     state.map = MapVersion(version=6, iterations=60, loss=0.1, keyframes=3, mapping_ms=20.0)
     state.last_keyframe = 2
-    counters = {"dropped in/frame": 4}
-    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, counters=counters)
+    topics = {"in/frame": TopicCounts(dropped=4)}
+    health = Health(process="tracker", pid=1, state="running", rss_bytes=1, topics=topics)
     children["tracker"].health = health
     text = status_text(state, children).plain
     for part in ("frame 10/", "10.0 FPS", "25 ms", "quality 0.87", "keyframes 3", "map 6"):

@@ -15,10 +15,11 @@ from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.bus.bus import Bus
 from hsslam_services.log.recovery import is_finished
 from hsslam_services.processes.recorder import Recorder
+from hsslam_services.run.process_result import read_result
 from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 RECORDER = """
-import signal, sys
+import json, signal, sys
 from pathlib import Path
 from hsslam_services.bus.bus import Bus
 from hsslam_services.processes.recorder import Recorder
@@ -29,7 +30,7 @@ with Bus(sys.argv[1], "r", "recorder") as bus:
     print("ready", flush=True)
     while not stop:
         recorder.spin_once()
-    recorder.close()
+    print(json.dumps(recorder.close()), flush=True)
 """
 
 
@@ -51,7 +52,7 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
         early_keyframe.put(keyframe(1))
         meshes.put(mesh(final=True))
         outside.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=30))
-        recorder.close()
+        summary = recorder.close()
     read = _read(tmp_path / "run.mcap")
     assert [m.index for m in read["out/pose"]] == list(range(30))
     assert [m.index for m in read["in/frame"]] == list(range(1, 30))
@@ -62,7 +63,6 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
     back, original = frame_from_message(logged), frame_from_message(sent[5])
     np.testing.assert_array_equal(back.depth_raw, original.depth_raw)
     assert np.abs(back.color.astype(int) - original.color).mean() < 4
-    summary = json.loads((tmp_path / "recorder.json").read_text())
     assert summary["frames_logged"] == 29
     assert summary["poses_logged"] == 30
     assert summary["frames_dropped"] == summary["poses_dropped"] == 0
@@ -92,7 +92,7 @@ def test_the_process_ends_in_order_on_sigterm(run_info):
         beats = health.drain()
     assert beats[-1].counters["poses_logged"] == 10
     assert (run_info.path / "run.rrd").exists()
-    assert json.loads((run_info.path / "recorder.json").read_text())["poses_logged"] == 10
+    assert read_result(run_info.path, "recorder").summary["log"]["poses_logged"] == 10
 
 
 def test_rerun_reads_the_log(endpoint, tmp_path):
@@ -137,7 +137,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
     indices = [m.index for m in one["out/pose"] + two["out/pose"]]
     assert sorted(indices) == list(range(140))  # none lost, none twice
     assert [m.id for m in one["out/keyframe"] + two.get("out/keyframe", [])] == list(range(10))
-    summary = json.loads((tmp_path / "recorder.json").read_text())
+    summary = json.loads(second.stdout.read().splitlines()[-1])
     assert summary["poses_logged"] == 140
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]
 
@@ -152,12 +152,12 @@ def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch)
         for index in range(5):
             frames.put(frame(index))
             poses.put(pose(index))
-        recorder.close()
+        summary = recorder.close()
     read = _read(tmp_path / "run.mcap")
     assert len(read["out/pose"]) == 5
     assert "in/frame" not in read
     assert len(events) == 1 and "disk nearly full" in events[0][1]
-    assert json.loads((tmp_path / "recorder.json").read_text())["frames_dropped"] == 5
+    assert summary["frames_dropped"] == 5
 
 
 def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):

@@ -20,8 +20,8 @@ from hsslam_node.tracking.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.run.arena import Arena
+from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.summary import read_summary
 
 _ROOM = SynthOptions(width_px=160, height_px=120)
 _FRAMES = 12
@@ -79,7 +79,7 @@ def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo])
     assert message is not None
     assert message.final
     assert message.face_count == len(mesh.faces)
-    summary = read_summary(run.path)
+    summary = read_result(run.path, "saver").summary
     assert summary["frames"] == {"tracked": _FRAMES, "lost": 0}
     assert summary["keyframes"] == len(keyframes)
     assert summary["mesh"]["faces"] == len(mesh.faces)
@@ -91,4 +91,4 @@ def test_nothing_to_save_is_no_error(run_info: RunInfo):
     assert done.returncode == 0, done.stderr
     assert len(read_tum(run_info.path / "trajectory.txt")) == 0
     assert not (run_info.path / "mesh.ply").exists()
-    assert read_summary(run_info.path)["frames"] == {"tracked": 0, "lost": 0}
+    assert read_result(run_info.path, "saver").summary["frames"] == {"tracked": 0, "lost": 0}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.tracking.pose_log import LOST, POSE_ROW, TRACKED
-from hsslam_services.run.summary import pose_section, read_summary, update_summary
+from hsslam_services.run.summary import evaluation_line, pose_section, read_summary, update_summary
 
 
 def test_sections_merge_key_by_key(tmp_path: Path):
@@ -29,3 +29,13 @@ def test_rate_and_latency_leave_out_the_first_pose():
 
 def test_no_pose_at_all_is_a_summary_too():
     assert pose_section(np.zeros(0, POSE_ROW)) == {"frames": {"tracked": 0, "lost": 0}}
+
+
+def test_the_evaluation_line_has_errors_in_centimetres_and_shares_in_percent():
+    ate = {"online": {"rmse_m": 0.0123}, "final": {"rmse_m": 0.001}, "keyframes": {"rmse_m": None}}
+    mesh = {"accuracy_mean_m": 0.0072, "completion_ratio_5cm": 0.985}
+    expected = "ATE: online 1.23 cm, final 0.10 cm"
+    assert evaluation_line({"ate": ate}) == expected
+    with_mesh = f"{expected}; mesh: 0.72 cm off, 98.5 % complete within 5 cm"
+    assert evaluation_line({"ate": ate, "mesh": mesh}) == with_mesh
+    assert evaluation_line({"ate": {"final": {"rmse_m": None}}}) == "ATE: no poses to compare"

@@ -129,7 +129,7 @@ def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
     session.close()
     assert run.finish() == 0, run.stderr
     summary = run.summary()
-    assert summary["processes"]["tracker"]["counters"]["rejected in/frame"] == 4
+    assert summary["processes"]["tracker"]["topics"]["in/frame"]["rejected"] == 4
     assert "in/frame: version 2: expected 1" in run.stderr
     assert summary["frames"]["tracked"] == len(frames)
 

@@ -1,6 +1,5 @@
 """A lockstep run from a lossless log gives the poses of the run that wrote it; a killed run's log serves."""
 
-import json
 import subprocess
 import sys
 
@@ -9,6 +8,7 @@ import psutil
 from hsslam_proto import messages
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.run.summary import read_summary
 from tests.services.serve_process import SMALL_ROOM
 
 _SMALL = [option for option in SMALL_ROOM if option not in ("--source", "synth:room")]
@@ -20,7 +20,7 @@ def test_a_replayed_lockstep_run_has_the_same_poses_bit_for_bit(serve):
     room = ("--source", "synth:room", "--frames", "20", "--noise", "kinect")
     logged = serve(*options, *room, "--log-color", "png", "--log-part-mb", "1")
     assert logged.finish(timeout_s=280) == 0, logged.stderr
-    parts = json.loads((logged.out / "recorder.json").read_text())["parts"]
+    parts = read_summary(logged.out)["log"]["parts"]
     assert len(parts) > 1
     replayed = serve(*options, "--source", f"mcap:{logged.out}")
     assert replayed.finish(timeout_s=280) == 0, replayed.stderr
