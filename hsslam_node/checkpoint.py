@@ -1,7 +1,6 @@
 """The map on disk: everything needed to load it again, in one safetensors file."""
 
 import dataclasses
-import difflib
 import json
 import zlib
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
@@ -148,8 +147,7 @@ def _layout(path: Path, metadata: dict[str, str]) -> FieldLayout:
     known = [f.name for f in dataclasses.fields(FieldConfig)]
     for name in values:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = did_you_mean(name, known)
             raise UserError(f"{path}: field.{name}: expected an option of the field{hint}")
     low, high = json.loads(metadata["bound"])
     first = json.loads(metadata.get("first_bound", "null"))

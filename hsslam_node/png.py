@@ -1,4 +1,5 @@
-"""PNG, fast: five times what OpenCV's writer does with a depth image, at half the size."""
+"""PNG, fast: depth images in 1 / 4.7 of the time of OpenCV's writer at 0.97 of the size (a kitchen),
+or in 1 / 3.7 of the time at 0.64 of the size (a house)."""
 
 import struct
 import zlib

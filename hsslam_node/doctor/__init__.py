@@ -1,1 +1,1 @@
-"""Looks at a source before a run: one check a file, arrays in, a `Finding` out."""
+"""Looks at a source before a run: a check is a function, arrays in, a `Finding` out."""

@@ -4,25 +4,25 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hsslam_node.doctor.association import check_association
-from hsslam_node.doctor.camera_motion import check_camera_motion
-from hsslam_node.doctor.coverage import check_coverage
-from hsslam_node.doctor.depth_range import check_depth_range
-from hsslam_node.doctor.depth_scale import check_depth_scale
-from hsslam_node.doctor.exposure import check_exposure
+from hsslam_node.doctor.camera import check_camera_motion, check_intrinsics, check_registration
+from hsslam_node.doctor.depth import check_coverage, check_depth_range, check_depth_scale
 from hsslam_node.doctor.finding import Finding
-from hsslam_node.doctor.intrinsics import check_intrinsics
-from hsslam_node.doctor.rate import check_rate
-from hsslam_node.doctor.readable import check_readable
-from hsslam_node.doctor.recorded_stamps import RecordedStamps
-from hsslam_node.doctor.registration import check_registration
-from hsslam_node.doctor.repeated_images import check_repeated_images
+from hsslam_node.doctor.images import (
+    check_exposure,
+    check_readable,
+    check_repeated_images,
+    check_sharpness,
+    check_view_motion,
+)
 from hsslam_node.doctor.sample import Sample
-from hsslam_node.doctor.sharpness import check_sharpness
-from hsslam_node.doctor.stamp_gaps import check_stamp_gaps
-from hsslam_node.doctor.stamp_jitter import check_stamp_jitter
-from hsslam_node.doctor.stamp_order import check_stamp_order
-from hsslam_node.doctor.view_motion import check_view_motion
+from hsslam_node.doctor.stamps import (
+    RecordedStamps,
+    check_association,
+    check_rate,
+    check_stamp_gaps,
+    check_stamp_jitter,
+    check_stamp_order,
+)
 
 _ALIGNED_PAIRS = 20
 

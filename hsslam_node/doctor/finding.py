@@ -1,4 +1,4 @@
-"""What one check has to say."""
+"""A check, and its finding."""
 
 import math
 from dataclasses import dataclass
@@ -33,3 +33,24 @@ class Finding:
             raise ValueError(f"{self.name}: value {self.value}: expected a finite number or None")
         if self.severity == "fault" and not (self.expected and self.advice):
             raise ValueError(f"{self.name}: a fault says what was expected and what to do")
+
+
+@dataclass(frozen=True)
+class Check:
+    """What is measured, in which unit, and what is expected of it; makes the findings."""
+
+    name: str
+    unit: str
+    expected: str
+
+    def ok(self, value: float | None, seen: str) -> Finding:
+        """As expected."""
+        return Finding(self.name, "ok", value, self.unit, seen, self.expected)
+
+    def note(self, value: float | None, seen: str, advice: str = "") -> Finding:
+        """Worth knowing, or it could not be measured (None)."""
+        return Finding(self.name, "note", value, self.unit, seen, self.expected, advice)
+
+    def fault(self, value: float, seen: str, advice: str) -> Finding:
+        """A run on this source goes wrong."""
+        return Finding(self.name, "fault", value, self.unit, seen, self.expected, advice)

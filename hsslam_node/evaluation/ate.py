@@ -1,11 +1,13 @@
 """Absolute trajectory error."""
 
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.tum_folder import associate
+from hsslam_node.sources.tum import associate
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,12 @@ def associated(
 def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Rigid transform [4, 4] that maps points `source` [N, 3] to `target` [N, 3], least squares."""
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    U, _, Vt = np.linalg.svd((target - target_mean).T @ (source - source_mean))
-    sign = np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    with warnings.catch_warnings():
+        # on a straight line the rotation about it is free, which leaves the errors as they are
+        warnings.filterwarnings("ignore", "Optimal rotation is not uniquely", UserWarning)
+        rotation = Rotation.align_vectors(target - target_mean, source - source_mean)[0]
     T = np.eye(4)
-    T[:3, :3] = U @ np.diag([1.0, 1.0, sign]) @ Vt
+    T[:3, :3] = rotation.as_matrix()
     T[:3, 3] = target_mean - T[:3, :3] @ source_mean
     return T
 

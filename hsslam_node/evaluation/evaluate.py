@@ -20,12 +20,13 @@ from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_qual
 from hsslam_node.evaluation.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
 from hsslam_node.evaluation.score_trajectories import score_trajectories
 from hsslam_node.evaluation.scores import protocol
-from hsslam_node.evaluation.track import Track, silently
 from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import Source, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import Source
 
 
 @dataclass(frozen=True)

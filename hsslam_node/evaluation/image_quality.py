@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from skimage.metrics import structural_similarity
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.config import SlamConfig
@@ -58,8 +58,8 @@ def image_quality(
 
 def psnr_db(image: np.ndarray, true: np.ndarray) -> float:
     """Peak signal-to-noise ratio of values 0..1, dB; infinite where they are equal."""
-    squared = float(np.mean((image - true) ** 2))
-    return float("inf") if squared == 0 else -10.0 * float(np.log10(squared))
+    with np.errstate(divide="ignore"):
+        return float(peak_signal_noise_ratio(true, image, data_range=1.0))
 
 
 def ssim(image: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:

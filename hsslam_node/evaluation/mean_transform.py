@@ -1,15 +1,18 @@
 """What lies between two worlds in which the same poses are known."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 def mean_transform(T_estimate: np.ndarray, T_truth: np.ndarray) -> np.ndarray:
-    """T_truth_estimate [4, 4] by the mean of rotations, then of positions, of poses [n, 4, 4].
+    """T_truth_estimate [4, 4] by the mean of rotations, then of positions, of poses [n, 4, 4]; NaN of none.
 
     The positions alone tell little of the rotation about their longest axis.
     """
-    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", T_truth[:, :3, :3], T_estimate[:, :3, :3]))
+    if len(T_truth) == 0:
+        return np.full((4, 4), np.nan)
+    turns = Rotation.from_matrix(T_truth[:, :3, :3] @ T_estimate[:, :3, :3].mT)
     T = np.eye(4)
-    T[:3, :3] = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    T[:3, :3] = turns.mean().as_matrix()
     T[:3, 3] = (T_truth[:, :3, 3] - T_estimate[:, :3, 3] @ T[:3, :3].T).mean(axis=0)
     return T

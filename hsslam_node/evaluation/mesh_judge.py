@@ -12,13 +12,13 @@ from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_l1 import DepthL1, depth_l1
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
-from hsslam_node.evaluation.track import Track, silently
 from hsslam_node.evaluation.virtual_views import view_of, virtual_views
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.options import SourceOptions
 
 CULL_EVERY = 10  # of the given cameras
 CULL_TOLERANCE_M = 0.03

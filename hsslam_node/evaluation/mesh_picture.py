@@ -10,12 +10,12 @@ import trimesh
 from hsslam_node.evaluation.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.mesh_judge import MeshJudge
-from hsslam_node.evaluation.mesh_metrics import distances, sample_surface
+from hsslam_node.evaluation.mesh_metrics import distances
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.view_from_above import looking_down, mean_up
 
 _ABOVE = Camera(720, 560, 620.0, 620.0, 359.5, 279.5)
 _AT = 0.35  # of the given views: which one looks inside
-_TRUE_SAMPLES = 200_000
 _UNSEEN = np.array([0.72, 0.72, 0.72])
 _WHITE = np.array([1.0, 1.0, 1.0])
 _ELEVATION_RAD = np.deg2rad(62.0)
@@ -73,7 +73,8 @@ class MeshPicture:
 
     @cached_property
     def _errors_m(self) -> np.ndarray:
-        return distances(self._vertices, sample_surface(self._judge.surface, _TRUE_SAMPLES, 0))
+        surface = self._judge.surface
+        return distances(self._vertices, surface.vertices, surface.faces)
 
     @cached_property
     def _seen(self) -> np.ndarray:
@@ -82,14 +83,9 @@ class MeshPicture:
 
 def _pose_above(poses: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """T_world_cam [4, 4] of a view from above the middle; up is the cameras' mean up."""
-    up = -poses[:, :3, 1].mean(axis=0)
-    up /= np.linalg.norm(up)
     low, high = np.percentile(vertices, (1, 99), axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low))
-    side = np.cross(up, [1.0, 0, 0] if abs(up[0]) < 0.9 else [0, 1.0, 0])
-    side /= np.linalg.norm(side)
-    away = np.cos(_ELEVATION_RAD) * np.cross(side, up) + np.sin(_ELEVATION_RAD) * up
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([side, np.cross(-away, side), -away], axis=1)
-    pose[:3, 3] = centre + 0.85 * size * away
+    pose[:3, :3] = looking_down(mean_up(poses), _ELEVATION_RAD)
+    pose[:3, 3] = centre - 0.85 * size * pose[:3, 2]
     return pose

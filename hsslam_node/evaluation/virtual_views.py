@@ -1,12 +1,13 @@
 """Views from places where no camera was, of what cameras saw: seeded, drawn from the truth alone."""
 
 from collections.abc import Iterator
+from typing import Any
 
-import numba
+import igl
 import numpy as np
 import trimesh
 
-from hsslam_node.evaluation.chunked_mesh import CHUNK, ChunkedMesh, chunked_mesh
+from hsslam_node.evaluation.chunked_mesh import ChunkedMesh, chunked_mesh
 from hsslam_node.evaluation.depth_render import render_depth
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
@@ -60,13 +61,14 @@ def view_of(surface: ChunkedMesh, camera: Camera, T: np.ndarray, reach_m: float)
 def _candidates(
     surface: ChunkedMesh, poses: np.ndarray, rng: np.random.Generator, tries: int
 ) -> Iterator[np.ndarray]:
+    walls = _Walls(surface)
     for _ in range(tries if len(poses) else 0):
         start = poses[rng.integers(len(poses))]
         T = start.copy()
         T[:3, 3] += _in_ball(rng) * MOVED_M
         turn = np.concatenate([np.zeros(3), _in_ball(rng) * TURNED_RAD])
         T[:3, :3] = start[:3, :3] @ se3_exp(turn)[:3, :3]
-        if not _is_blocked(surface, start[:3, 3], T[:3, 3]):
+        if not walls.is_between(start[:3, 3], T[:3, 3]):
             yield T
 
 
@@ -87,37 +89,18 @@ def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> 
     return views.observed(world_points(thin, camera, T)).mean() >= LEAST_OBSERVED
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _is_blocked(surface, start, end):
-    """Whether a face crosses the straight way between two points."""
-    for chunk in range(len(surface.boxes)):
-        low, high = surface.boxes[chunk]
-        apart = False
-        for a in range(3):
-            apart |= max(start[a], end[a]) < low[a] or min(start[a], end[a]) > high[a]
-        if not apart:
-            for f in range(CHUNK * chunk, min(CHUNK * (chunk + 1), len(surface.faces))):
-                if _crosses(surface.vertices, surface.faces[f], start, end):
-                    return True
-    return False
+class _Walls:
+    """The faces of a surface, asked what stands in the way."""
 
+    def __init__(self, surface: ChunkedMesh) -> None:
+        self._surface = surface
+        self._tree = igl.AABB()
+        self._tree.init(surface.vertices, surface.faces)
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _crosses(vertices, corners, start, end):
-    """Whether the straight way between two points goes through a face (Moeller and Trumbore 1997)."""
-    sx, sy, sz = start
-    dx, dy, dz = end[0] - sx, end[1] - sy, end[2] - sz
-    i, j, k = corners
-    ax, ay, az = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-    ex, ey, ez = vertices[j, 0] - ax, vertices[j, 1] - ay, vertices[j, 2] - az
-    gx, gy, gz = vertices[k, 0] - ax, vertices[k, 1] - ay, vertices[k, 2] - az
-    px, py, pz = dy * gz - dz * gy, dz * gx - dx * gz, dx * gy - dy * gx
-    det = ex * px + ey * py + ez * pz
-    if det == 0:
-        return False
-    tx, ty, tz = sx - ax, sy - ay, sz - az
-    u = (tx * px + ty * py + tz * pz) / det
-    qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
-    v = (dx * qx + dy * qy + dz * qz) / det
-    t = (gx * qx + gy * qy + gz * qz) / det
-    return u >= 0 and v >= 0 and u + v <= 1 and t >= 0 and t <= 1
+    def is_between(self, start: np.ndarray, end: np.ndarray) -> bool:
+        """Whether a face crosses the straight way between two points [3]."""
+        found: Any = self._tree.intersect_ray_first(
+            self._surface.vertices, self._surface.faces, start[None], (end - start)[None]
+        )
+        faces, at, _ = found
+        return bool(faces[0] >= 0 and at[0] <= 1.0)

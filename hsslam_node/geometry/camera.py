@@ -1,22 +1,49 @@
-"""The pinhole camera."""
+"""The pinhole camera, and the lens models that OpenCV can take out of its images."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from hsslam_node.errors import UserError
+
+LensModel = Literal["opencv", "equidistant"]
+_LENSES: dict[str, tuple[tuple[int, ...], str]] = {  # numbers of coefficients, and their names
+    "opencv": ((0, 4, 5, 8, 12, 14), "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty"),
+    "equidistant": ((4,), "k1 k2 k3 k4"),
+}
+
+
+def expect_lens(field: str, distortion: Sequence[float], model: str = "opencv") -> None:
+    """Checks the number of lens coefficients of a model, and that they are finite.
+
+    Raises:
+        UserError: names the field, its value, and what the model expects.
+    """
+    if model not in _LENSES:
+        raise UserError(f"{field}_model = {model!r}: expected {' or '.join(_LENSES)}")
+    counts, names = _LENSES[model]
+    if len(distortion) not in counts or not all(map(math.isfinite, distortion)):
+        expected = " or ".join(map(str, counts))
+        raise UserError(
+            f"{field} = {list(distortion)} ({len(distortion)} numbers): expected {expected} finite ones "
+            f"of a lens of model {model}, {names}"
+        )
 
 
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera, OpenCV axes (x right, y down, z forward); pixel centres at integers.
 
-    `distortion` is OpenCV's (k1, k2, p1, p2[, k3]); frames on the bus are already undistorted and
-    carry `()`.
+    `distortion` is OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tx, ty]]]]), or with
+    the model "equidistant" (k1, k2, k3, k4) of its fisheye lenses. Frames on the bus are already
+    undistorted and carry `()`.
 
     Raises:
-        UserError: a size or focal length is not positive, or a number is not finite.
+        UserError: a size or focal length is not positive, a number is not finite, or the lens model has
+            another number of coefficients.
     """
 
     width_px: int
@@ -26,6 +53,7 @@ class Camera:
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
+    distortion_model: LensModel = "opencv"
 
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
@@ -36,19 +64,21 @@ class Camera:
             value = getattr(self, name)
             if value <= 0:
                 raise UserError(f"camera.{name} = {value}: expected a positive number of pixels")
-        if len(self.distortion) not in (0, 4, 5) or not all(map(math.isfinite, self.distortion)):
-            raise UserError(
-                f"camera.distortion = {self.distortion}: expected (), or k1 k2 p1 p2 [k3], finite"
-            )
+        expect_lens("camera.distortion", self.distortion, self.distortion_model)
 
     @property
     def K(self) -> np.ndarray:
         """Intrinsic matrix, [3, 3] float64."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    @property
+    def has_lens(self) -> bool:
+        """Whether images of this camera differ from those of a pinhole camera."""
+        return self.distortion_model != "opencv" or any(self.distortion)
+
     def undistorted(self) -> "Camera":
         """The same camera without lens distortion (what `cv2.undistort` with this K leaves)."""
-        return replace(self, distortion=())
+        return replace(self, distortion=(), distortion_model="opencv")
 
     def scaled(self, factor: float) -> "Camera":
         """The camera of the image resized by `factor`, pixel centres at integers on both sides."""
@@ -60,4 +90,5 @@ class Camera:
             cx=(self.cx + 0.5) * factor - 0.5,
             cy=(self.cy + 0.5) * factor - 0.5,
             distortion=self.distortion,
+            distortion_model=self.distortion_model,
         )

@@ -21,7 +21,7 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 _PRESETS = ("paper", "realtime")
 _WARM_UP = 10  # iterations: compiled kernels, graphs captured

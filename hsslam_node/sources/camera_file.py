@@ -1,28 +1,61 @@
 """Reads `camera.json` (TUM layout, plain folders) and `cam_params.json` (Replica layout)."""
 
-import difflib
 import json
-import math
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
-from hsslam_node.errors import UserError
-from hsslam_node.geometry.camera import Camera
+import msgspec
+from msgspec import Meta
 
-_TUM_KEYS = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "depth_scale")
+from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
+
+_MOST = 1e9  # keeps infinity out
+_Size = Annotated[
+    float, Meta(gt=0, le=1e6, multiple_of=1, description="a whole number of pixels above 0")
+]
+_Positive = Annotated[float, Meta(gt=0, le=_MOST, description="a number above 0")]
+_Number = Annotated[float, Meta(ge=-_MOST, le=_MOST, description="a finite number")]
+_Numbers = Annotated[list[_Number], Meta(description="a list of finite numbers")]
+_Model = Annotated[LensModel, Meta(description="opencv or equidistant")]
+
+
+class _CameraFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    width: _Size
+    height: _Size
+    fx: _Positive
+    fy: _Positive
+    cx: _Number
+    cy: _Number
+    distortion: _Numbers = msgspec.field(default_factory=list)
+    distortion_model: _Model = "opencv"
+    depth_scale: _Positive = 5000.0
+
+
+class _ReplicaCamera(msgspec.Struct):
+    w: _Size
+    h: _Size
+    fx: _Positive
+    fy: _Positive
+    cx: _Number
+    cy: _Number
+    scale: _Positive
+
+
+_File = TypeVar("_File", _CameraFile, _ReplicaCamera)
 
 
 def read_tum_camera(path: Path) -> tuple[Camera, float]:
     """Camera (with its distortion) and depth units per metre of a `camera.json`.
 
-    Keys: width, height, fx, fy, cx, cy in pixels; distortion (k1 k2 p1 p2 [k3], default none);
-    depth_scale (PNG units per metre, default 5000).
+    Keys: width, height, fx, fy, cx, cy in pixels; distortion (OpenCV's 4, 5, 8, 12 or 14 coefficients,
+    default none); distortion_model (opencv, or equidistant with 4 coefficients); depth_scale (PNG units
+    per metre, default 5000).
 
     Raises:
-        UserError: the file cannot be read, or a field is missing, unknown or not a finite number.
+        UserError: the file cannot be read, or a field is missing, unknown or has a wrong value.
     """
-    return _tum_camera(path, {"depth_scale": 5000.0} | _read_object(path))
+    return _tum_camera(path, _read_object(path))
 
 
 def read_record_camera(
@@ -61,40 +94,22 @@ def read_replica_camera(path: Path) -> tuple[Camera, float]:
     scale}}.
 
     Raises:
-        UserError: the file cannot be read, or a field is missing or not a finite number.
+        UserError: the file cannot be read, or a field is missing or has a wrong value.
     """
     fields = _read_object(path).get("camera")
     if not isinstance(fields, dict):
         raise UserError(f"{path}: field 'camera' is missing: expected w, h, fx, fy, cx, cy, scale")
-    return _camera(path, fields, "w", "h"), _positive(path, fields, "scale")
+    file = _checked(path, fields, _ReplicaCamera)
+    return Camera(int(file.w), int(file.h), file.fx, file.fy, file.cx, file.cy), file.scale
 
 
 def _tum_camera(path: Path, fields: dict[str, Any]) -> tuple[Camera, float]:
-    for key in fields:
-        if key not in _TUM_KEYS:
-            near = difflib.get_close_matches(key, _TUM_KEYS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise UserError(f"{path}: unknown field {key!r}: expected {', '.join(_TUM_KEYS)}{hint}")
-    distortion = fields.get("distortion", [])
-    if not isinstance(distortion, list) or len(distortion) not in (0, 4, 5):
-        raise UserError(f"{path}: distortion = {distortion}: expected [] or [k1, k2, p1, p2, k3]")
-    for value in distortion:
-        _finite(path, "distortion", value)
-    coefficients = tuple(float(v) for v in distortion) if any(distortion) else ()
-    camera = replace(_camera(path, fields, "width", "height"), distortion=coefficients)
-    return camera, _positive(path, fields, "depth_scale")
-
-
-def _camera(path: Path, fields: dict[str, Any], width: str, height: str) -> Camera:
-    """The pinhole camera of these fields; its size under these names."""
-    return Camera(
-        width_px=_positive_int(path, fields, width),
-        height_px=_positive_int(path, fields, height),
-        fx=_positive(path, fields, "fx"),
-        fy=_positive(path, fields, "fy"),
-        cx=_number(path, fields, "cx"),
-        cy=_number(path, fields, "cy"),
-    )
+    file = _checked(path, fields, _CameraFile)
+    expect_lens(f"{path}: distortion", file.distortion, file.distortion_model)
+    size = (int(file.width), int(file.height))
+    lens = (tuple(file.distortion), file.distortion_model)
+    camera = Camera(*size, file.fx, file.fy, file.cx, file.cy, *lens)
+    return camera if camera.has_lens else camera.undistorted(), file.depth_scale
 
 
 def _read_object(path: Path) -> dict[str, Any]:
@@ -109,28 +124,28 @@ def _read_object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _number(path: Path, fields: dict[str, Any], key: str) -> float:
-    if key not in fields:
-        raise UserError(f"{path}: field {key!r} is missing: expected a finite number")
-    return _finite(path, key, fields[key])
+def _checked(path: Path, fields: dict[str, Any], kind: type[_File]) -> _File:
+    try:
+        return msgspec.convert(fields, kind)
+    except msgspec.ValidationError as error:
+        raise UserError(f"{path}: {_fault(fields, kind) or error}") from None
 
 
-def _finite(path: Path, key: str, value: Any) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):
-        raise UserError(f"{path}: {key} = {value}: expected a finite number")
-    return float(value)
-
-
-def _positive(path: Path, fields: dict[str, Any], key: str) -> float:
-    value = _number(path, fields, key)
-    if value <= 0:
-        raise UserError(f"{path}: {key} = {value:g}: expected a number above 0")
-    return value
-
-
-def _positive_int(path: Path, fields: dict[str, Any], key: str) -> int:
-    value = _positive(path, fields, key)
-    if value != int(value):
-        raise UserError(f"{path}: {key} = {value}: expected a whole number of pixels")
-    return int(value)
+def _fault(fields: dict[str, Any], kind: type[msgspec.Struct]) -> str:
+    """The first field that does not fit, its value and what is expected."""
+    known = {field.name: field for field in msgspec.structs.fields(kind)}
+    for name in fields:
+        if name not in known and kind.__struct_config__.forbid_unknown_fields:
+            every = ", ".join(known)
+            return f"unknown field {name!r}: expected {every}{did_you_mean(name, known)}"
+    for name, field in known.items():
+        expected = field.type.__metadata__[0].description
+        if name not in fields:
+            if field.required:
+                return f"field {name!r} is missing: expected {expected}"
+            continue
+        try:
+            msgspec.convert(fields[name], field.type)
+        except msgspec.ValidationError:
+            return f"{name} = {fields[name]}: expected {expected}"
+    return ""

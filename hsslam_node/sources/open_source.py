@@ -1,10 +1,9 @@
 """From the text after `--source` to a source."""
 
-import difflib
-
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.sources.guess_source import guess_source
-from hsslam_node.sources.source import Source, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import Source
 
 _EXAMPLES = (
     "synth:room",
@@ -46,15 +45,15 @@ def open_source(spec: str, options: SourceOptions | None = None) -> Source:
 def with_effects(source: Source, options: SourceOptions) -> Source:
     """The source with the noise, the changes of exposure and the size that the options ask for."""
     if options.noise == "kinect":
-        from hsslam_node.sources.noise import KinectNoise
+        from hsslam_node.sources.effects import KinectNoise
 
         source = KinectNoise(source, options.seed)
     if options.exposure == "drift":
-        from hsslam_node.sources.exposure import ChangingExposure
+        from hsslam_node.sources.effects import ChangingExposure
 
         source = ChangingExposure(source, options.seed)
     if options.downscale > 1:
-        from hsslam_node.sources.downscaled import Downscaled
+        from hsslam_node.sources.effects import Downscaled
 
         source = Downscaled(source, options.downscale)
     return source
@@ -96,8 +95,6 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
 
 def unknown_source(spec: str) -> UserError:
     """The error for a spec that names no source, with the nearest one that exists."""
-    near = guess_source(spec) or next(
-        iter(difflib.get_close_matches(spec, _EXAMPLES, n=1, cutoff=0.4)), ""
-    )
-    hint = f"; did you mean {near}?" if near else ""
+    found = guess_source(spec)
+    hint = f"; did you mean {found}?" if found else did_you_mean(spec, _EXAMPLES, cutoff=0.4)
     return UserError(f"source {spec!r}: expected one of {', '.join(_EXAMPLES)}{hint}")

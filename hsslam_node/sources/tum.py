@@ -1,8 +1,148 @@
-"""Sequences in TUM layout."""
+"""Sequences in TUM layout: where one lies, its camera, which depth image belongs to which colour image."""
 
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.trajectory import parse_stamp_ns
+from hsslam_node.sources.camera_file import read_tum_camera
 from hsslam_node.sources.image_pairs import ImagePairSource
-from hsslam_node.sources.source import SourceOptions
-from hsslam_node.sources.tum_folder import TumFolder
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.tum_archive import TumArchive, data_folders
+
+MAX_DT_NS = 20_000_000
+_DEPTH_SCALE = 5000.0
+# Published colour calibrations; depth is registered to colour. fr3 is distributed undistorted.
+_FREIBURG_CAMERAS = {
+    "1": Camera(
+        640, 480, 517.306408, 516.469215, 318.643040, 255.313989,
+        (0.262383, -0.953104, -0.005358, 0.002628, 1.163314),
+    ),
+    "2": Camera(
+        640, 480, 520.908620, 521.007327, 325.141442, 249.701764,
+        (0.231222, -0.784899, -0.003257, -0.000105, 0.917205),
+    ),
+    "3": Camera(640, 480, 535.4, 539.2, 320.1, 247.6),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TumFolder:
+    """A folder in TUM layout: `rgb.txt`, `depth.txt` and the images that they list."""
+
+    path: Path
+
+    @classmethod
+    def find(cls, name: str) -> "TumFolder":
+        """The folder of a name such as `fr1/desk`, or of a path (absolute, here, or in
+        $HSSLAM_DATA). A published sequence that is not on disk is fetched: `TumArchive.fetch`.
+
+        Raises:
+            UserError: not on disk and not to be had.
+        """
+        archive = TumArchive.named(name)
+        names = [name] if archive is None else [archive.folder_name, name]
+        places = [folder / n for folder in data_folders() for n in names]
+        for path in (Path(name).expanduser(), *places):
+            if path.is_dir():
+                return cls(path)
+        if archive is not None:
+            return cls(archive.fetch())
+        raise UserError(
+            f"source tum:{name}: no such folder: expected one with rgb.txt and depth.txt"
+        )
+
+    def camera(self) -> tuple[Camera, float]:
+        """Camera with its distortion, and depth units per metre.
+
+        Raises:
+            UserError: neither a `camera.json` nor a freiburg1/2/3 in the folder's name.
+        """
+        own = self.path / "camera.json"
+        if own.exists():
+            return read_tum_camera(own)
+        freiburg = re.search(r"freiburg([123])", self.path.resolve().name)
+        if freiburg is None:
+            raise UserError(
+                f"{own}: missing: expected width, height, fx, fy, cx, cy, distortion, depth_scale "
+                "(only folders named freiburg1, 2 or 3 have a known camera)"
+            )
+        return _FREIBURG_CAMERAS[freiburg[1]], _DEPTH_SCALE
+
+    @cached_property
+    def pairs(self) -> list[tuple[int, Path, Path]]:
+        """(stamp of the colour image in ns, colour file, depth file), in order of the stamps.
+
+        Raises:
+            UserError: a list is missing or malformed, or nothing can be associated.
+        """
+        color_ns, color_files = self._read_list("rgb.txt")
+        depth_ns, depth_files = self._read_list("depth.txt")
+        pairs = associate(color_ns, depth_ns, MAX_DT_NS)
+        if not pairs:
+            raise UserError(f"{self.path}: no stamps of rgb.txt and depth.txt within 20 ms")
+        return [(int(color_ns[i]), color_files[i], depth_files[j]) for i, j in pairs]
+
+    def listed_stamps(self, name: str) -> np.ndarray:
+        """Stamps of a list such as `rgb.txt` in the order of its lines, [N] int64 ns.
+
+        Raises:
+            UserError: the list is missing or malformed.
+        """
+        return np.array(self._read_lines(name)[0], np.int64)
+
+    def _read_list(self, name: str) -> tuple[np.ndarray, list[Path]]:
+        stamps, files = self._read_lines(name)
+        order = np.argsort(stamps, kind="stable")
+        return np.array(stamps, np.int64)[order], [files[i] for i in order]
+
+    def _read_lines(self, name: str) -> tuple[list[int], list[Path]]:
+        path = self.path / name
+        try:
+            lines = path.read_text().splitlines()
+        except (OSError, UnicodeDecodeError):
+            raise UserError(f"{path}: cannot be read: expected lines 'timestamp file'") from None
+        stamps, files = [], []
+        for number, line in enumerate(lines, 1):
+            if not line.strip() or line.lstrip().startswith("#"):
+                continue
+            words = line.split(maxsplit=1)
+            try:
+                stamps.append(parse_stamp_ns(words[0]))
+                files.append(self.path / words[1].strip())
+            except (ValueError, IndexError):
+                raise UserError(
+                    f"{path}:{number}: {line.strip()!r}: expected 'timestamp file'"
+                ) from None
+        if not stamps:
+            raise UserError(f"{path}: holds no image: expected lines 'timestamp file'")
+        return stamps, files
+
+
+def associate(a_ns: np.ndarray, b_ns: np.ndarray, max_dt_ns: int) -> list[tuple[int, int]]:
+    """Index pairs of two ascending lists of stamps, closest first, each used once; sorted by a.
+
+    A pair may be exactly `max_dt_ns` apart.
+    """
+    low = np.searchsorted(b_ns, a_ns - max_dt_ns, side="left")
+    high = np.searchsorted(b_ns, a_ns + max_dt_ns, side="right")
+    candidates = [
+        (abs(int(a_ns[i]) - int(b_ns[j])), i, j)
+        for i in range(len(a_ns))
+        for j in range(low[i], high[i])
+    ]
+    used_a, used_b, pairs = set(), set(), []
+    for _, i, j in sorted(candidates):
+        if i not in used_a and j not in used_b:
+            used_a.add(i)
+            used_b.add(j)
+            pairs.append((i, j))
+    return sorted(pairs)
 
 
 class TumSource(ImagePairSource):

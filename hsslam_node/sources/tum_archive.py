@@ -1,14 +1,13 @@
 """The published TUM RGB-D sequences: their names, and how they come onto the disk."""
 
-import difflib
 import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.kernels.cache_folder import cache_root
-from hsslam_node.sources.download.progress_bar import progress_bar
+from hsslam_node.progress import bytes_bar
 from hsslam_node.sources.download.resumed_file import download
 from hsslam_node.sources.download.tgz_folder import unpack_tgz
 
@@ -64,9 +63,9 @@ class TumArchive:
             folder.parent.mkdir(parents=True, exist_ok=True)
             if not archive.exists():
                 line = f"tum:{self.name} is not on disk: fetching {self.url} to {folder.parent}"
-                with progress_bar(line, "fetching") as report:
+                with bytes_bar(line, "fetching") as report:
                     download(self.url, archive, report, _ROOM_FACTOR)
-            with progress_bar(f"unpacking {archive}", "unpacking") as report:
+            with bytes_bar(f"unpacking {archive}", "unpacking") as report:
                 unpack_tgz(archive, folder, report)
             archive.unlink()
         except UserError as error:
@@ -82,9 +81,9 @@ class TumArchive:
         number, _, rest = self.name[2:].partition("/")
         known = _KNOWN[number].split()
         if rest not in known:
-            near = difflib.get_close_matches(rest, known, n=1, cutoff=0.5)
-            hint = f"fr{number}/{near[0]}" if near else f"one of fr{number}/{{{', '.join(known)}}}"
-            return f"; did you mean {hint}?"
+            names = [f"fr{number}/{name}" for name in known]
+            every = f"; expected fr{number}/ with one of {', '.join(known)}"
+            return did_you_mean(self.name, names, cutoff=0.7) or every
         return f"; by hand: put that file to {folder.parent}, or unpack it there"
 
 

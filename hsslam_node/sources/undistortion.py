@@ -15,14 +15,10 @@ class Undistortion:
     """
 
     def __init__(self, camera: Camera) -> None:
-        self._identity = not any(camera.distortion)
+        self._identity = not camera.has_lens
         if self._identity:
             return
-        size = (camera.width_px, camera.height_px)
-        lens = np.array(camera.distortion)
-        map_x, map_y = cv2.initUndistortRectifyMap(
-            camera.K, lens, np.eye(3), camera.K, size, cv2.CV_32FC1
-        )
+        map_x, map_y = _maps(camera)
         # Fixed-point tables: several times as fast as float maps, 1/32 px steps.
         self._color_maps = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2)
         nearest, _ = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2, nninterpolation=True)
@@ -39,3 +35,14 @@ class Undistortion:
         if self._identity:
             return image
         return cv2.remap(image, self._depth_map, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]
+
+
+def _maps(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row [H, W] float32 of the lens's image for each pixel of the pinhole's."""
+    size = (camera.width_px, camera.height_px)
+    lens = np.array(camera.distortion)
+    if camera.distortion_model == "equidistant":
+        return cv2.fisheye.initUndistortRectifyMap(
+            camera.K, lens, np.eye(3), camera.K, size, cv2.CV_32FC1
+        )
+    return cv2.initUndistortRectifyMap(camera.K, lens, np.eye(3), camera.K, size, cv2.CV_32FC1)

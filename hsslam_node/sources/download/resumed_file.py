@@ -8,14 +8,12 @@ import shutil
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
 from hsslam_node import __version__
 from hsslam_node.errors import UserError
-
-Report = Callable[[int, int | None], None]  # bytes so far, of how many
+from hsslam_node.progress import Report
 
 _CHUNK_BYTES = 1 << 18
 _SILENCE_S = 30.0

@@ -8,7 +8,7 @@ import zlib
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.download.resumed_file import Report
+from hsslam_node.progress import Report
 
 _DAMAGED = (tarfile.ReadError, gzip.BadGzipFile, EOFError, zlib.error)
 _CHUNK_BYTES = 1 << 20

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.sources.source import SynthOptions
+from hsslam_node.sources.options import SynthOptions
 from hsslam_node.sources.synth.apartment import build_apartment
 from hsslam_node.sources.synth.apartment_walk import apartment_poses
 from hsslam_node.sources.synth.corridor import build_corridor, corridor_poses

@@ -8,7 +8,8 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.source import BadFrame, SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
 from hsslam_node.sources.synth.scenes import SCENES
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.gaps import gap_plan, gap_score
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.options import SourceOptions
 
 _QUICK_FRAMES = 60
 

@@ -16,8 +16,8 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.kidnapping import kidnapping_plan, kidnapping_score
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.reordered import Reordered
-from hsslam_node.sources.source import SourceOptions
 
 _QUICK_FRAMES, _QUICK_JUMPS = 160, 1  # kitchen offers no jump in 120
 

@@ -25,7 +25,7 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.rehearsal import rehearse
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.options import SourceOptions
 
 _QUICK_FRAMES = 3
 _GPU_SETTLING = 30  # frames

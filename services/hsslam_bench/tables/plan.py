@@ -18,7 +18,7 @@ from hsslam_bench.tables.paper_tables import PaperRow, PaperTable, TableName
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.options import SourceOptions
 
 _COLLECTIONS = ("", "Replica", "replica", "TUM", "tum", "ScanNet", "scannet", "scans")
 _OWN = {"house": "replica", "livingroom": "tum", "kitchen": "tum"}  # kinds of the test sequences

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source, unknown_source, with_effects
-from hsslam_node.sources.source import Source, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import Source
 from hsslam_services.run.options import ServeOptions
 
 

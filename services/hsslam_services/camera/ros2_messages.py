@@ -9,12 +9,17 @@ from typing import Any
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.image_files import BadImageError
 from hsslam_node.sources.ros2.raw_image import RawImage
 
 _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _INFO = "sensor_msgs/msg/CameraInfo"
+_LENSES: dict[str, tuple[LensModel, int]] = {  # by ROS's names, and the coefficients that they have
+    "plumb_bob": ("opencv", 5),
+    "rational_polynomial": ("opencv", 5),  # further ones only if they are not all 0
+    "equidistant": ("equidistant", 4),
+}
 
 
 class CdrMessages:
@@ -73,8 +78,8 @@ class CdrMessages:
             p = [float(v) for v in info.p]
             return Camera(*size, fx=p[0], fy=p[5], cx=p[2], cy=p[6])
         k = [float(v) for v in info.k]
-        lens = _distortion(str(info.distortion_model), [float(v) for v in info.d])
-        return Camera(*size, fx=k[0], fy=k[4], cx=k[2], cy=k[5], distortion=lens)
+        lens, model = _lens(str(info.distortion_model), [float(v) for v in info.d])
+        return Camera(*size, k[0], k[4], k[2], k[5], lens, model)
 
     def _decoded(self, payload: bytes, type_name: str) -> Any:
         try:
@@ -87,15 +92,19 @@ def _stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
 
-def _distortion(model: str, lens: list[float]) -> tuple[float, ...]:
-    """OpenCV's k1 k2 p1 p2 [k3]; the rational model only where its further terms are 0."""
+def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:
+    """OpenCV's coefficients, without further ones that are all 0, and their model."""
     if not any(lens):
-        return ()
-    if model not in ("plumb_bob", "rational_polynomial") or any(lens[5:]) or len(lens) < 4:
+        return (), "opencv"
+    if name not in _LENSES:
         raise UserError(
-            f"camera_info: distortion {model} {lens}: expected plumb_bob, or images that are rectified"
+            f"camera_info.distortion_model = {name!r}: expected {', '.join(_LENSES)}, or images that are "
+            "rectified"
         )
-    return tuple(lens[:5])
+    model, count = _LENSES[name]
+    kept = lens if any(lens[count:]) else lens[:count]
+    expect_lens("camera_info.d", kept, model)
+    return tuple(kept), model
 
 
 def topic_keys(domain: int, topic: str) -> str:

@@ -14,14 +14,17 @@ from rich.text import Text
 
 from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.finding import Finding
-from hsslam_node.doctor.recorded_stamps import RecordedStamps, recorded_stamps
 from hsslam_node.doctor.sample import Sample, take_sample
+from hsslam_node.doctor.stamps import RecordedStamps, recorded_stamps
 from hsslam_node.errors import UserError
-from hsslam_node.sources.camera_options import CameraOptions
-from hsslam_node.sources.realsense_options import RealsenseOptions
-from hsslam_node.sources.record_options import RecordOptions
-from hsslam_node.sources.ros2_options import Ros2Options
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import (
+    CameraOptions,
+    RealsenseOptions,
+    RecordOptions,
+    Ros2Options,
+    SourceOptions,
+    SynthOptions,
+)
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.run.run_info import write_atomically

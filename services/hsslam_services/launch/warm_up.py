@@ -84,7 +84,8 @@ def _compile_the_rest() -> Iterator[str]:
     yield "the built-in room"
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
-    from hsslam_node.sources.source import Frame, SourceOptions, SynthOptions
+    from hsslam_node.sources.options import SourceOptions, SynthOptions
+    from hsslam_node.sources.source import Frame
     from hsslam_node.sources.synth.atlas import build_atlas
     from hsslam_node.sources.synth.room import build_room
     from hsslam_node.sources.synth.scene import Scene, Zone

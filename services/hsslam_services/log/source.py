@@ -14,7 +14,8 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import BadFrame
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.topics import FRAME

@@ -9,11 +9,14 @@ from typing import Literal
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
-from hsslam_node.sources.camera_options import CameraOptions
-from hsslam_node.sources.realsense_options import RealsenseOptions
-from hsslam_node.sources.record_options import RecordOptions
-from hsslam_node.sources.ros2_options import Ros2Options
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import (
+    CameraOptions,
+    RealsenseOptions,
+    RecordOptions,
+    Ros2Options,
+    SourceOptions,
+    SynthOptions,
+)
 
 ZENOH_SOURCE = "zenoh:"
 _VIEWERS = ("auto", "none", "web", "spawn")

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from hsslam_node.doctor.coverage import check_coverage
-from hsslam_node.doctor.depth_range import check_depth_range
-from hsslam_node.doctor.depth_scale import check_depth_scale
-from hsslam_node.doctor.depth_step import find_depth_step
+from hsslam_node.doctor.depth import (
+    check_coverage,
+    check_depth_range,
+    check_depth_scale,
+    find_depth_step,
+)
 from hsslam_node.geometry.camera import Camera
 
 KINECT = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)

@@ -4,12 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from hsslam_node.doctor.exposure import check_exposure
-from hsslam_node.doctor.readable import check_readable
-from hsslam_node.doctor.registration import check_registration
-from hsslam_node.doctor.repeated_images import check_repeated_images
-from hsslam_node.doctor.sharpness import check_sharpness
-from hsslam_node.doctor.view_motion import check_view_motion
+from hsslam_node.doctor.camera import check_registration
+from hsslam_node.doctor.images import (
+    check_exposure,
+    check_readable,
+    check_repeated_images,
+    check_sharpness,
+    check_view_motion,
+)
 
 RNG = np.random.default_rng(0)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from hsslam_node.doctor.intrinsics import check_intrinsics
+from hsslam_node.doctor.camera import check_intrinsics
 from hsslam_node.geometry.camera import Camera
 
 KINECT = Camera(640, 480, 525.0, 525.0, 319.5, 239.5)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hsslam_node.doctor.recorded_stamps import recorded_stamps
 from hsslam_node.doctor.sample import take_sample
+from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 SMALL = SynthOptions(width_px=64, height_px=48)
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from hsslam_node.doctor.association import check_association
-from hsslam_node.doctor.rate import check_rate
-from hsslam_node.doctor.stamp_gaps import check_stamp_gaps
-from hsslam_node.doctor.stamp_jitter import check_stamp_jitter
-from hsslam_node.doctor.stamp_order import check_stamp_order
+from hsslam_node.doctor.stamps import (
+    check_association,
+    check_rate,
+    check_stamp_gaps,
+    check_stamp_jitter,
+    check_stamp_order,
+)
 
 MS = 1_000_000
 STAMPS = np.round(np.arange(300) * 1e9 / 30).astype(np.int64)

@@ -1,5 +1,7 @@
 """Absolute trajectory error."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -61,6 +63,14 @@ def test_order_does_not_matter():
     truth = trajectory()
     back = Trajectory(truth.stamps_ns[::-1], truth.T_world_cam[::-1])
     assert ate(back, truth).rmse_m < 1e-9
+
+
+def test_a_straight_line_is_aligned_without_a_warning():
+    line = np.arange(5.0)[:, None] * [1, 0, 0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        T = align(line, line[:, [1, 0, 2]] + 3)
+    np.testing.assert_allclose(line @ T[:3, :3].T + T[:3, 3], line[:, [1, 0, 2]] + 3, atol=1e-12)
 
 
 def test_a_mirrored_world_is_not_a_rotation():

@@ -9,7 +9,7 @@ from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 OPTIONS = SourceOptions(noise="kinect", synth=SynthOptions(width_px=96, height_px=72))
 SPEC = "synth:room"

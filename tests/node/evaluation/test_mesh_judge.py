@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh_judge import given_views, load_mesh
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 _HALL = SourceOptions(
     frames=25, synth=SynthOptions(size_m=(14.0, 14.0, 2.6), width_px=64, height_px=48)

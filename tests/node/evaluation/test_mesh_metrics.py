@@ -6,8 +6,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.mesh_metrics import compare_meshes, sample_surface
-from hsslam_node.evaluation.point_to_triangle import point_to_triangle_distances
+from hsslam_node.evaluation.mesh_metrics import compare_meshes, distances, sample_surface
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.geometry.camera import Camera
 
@@ -28,9 +27,7 @@ POINT = st.tuples(*[st.floats(-2, 2)] * 3).map(np.array)
 
 @given(POINT, POINT, POINT, POINT)
 def test_point_to_triangle_is_never_above_a_dense_search(p, a, b, c):
-    distance = point_to_triangle_distances(
-        p[None], np.stack([a, b, c])[None], np.zeros((1, 1), np.int64)
-    )[0]
+    distance = distances(p[None], np.stack([a, b, c]), [(0, 1, 2)])[0]
     w = np.array([(i, j, 20 - i - j) for i in range(21) for j in range(21 - i)]) / 20
     dense = np.linalg.norm(w @ np.stack([a, b, c]) - p, axis=1).min()
     step = max(np.linalg.norm(a - b), np.linalg.norm(b - c), np.linalg.norm(c - a)) / 20

@@ -15,6 +15,23 @@ def test_reads_a_camera(tmp_path):
     assert (camera.width_px, camera.fx, camera.distortion[0], scale) == (64, 50.0, 0.1, 5000.0)
 
 
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_reads_the_lenses_of_opencv(tmp_path, count):
+    lens = [0.01 * (k + 1) for k in range(count)]
+    write_tum_camera(tmp_path, distortion=lens)
+    camera, _ = read_tum_camera(tmp_path / "camera.json")
+    assert (camera.distortion, camera.distortion_model) == (tuple(lens), "opencv")
+    write_tum_camera(tmp_path, distortion=count * [0])
+    assert read_tum_camera(tmp_path / "camera.json")[0].distortion == ()
+
+
+def test_reads_an_equidistant_lens(tmp_path):
+    write_tum_camera(tmp_path, distortion=[0, 0, 0, 0], distortion_model="equidistant")
+    camera, _ = read_tum_camera(tmp_path / "camera.json")
+    assert (camera.distortion, camera.distortion_model) == ((0.0,) * 4, "equidistant")
+    assert camera.has_lens  # the images are no pinhole's even if all coefficients are 0
+
+
 @pytest.mark.parametrize(
     ("changes", "field"),
     [
@@ -24,9 +41,19 @@ def test_reads_a_camera(tmp_path):
         ({"width": 64.5}, "width"),
         ({"cx": "middle"}, "cx = middle"),
         ({"depth_scale": 0}, "depth_scale"),
-        ({"distortion": [0.1]}, "distortion"),
-        ({"distortion": [0, 0, 0, float("inf")]}, "distortion = inf"),
-        ({"depth_scal": 1000}, "did you mean 'depth_scale'"),
+        ({"fx": True}, "fx = True: expected a number above 0"),
+        (
+            {"distortion": [0.1]},
+            r"distortion = \[0.1\] \(1 numbers\): expected 0 or 4 or 5 or 8 or 12",
+        ),
+        ({"distortion": [0.1] * 4 + ["k3"]}, "distortion = .*'k3'.*: expected a list of finite"),
+        ({"distortion": [0, 0, 0, float("inf")]}, "distortion = .*inf"),
+        (
+            {"distortion_model": "fisheye"},
+            "distortion_model = fisheye: expected opencv or equidist",
+        ),
+        ({"distortion_model": "equidistant"}, r"distortion = \[\] .*: expected 4 finite"),
+        ({"depth_scal": 1000}, "unknown field 'depth_scal': .*did you mean depth_scale"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_file(tmp_path, changes, field):

@@ -6,7 +6,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 
 def _first(factor: int) -> Frame:

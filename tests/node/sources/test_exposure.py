@@ -6,9 +6,10 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.exposure import ChangingExposure, exposure
+from hsslam_node.sources.effects import ChangingExposure, exposure
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import BadFrame, SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
 
 
 class _Grey:

@@ -1,7 +1,8 @@
 """Which frames of a live camera are used."""
 
 from hsslam_node.sources.live_selection import selected_live
-from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import BadFrame
 
 
 def test_start_stride_and_limit():

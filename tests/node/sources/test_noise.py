@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.sources.noise import KinectNoise, add_kinect_noise
+from hsslam_node.sources.effects import KinectNoise, add_kinect_noise
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.replica import ReplicaSource
-from hsslam_node.sources.source import SourceOptions
 
 
 def wall(depth_m: float) -> np.ndarray:

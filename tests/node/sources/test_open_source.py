@@ -4,7 +4,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions
+from hsslam_node.sources.options import SourceOptions
 
 
 def test_opens_folders_by_kind(tum_folder, replica_folder):

@@ -9,10 +9,9 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.camera_options import CameraOptions
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.record_options import RecordOptions
-from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.options import CameraOptions, RecordOptions, SourceOptions
+from hsslam_node.sources.source import BadFrame
 from tests.sequence_folders import HEIGHT, WIDTH, frame_images
 
 CAMERA = CameraOptions(fx=50.0, depth_scale=5000.0)
@@ -173,7 +172,14 @@ def test_images_that_do_not_fit(tmp_path):
     [
         (lambda: CameraOptions(fx=0), "--camera.fx 0: expected a number above 0"),
         (lambda: CameraOptions(depth_scale=float("nan")), "--camera.depth-scale nan"),
-        (lambda: CameraOptions(distortion=(1.0,)), "expected k1 k2 p1 p2"),
+        (
+            lambda: CameraOptions(distortion=(1.0,)),
+            r"--camera.distortion = \[1.0\] .*expected 0 or 4",
+        ),
+        (
+            lambda: CameraOptions(distortion_model="x", distortion=(0.1,)),
+            "expected opencv or equid",
+        ),
         (lambda: RecordOptions(rate_hz=0), "--record.rate-hz 0: expected above 0"),
         (lambda: RecordOptions(max_dt_ms=-1), "--record.max-dt-ms -1: expected 0 to"),
     ],

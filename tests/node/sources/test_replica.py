@@ -7,9 +7,9 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
-from hsslam_node.sources.replica import ReplicaSource
-from hsslam_node.sources.replica_folder import ReplicaFolder
-from hsslam_node.sources.source import BadFrame, SourceOptions
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.replica import ReplicaFolder, ReplicaSource
+from hsslam_node.sources.source import BadFrame
 
 
 def test_frames_are_stamped_at_30_hz(replica_folder):

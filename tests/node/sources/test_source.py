@@ -3,7 +3,7 @@
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 
 def test_selected_takes_every_nth_up_to_a_limit():

@@ -6,9 +6,9 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, SourceOptions
-from hsslam_node.sources.tum import TumSource
-from hsslam_node.sources.tum_folder import TumFolder, associate
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.tum import TumFolder, TumSource, associate
 from tests.sequence_folders import frame_images, write_tum_camera
 
 

@@ -2,14 +2,38 @@
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.undistortion import Undistortion
 
 LENS = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
-CAMERA = Camera(640, 480, 517.3, 516.5, 318.6, 255.3, LENS)
+RATIONAL = (
+    0.45,
+    -2.6,
+    4e-4,
+    -3e-4,
+    1.5,
+    0.33,
+    -2.4,
+    1.42,
+)  # as Azure Kinect's colour camera has it
+PRISM = (*RATIONAL, 2e-3, -1e-3, 1e-3, -2e-3)
+K = (517.3, 516.5, 318.6, 255.3)
+CAMERA = Camera(640, 480, *K, LENS)
+CAMERAS = {
+    "4": Camera(640, 480, *K, LENS[:4]),
+    "5": CAMERA,
+    "8": Camera(640, 480, *K, RATIONAL),
+    "12": Camera(640, 480, *K, PRISM),
+    "14": Camera(640, 480, *K, (*PRISM, 0.01, -0.02)),
+    "equidistant": Camera(640, 480, *K, (0.05, -0.02, 0.01, -0.003), "equidistant"),
+    "ideal fisheye": Camera(640, 480, *K, (0.0, 0.0, 0.0, 0.0), "equidistant"),
+}
+UNDISTORTIONS = {name: Undistortion(camera) for name, camera in CAMERAS.items()}
 
 
 def test_without_distortion_nothing_is_touched():
@@ -18,23 +42,83 @@ def test_without_distortion_nothing_is_touched():
     assert undistortion.depth(depth) is depth
 
 
-@given(st.integers(120, 520), st.integers(90, 390))
-def test_a_point_lands_where_a_pinhole_would_have_put_it(u, v):
+def seen_by(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+    """Where the lens puts the rays of pinhole pixels [N, 2]: [N, 2]."""
+    rays = np.column_stack(
+        [(pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(pixels))]
+    )
+    project = (
+        cv2.fisheye.projectPoints if camera.distortion_model == "equidistant" else cv2.projectPoints
+    )
+    args = (np.zeros(3), np.zeros(3), camera.K, np.array(camera.distortion))
+    return project(rays[:, None], *args)[0].reshape(-1, 2)
+
+
+def pattern(pixels: np.ndarray) -> np.ndarray:
+    """Smooth colour [N] float of a plane at pinhole pixels [N, 2]."""
+    return 128 + 60 * np.sin(pixels[:, 0] / 23) + 60 * np.cos(pixels[:, 1] / 17)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_the_image_of_a_lens_becomes_that_of_a_pinhole(name):
+    """The lens's image is drawn by inverting the projection of the lens by iteration."""
+    camera = CAMERAS[name]
+    grid = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), axis=-1).reshape(-1, 2)
+    pinhole = grid.copy()  # the pinhole pixels that the lens puts at the pixels of the grid
+    for _ in range(60):
+        pinhole += 0.7 * (grid - seen_by(camera, pinhole))
+    converged = np.abs(seen_by(camera, pinhole) - grid).max(axis=1) < 0.01
+    distorted = np.rint(pattern(pinhole)).astype(np.uint8).reshape(480, 640)
+    distorted[~converged.reshape(480, 640)] = 0
+    depth = (5000 + 10 * distorted.astype(np.uint16)).astype(np.uint16)
+    color = UNDISTORTIONS[name].color(np.repeat(distorted[..., None], 3, axis=2))
+    plain = pattern(grid).reshape(480, 640)
+    inner = (slice(90, 390), slice(120, 520))
+    assert np.abs(color[..., 0][inner] - plain[inner]).max() < 3
+    nearest = (UNDISTORTIONS[name].depth(depth).astype(float) - 5000) / 10
+    assert np.abs(nearest[inner] - plain[inner]).max() < 6  # half a pixel off
+    moved = np.abs(distorted.astype(float)[inner] - plain[inner]).max()
+    assert moved > 10  # the lens does something here
+
+
+@given(st.sampled_from(sorted(CAMERAS)), st.integers(120, 520), st.integers(90, 390))
+def test_a_point_lands_where_a_pinhole_would_have_put_it(name, u, v):
     """A dot drawn where the lens puts a ray comes out at the ray's pinhole pixel, to a pixel."""
-    ray = np.array([[(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0]])
-    seen, _ = cv2.projectPoints(ray, np.zeros(3), np.zeros(3), CAMERA.K, np.array(LENS))
-    x, y = np.rint(seen.ravel()).astype(int)
+    x, y = np.rint(seen_by(CAMERAS[name], np.array([[u, v]], float))[0]).astype(int)
     depth, color = np.zeros((480, 640), np.uint16), np.zeros((480, 640, 3), np.uint8)
     depth[y - 1 : y + 2, x - 1 : x + 2] = 7000
     color[y - 1 : y + 2, x - 1 : x + 2] = 255
-    undistortion = UNDISTORTION
-    assert undistortion.depth(depth)[v, u] == 7000
-    assert undistortion.color(color)[v, u, 0] > 100
+    assert UNDISTORTIONS[name].depth(depth)[v, u] == 7000
+    assert UNDISTORTIONS[name].color(color)[v, u, 0] > 100
 
 
-def test_depth_is_never_interpolated():
+@pytest.mark.parametrize("name", ["4", "5"])
+def test_few_coefficients_give_the_images_of_the_maps_of_opencv(name):
+    camera = CAMERAS[name]
+    rng = np.random.default_rng(0)
+    color = rng.integers(0, 256, (480, 640, 3), np.uint8)
+    maps = cv2.initUndistortRectifyMap(
+        camera.K, np.array(camera.distortion), np.eye(3), camera.K, (640, 480), cv2.CV_32FC1
+    )
+    fixed = cv2.convertMaps(*maps, cv2.CV_16SC2)
+    expected = cv2.remap(color, *fixed, cv2.INTER_LINEAR)
+    np.testing.assert_array_equal(UNDISTORTIONS[name].color(color), expected)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_depth_is_never_interpolated(name):
     depth = np.where(np.indices((480, 640)).sum(axis=0) % 7 < 3, 5000, 20000).astype(np.uint16)
-    assert set(np.unique(UNDISTORTION.depth(depth))) <= {0, 5000, 20000}
+    assert set(np.unique(UNDISTORTIONS[name].depth(depth))) <= {0, 5000, 20000}
 
 
-UNDISTORTION = Undistortion(CAMERA)
+@given(st.integers(0, 16), st.sampled_from(["opencv", "equidistant"]))
+def test_other_counts_are_named(count, model):
+    lens = count * (0.1,)
+    if count in ({4} if model == "equidistant" else {0, 4, 5, 8, 12, 14}):
+        assert Camera(640, 480, *K, lens, model).scaled(0.5).distortion == lens
+        return
+    with pytest.raises(
+        UserError, match=rf"camera\.distortion = .*\({count} numbers\): expected "
+    ) as error:
+        Camera(640, 480, *K, lens, model)
+    assert "\n" not in str(error.value)

@@ -40,23 +40,42 @@ def test_a_camera():
 
 
 @pytest.mark.parametrize(
-    ("model", "lens", "words"),
+    ("name", "lens", "kept", "model"),
     [
-        ("equidistant", (0.1, 0.2, 0.3, 0.4), "distortion equidistant"),
-        ("plumb_bob", (0.0, 0.0, 0.0, 0.0, 0.0), None),
-        ("rational_polynomial", (0.1, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0), None),
-        ("rational_polynomial", (0.1, 0.0, 0.0, 0.0, 0.2, 0.5, 0.0, 0.0), "expected plumb_bob"),
+        ("plumb_bob", (0.0, 0.0, 0.0, 0.0, 0.0), 0, "opencv"),
+        ("plumb_bob", (0.1, 0.0, 0.0, 0.0), 4, "opencv"),
+        ("rational_polynomial", (0.1, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0), 5, "opencv"),
+        ("rational_polynomial", (0.1, 0.0, 0.0, 0.0, 0.2, 0.5, 0.0, 0.0), 8, "opencv"),
+        ("rational_polynomial", (0.1, 0.0, 0.0, 0.0, 0.2, *[0.5] * 9), 14, "opencv"),
+        ("equidistant", (0.1, 0.2, 0.3, 0.4), 4, "equidistant"),
+        ("equidistant", (0.1, 0.2, 0.3, 0.4, 0.0), 4, "equidistant"),
+        ("equidistant", (0.0, 0.0, 0.0, 0.0), 0, "opencv"),  # as image_geometry of ROS takes it
     ],
 )
-def test_lenses(model, lens, words):
-    info = camera_info(0, CAMERA, model)
+def test_lenses(name, lens, kept, model):
+    info = camera_info(0, CAMERA, name)
     info.d = list(lens)
-    if words is None:
-        camera = CDR.camera(info.serialize(), "sensor_msgs/msg/CameraInfo", is_rectified=False)
-        assert camera.distortion == (lens[:5] if any(lens) else ())
-    else:
-        with pytest.raises(UserError, match=words):
-            CDR.camera(info.serialize(), "sensor_msgs/msg/CameraInfo", is_rectified=False)
+    camera = CDR.camera(info.serialize(), "sensor_msgs/msg/CameraInfo", is_rectified=False)
+    assert (camera.distortion, camera.distortion_model) == (lens[:kept], model)
+
+
+@pytest.mark.parametrize(
+    ("name", "lens", "words"),
+    [
+        (
+            "fov",
+            (0.9,),
+            r"distortion_model = 'fov': expected plumb_bob, rational_polynomial, equid",
+        ),
+        ("plumb_bob", (0.1, 0.0, 0.0), r"camera_info\.d = .*\(3 numbers\): expected 0 or 4 or 5"),
+        ("equidistant", (0.1, 0.2), r"camera_info\.d = \[0\.1, 0\.2\] .*: expected 4 finite"),
+    ],
+)
+def test_a_lens_that_is_not_known_is_named(name, lens, words):
+    info = camera_info(0, CAMERA, name)
+    info.d = list(lens)
+    with pytest.raises(UserError, match=words):
+        CDR.camera(info.serialize(), "sensor_msgs/msg/CameraInfo", is_rectified=False)
 
 
 def test_whatever_is_no_message_is_told():

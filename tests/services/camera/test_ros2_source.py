@@ -12,8 +12,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.ros2_options import Ros2Options
-from hsslam_node.sources.source import BadFrame, SourceOptions, SynthOptions
+from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source

@@ -15,7 +15,12 @@ from hsslam_services.launch.process_table import ProcessSpec
 from hsslam_services.run.run_info import RunInfo
 
 _SPEC = ProcessSpec(
-    "sample_worker", "tests.services.sample_worker", "a test", nice=0, stop_stage=1, first_delay_s=0.1
+    "sample_worker",
+    "tests.services.sample_worker",
+    "a test",
+    nice=0,
+    stop_stage=1,
+    first_delay_s=0.1,
 )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from hsslam_node.sources.source import SynthOptions
+from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step
 from hsslam_services.bus.bus import Bus

@@ -8,7 +8,7 @@ import tyro
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.tsdf_baseline import TsdfOptions
-from hsslam_node.sources.source import SynthOptions
+from hsslam_node.sources.options import SynthOptions
 from hsslam_services.log.reader import is_log
 
 

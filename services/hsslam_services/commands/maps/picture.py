@@ -11,6 +11,7 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
+from hsslam_node.geometry.view_from_above import looking_down, mean_up
 
 _POINTS = 2_500_000
 _PANEL_PX = 800
@@ -42,18 +43,12 @@ def draw_run(run_dir: Path) -> Path:
         raise UserError(f"{run_dir / 'mesh.ply'}: not there: expected a run that has finished")
     mesh = trimesh.load_mesh(run_dir / "mesh.ply")
     trajectory = read_tum(run_dir / "trajectory.txt")
-    up = _up(trajectory)
+    up = mean_up(trajectory.T_world_cam)
     points, colors = _surface(mesh)
     panels = [_panel(points, colors, trajectory, up, angle) for angle in (80.0, 40.0)]
     path = run_dir / "picture.png"
     cv2.imwrite(str(path), np.concatenate(panels, axis=1))
     return path
-
-
-def _up(trajectory: Trajectory) -> np.ndarray:
-    """The direction against gravity, [3]: the mean of the image's up, for a hand-held camera."""
-    up = -trajectory.T_world_cam[:, :3, 1].mean(axis=0)
-    return up / np.linalg.norm(up)
 
 
 def _surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
@@ -76,12 +71,8 @@ def _panel(
     low, high = np.percentile(points, (1, 99), axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low))
     centre = centre - up * (centre @ up - np.median(height))
-    side = np.cross(up, [1.0, 0, 0] if abs(up[0]) < 0.9 else [0, 1.0, 0])
-    side /= np.linalg.norm(side)
-    elevation = np.deg2rad(elevation_deg)
-    away = np.cos(elevation) * np.cross(side, up) + np.sin(elevation) * up
-    eye = centre + 0.95 * size * away
-    R = np.stack([side, np.cross(-away, side), -away])  # world to view, x right, y down, z forward
+    R = looking_down(up, np.deg2rad(elevation_deg)).T  # world to view
+    eye = centre - 0.95 * size * R[2]
     focal = _PANEL_PX / _FIELD_OF_VIEW
     uv, z = _project(points[keep], R, eye, focal)
     image = _splat(uv, z, colors[keep])

@@ -7,7 +7,7 @@ import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.sources.synth.apartment import DOORS_M, build_apartment
 from hsslam_node.sources.synth.apartment_walk import apartment_poses
 from tests.node.sources.synth.true_surface import clearance_m, depth_errors_m

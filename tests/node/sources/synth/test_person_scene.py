@@ -7,7 +7,7 @@ import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import SourceOptions, SynthOptions
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.sources.synth.person_scene import build_person_scene, person_scene_poses
 from hsslam_node.sources.synth.renderer import Renderer
 from hsslam_node.sources.synth.scene_mesh import scene_mesh

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from hsslam_node.evaluation.mesh_metrics import SurfaceSamples, distances
+from hsslam_node.evaluation.mesh_metrics import distances
 from hsslam_node.frame import Frame
 from tests.node.sources.synth.back_projection import back_projected
 
@@ -12,10 +12,7 @@ from tests.node.sources.synth.back_projection import back_projected
 def depth_errors_m(frame: Frame, T_world_cam: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
     """Distance from the mesh [N], m, of every 23rd pixel's point."""
     points = back_projected(frame)[::23] @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
-    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]  # [F, 3, 3]
-    centroids = corners.mean(axis=1)
-    near = ((centroids > points.min(0) - 0.1) & (centroids < points.max(0) + 0.1)).all(axis=1)
-    return distances(points, SurfaceSamples(centroids[near], corners[near]))
+    return distances(points, mesh.vertices, mesh.faces)
 
 
 def clearance_m(positions: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:

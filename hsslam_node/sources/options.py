@@ -1,0 +1,225 @@
+"""What a user can ask of a source: a camera, the built-in scenes, which frames, what is done to them."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import LensModel, expect_lens
+
+
+@dataclass(frozen=True)
+class CameraOptions:
+    """The camera of a plain folder of images; what is given here goes before its camera.json."""
+
+    fx: float | None = None
+    """Focal length along x, pixels."""
+    fy: float | None = None
+    """Focal length along y, pixels (none: as fx)."""
+    cx: float | None = None
+    """Principal point, pixels from the centre of the leftmost column (none: the middle)."""
+    cy: float | None = None
+    """Principal point, pixels from the centre of the topmost row (none: the middle)."""
+    distortion: tuple[float, ...] = ()
+    """Lens distortion in OpenCV's order, 4, 5, 8, 12 or 14 numbers: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+    tx ty; 4 of an equidistant (fisheye) lens: k1 k2 k3 k4."""
+    distortion_model: LensModel | None = None
+    """Lens model of these numbers (none: opencv)."""
+    depth_scale: float | None = None
+    """Units of the depth images per metre: 1000 for millimetres."""
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy", "depth_scale"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                option = name.replace("_", "-")
+                raise UserError(f"--camera.{option} {value}: expected a number above 0")
+        for name in ("cx", "cy"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise UserError(f"--camera.{name} {value}: expected a finite number")
+        if self.distortion:
+            expect_lens("--camera.distortion", self.distortion, self.distortion_model or "opencv")
+
+    def given(self) -> dict[str, object]:
+        """What was given, named as in a camera.json."""
+        numbers = ("fx", "fy", "cx", "cy", "depth_scale")
+        fields: dict[str, object] = {name: getattr(self, name) for name in numbers}
+        fields["distortion"] = list(self.distortion) or None
+        fields["distortion_model"] = self.distortion_model
+        return {name: value for name, value in fields.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """A plain folder of images, `record:FOLDER`."""
+
+    rate_hz: float = 30.0
+    """Frames per second of a folder without stamps, Hz."""
+    max_dt_ms: float = 20.0
+    """Colour and depth with stamps in their names belong together within so much, ms."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 1000):
+            raise UserError(f"--record.rate-hz {self.rate_hz}: expected above 0, up to 1000")
+        if not 0 <= self.max_dt_ms <= 1000:
+            raise UserError(f"--record.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+
+
+@dataclass(frozen=True)
+class Ros2Options:
+    """A camera in ROS 2 under rmw_zenoh, `ros2:/camera`. Topics without / at their beginning are below it."""
+
+    color: str = "color/image_raw"
+    """Topic of the colour images; with /compressed at its end as JPEG or PNG."""
+    depth: str = "aligned_depth_to_color/image_raw"
+    """Topic of the depth images, registered to colour."""
+    info: str = ""
+    """Topic of the intrinsics (empty: camera_info beside the colour images)."""
+    domain: int = 0
+    """ROS_DOMAIN_ID."""
+    connect: str = "tcp/127.0.0.1:7447"
+    """Zenoh router of the ROS nodes: rmw_zenohd, or this service's own."""
+    max_dt_ms: float = 15.0
+    """Colour and depth belong together within so much, ms."""
+    timeout_s: float = 10.0
+    """Wait so long for the first images, s."""
+
+    def __post_init__(self) -> None:
+        for name in ("color", "depth", "info"):
+            topic = getattr(self, name)
+            if not re.fullmatch(r"/?\w+(/\w+)*", topic) and not (name == "info" and topic == ""):
+                raise UserError(f"--ros2.{name} {topic!r}: expected the name of a topic")
+        if not 0 <= self.domain <= 232:
+            raise UserError(f"--ros2.domain {self.domain}: expected 0 to 232")
+        if not re.fullmatch(r"[a-z]+/\S+", self.connect):
+            raise UserError(f"--ros2.connect {self.connect!r}: expected as tcp/127.0.0.1:7447")
+        if not 0 <= self.max_dt_ms <= 1000:
+            raise UserError(f"--ros2.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+        if not 0 < self.timeout_s <= 3600:
+            raise UserError(f"--ros2.timeout-s {self.timeout_s}: expected above 0, up to 3600")
+
+    def topics_under(self, name: str) -> tuple[str, str, str]:
+        """Topics of colour, depth and intrinsics of the camera of this name (`/camera`).
+
+        Raises:
+            UserError: no name of a ROS 2 namespace.
+        """
+        if not re.fullmatch(r"/|(/\w+)+", name):
+            raise UserError(f"source ros2:{name}: expected the camera's namespace, as ros2:/camera")
+        color, depth = (_below(name, topic) for topic in (self.color, self.depth))
+        beside = f"{color.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+        return color, depth, _below(name, self.info) if self.info else beside
+
+
+def _below(name: str, topic: str) -> str:
+    return topic if topic.startswith("/") else f"{name.rstrip('/')}/{topic}"
+
+
+@dataclass(frozen=True)
+class RealsenseOptions:
+    """An Intel RealSense camera on USB, `realsense`."""
+
+    serial: str = ""
+    """Serial number (empty: the first that is there)."""
+    width_px: int = 640
+    """Image width, pixels."""
+    height_px: int = 480
+    """Image height, pixels."""
+    rate_hz: int = 30
+    """Frames per second."""
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("width_px", 160, 1920),
+            ("height_px", 120, 1440),
+            ("rate_hz", 1, 90),
+        ):
+            if not low <= getattr(self, name) <= high:
+                option = name.replace("_", "-")
+                raise UserError(
+                    f"--realsense.{option} {getattr(self, name)}: expected {low} to {high}"
+                )
+
+
+@dataclass(frozen=True)
+class SynthOptions:
+    """The built-in procedural scenes, `synth:room` and others."""
+
+    size_m: tuple[float, float, float] = (5.6, 4.6, 2.6)
+    """Length, width and height of the room, m (the other scenes have their own)."""
+    length: int | None = None
+    """Frames of the camera's way through the scene (none: the scene's own, 600 for the room)."""
+    seed: int = 0
+    """Seed of the furniture's colours, the pictures and the hand-held motion."""
+    width_px: int = 640
+    """Image width, pixels."""
+    height_px: int = 480
+    """Image height, pixels."""
+    rate_hz: float = 30.0
+    """Frames per second."""
+
+    def __post_init__(self) -> None:
+        limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))
+        for value, (low, high) in zip(self.size_m, limits, strict=True):
+            if not low <= value <= high:
+                raise UserError(
+                    f"--synth.size-m {self.size_m}: expected 4 to 16, 4 to 16 and 2.4 to 4 m"
+                )
+        if self.length is not None:
+            _expect_range("synth.length", self.length, 2, 1_000_000)
+        _expect_range("synth.seed", self.seed, 0, 2**31 - 1)
+        _expect_range("synth.width-px", self.width_px, 32, 1920)
+        _expect_range("synth.height-px", self.height_px, 32, 1440)
+        _expect_range("synth.rate-hz", self.rate_hz, 1.0, 240.0)
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """Which frames of a source are used, and what is done to them."""
+
+    noise: Literal["none", "kinect"] = "none"
+    """Depth noise added to an exact source."""
+    exposure: Literal["none", "drift"] = "none"
+    """Gain and bias added to the images, as of a camera that sets its own exposure."""
+    seed: int = 0
+    """Seed of noise and exposure."""
+    start: int = 0
+    """Leave out so many frames at the beginning."""
+    stride: int = 1
+    """Use every n-th frame of the others."""
+    frames: int | None = None
+    """Use at most this many frames."""
+    downscale: int = 1
+    """Make images so many times smaller along each side."""
+    synth: SynthOptions = field(default_factory=SynthOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    record: RecordOptions = field(default_factory=RecordOptions)
+    ros2: Ros2Options = field(default_factory=Ros2Options)
+    realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
+
+    def __post_init__(self) -> None:
+        if self.noise not in ("none", "kinect"):
+            raise UserError(f"--noise {self.noise!r}: expected none or kinect")
+        if self.exposure not in ("none", "drift"):
+            raise UserError(f"--exposure {self.exposure!r}: expected none or drift")
+        _expect_range("seed", self.seed, 0, 2**31 - 1)
+        _expect_range("start", self.start, 0, 1_000_000_000)
+        _expect_range("stride", self.stride, 1, 1_000_000)
+        _expect_range("downscale", self.downscale, 1, 16)
+        if self.frames is not None:
+            _expect_range("frames", self.frames, 1, 1_000_000_000)
+
+    def selected(self, count: int) -> Sequence[int]:
+        """Which of `count` frames are used; ground truth and source select alike."""
+        chosen = range(self.start, count, self.stride)
+        return chosen if self.frames is None else chosen[: self.frames]
+
+
+def _expect_range(option: str, value: float, low: float, high: float) -> None:
+    if not (np.isfinite(value) and low <= value <= high):
+        raise UserError(f"--{option} {value}: expected {low} to {high}")
