@@ -1,6 +1,7 @@
 # make run   install into .venv, run the main job on the built-in room, leave a picture of the result
 # make test  install what the tests need, run them
 # make lint  formatter, linter, type checker, generated docs
+# make docs  build the site of docs/ into build/site, strictly
 # make bench measure the table of the README and store it as JSON
 # make package  build wheel and sdist, install each into a fresh environment, run it there
 PYTHON ?= python3
@@ -13,7 +14,7 @@ export OMP_NUM_THREADS := 1
 # a package is compiled by the first process that imports it (see --no-compile below), not by every one
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint bench package clean
+.PHONY: run test lint docs bench package clean
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
@@ -30,6 +31,10 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m hsslam_proto.topic_table --check docs/architecture.md
 	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
+
+# without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file docs/site/mkdocs.yml
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m hsslam_bench
@@ -51,4 +56,8 @@ $(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
 
 $(VENV)/.installed-dev: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
 	touch $@

@@ -29,7 +29,7 @@ from hsslam_node.tracking.track_result import TrackResult
 class Slam:
     """Tracks and maps frames in lockstep.
 
-    Example:
+    Examples:
         >>> slam = Slam(PRESETS["realtime"], seed=0)
         >>> for result in slam.run(open_source("synth:room", SourceOptions()).frames()):
         ...     print(result.frame_index, result.T_world_cam[:3, 3])

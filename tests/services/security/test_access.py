@@ -7,7 +7,7 @@ from hsslam_proto.topics import FRAME, POSE, SOURCE_END, TOPICS
 from hsslam_services.security.access import ROLES, access_control
 from tests.repository import ROOT
 
-_DOCS = ROOT / "docs/operations.md"
+_DOCS = ROOT / "docs/security.md"
 
 
 def _includes(keys: tuple[str, ...], name: str) -> bool:
