@@ -3,18 +3,23 @@
 # make lint  formatter, linter, type checker, generated docs
 # make docs  build the site of docs/ into build/site, strictly
 # make bench measure the table of the README and store it as JSON
+# make lock  write requirements/*.lock anew from pyproject.toml; UPGRADE=1 for the newest versions
+# make resolve  do pyproject.toml and the locks resolve on plain PyPI, for every Python and platform?
 # make package  build wheel and sdist, install each into a fresh environment, run it there
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= runs/room
+LOCKS := $(wildcard requirements/*.*)
+UV_VERSION := 0.13.9
+UV := build/uv/bin/uv
 
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
-# a package is compiled by the first process that imports it (see --no-compile below), not by every one
+# the first process that imports a package compiles it (see --no-compile in requirements/install.py), not every one
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint docs bench package clean
+.PHONY: run test lint docs bench lock resolve package clean look-again
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
@@ -33,7 +38,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
 
 # without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
-docs: $(VENV)/.installed-docs
+docs: $(VENV)/.installed-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file docs/site/mkdocs.yml
 
 bench: $(VENV)/.installed
@@ -45,19 +50,22 @@ package:
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
-$(VENV)/bin/python:
-	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
-	$(PYTHON) -m venv $(VENV)
-
-# without --no-compile, pip compiles all of torch, numba and the others, and waits for it; Python compiles what it imports
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable .
+# TORCH=cpu|cuda chooses PyTorch's build, else the machine does; where it is set, the installer looks again
+$(VENV)/.installed: pyproject.toml $(LOCKS) $(if $(TORCH),look-again)
+	$(PYTHON) requirements/install.py --venv $(VENV) --editable
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
-	touch $@
+$(VENV)/.installed-dev: pyproject.toml $(LOCKS) $(if $(TORCH),look-again)
+	$(PYTHON) requirements/install.py --venv $(VENV) --editable --dev
+	touch $@ $(VENV)/.installed
 
-$(VENV)/.installed-docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
+lock: $(UV)
+	$(PYTHON) requirements/lock.py $(UV) $(if $(UPGRADE),--upgrade)
+
+resolve: $(UV)
+	$(PYTHON) .ci/resolve.py $(UV)
+
+$(UV): Makefile
+	$(PYTHON) -m venv --clear build/uv
+	build/uv/bin/pip install --quiet uv==$(UV_VERSION)
 	touch $@

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import triton
 import triton.language as tl
 from torch import Tensor
 
@@ -51,7 +50,7 @@ class GpuLayout:
     @property
     def padded_levels(self) -> int:
         """Hash levels rounded up to a power of two that a matrix product takes."""
-        return max(16, triton.next_power_of_2(self.levels))
+        return 1 << (max(16, self.levels) - 1).bit_length()
 
 
 def gpu_layout(layout: KernelLayout, device: torch.device | str) -> GpuLayout:

@@ -38,7 +38,7 @@ def test_an_image_compiles_kernels_and_runs_as_a_user(file):
         if name == "COPY":
             *sources, _ = [word for word in value.split() if not word.startswith("--")]
             assert all((ROOT / source).exists() for source in sources)
-        for used in re.findall(r"source/([\w.]+)", value):
+        for used in re.findall(r"source/([\w./]+)", value):
             assert (ROOT / used).is_file()
 
 

@@ -1,0 +1,213 @@
+"""The installer at work in an environment of its own, with small stand-ins for PyTorch's wheels."""
+
+import _json
+import functools
+import http.server
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.device.cuda_driver import has_cuda_driver
+from requirements.install import torch_requirement, why_unreachable
+
+ROOT = Path(__file__).parents[2]
+_RELEASE = torch_requirement().partition("==")[2]
+_INSTALL_TORCH = f"""
+import os, sys
+from pathlib import Path
+sys.path.insert(0, {str(ROOT)!r})
+from requirements.install import _tool, install_torch, torch_wish
+install_torch(_tool(), torch_wish(os.environ), Path(sys.prefix))
+"""
+
+
+def _wheel(folder: Path, version: str) -> None:
+    """An empty package torch of a version, as a wheel."""
+    folder.mkdir(parents=True, exist_ok=True)
+    info = f"torch-{version}.dist-info"
+    with zipfile.ZipFile(folder / f"torch-{version}-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("torch/__init__.py", "")
+        wheel.writestr(
+            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: torch\nVersion: {version}\n"
+        )
+        wheel.writestr(
+            f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        wheel.writestr(f"{info}/RECORD", f"{info}/METADATA,,\n{info}/RECORD,,\n")
+
+
+@pytest.fixture(scope="module")
+def indexes(tmp_path_factory) -> Iterator[str]:
+    """The address of two package indexes: `/pypi`, that also has a CPU wheel, and `/cpu`."""
+    folder = tmp_path_factory.mktemp("indexes")
+    _wheel(folder / "pypi" / "torch", _RELEASE)
+    _wheel(folder / "pypi" / "torch", f"{_RELEASE}+cpu")
+    _wheel(folder / "cpu" / "torch", f"{_RELEASE}+cpu")
+    (folder / "empty" / "torch").mkdir(parents=True)
+    handler = functools.partial(_Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory) -> Path:
+    """An environment with pip alone."""
+    folder = tmp_path_factory.mktemp("fresh") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    return folder
+
+
+@pytest.fixture
+def environment(fresh: Path) -> Iterator[Path]:
+    """The environment without PyTorch."""
+    yield fresh
+    for left in fresh.glob("lib/python*/site-packages/torch*"):
+        shutil.rmtree(left)
+
+
+@pytest.fixture(params=["pip", "uv"])
+def tool_path(request, tmp_path: Path) -> str:
+    """PATH with or without uv, which `make resolve` leaves in build/."""
+    uv = shutil.which("uv") or shutil.which(ROOT / "build/uv/bin/uv")
+    if request.param == "uv":
+        if not uv:
+            pytest.skip("no uv on PATH and none of `make resolve`")
+        (tmp_path / "uv").symlink_to(uv)
+    return f"{tmp_path}:/usr/bin:/bin"
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+def _refusing() -> str:
+    """An index at a port where nothing listens."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"http://127.0.0.1:{server.getsockname()[1]}"
+
+
+def _install(environment: Path, indexes: str, path: str, **settings: str) -> tuple[int, list[str]]:
+    """Exit code and lines of the installer's step for PyTorch, with `/pypi` in PyPI's place."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "UV_", "TORCH"))}
+    ours = {
+        "PIP_CONFIG_FILE": os.devnull,
+        "PIP_INDEX_URL": f"{indexes}/pypi",
+        "UV_NO_CONFIG": "1",
+        "UV_DEFAULT_INDEX": f"{indexes}/pypi",
+        "TORCH_INDEX": f"{indexes}/cpu",
+        "PATH": path,
+    }
+    done = subprocess.run(
+        [environment / "bin" / "python", "-c", _INSTALL_TORCH],
+        env=kept | ours | settings,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout.splitlines()
+
+
+def _version(environment: Path) -> str:
+    (info,) = environment.glob("lib/python*/site-packages/torch-*.dist-info")
+    return info.name.removeprefix("torch-").removesuffix(".dist-info")
+
+
+def test_cpu_takes_the_wheel_of_pytorch_s_index(environment, indexes, tool_path):
+    code, lines = _install(environment, indexes, tool_path, TORCH="cpu")
+    assert (code, lines) == (0, [f"install: PyTorch {_RELEASE} for the CPU, as TORCH=cpu is set"])
+    assert _version(environment) == f"{_RELEASE}+cpu"
+
+
+def test_cuda_takes_the_build_of_pypi_though_a_cpu_wheel_counts_as_newer(
+    environment, indexes, tool_path
+):
+    code, lines = _install(environment, indexes, tool_path, TORCH="cuda")
+    assert (code, lines) == (0, [f"install: PyTorch {_RELEASE} with CUDA, as TORCH=cuda is set"])
+    assert _version(environment) == _RELEASE
+
+
+def test_the_machine_decides_unless_a_user_does(environment, indexes, tool_path):
+    code, (line,) = _install(environment, indexes, tool_path)
+    assert code == 0
+    assert ("has a CUDA driver (TORCH=cpu" in line) == has_cuda_driver()
+    assert _version(environment) == (_RELEASE if has_cuda_driver() else f"{_RELEASE}+cpu")
+
+
+def test_the_driver_s_library_makes_it_a_machine_for_cuda(
+    environment, indexes, tool_path, tmp_path
+):
+    shutil.copy(_json.__file__, tmp_path / "libcuda.so.1")  # any library that can be loaded
+    _, (line,) = _install(environment, indexes, tool_path, LD_LIBRARY_PATH=str(tmp_path))
+    assert "with CUDA, as this machine has a CUDA driver" in line
+
+
+@pytest.mark.parametrize("index", [_refusing, lambda: "http://no.such.host.invalid", lambda: "cpu"])
+def test_an_index_out_of_reach_costs_one_line_and_no_wait(environment, indexes, tool_path, index):
+    began = time.monotonic()
+    address = index()
+    code, lines = _install(environment, indexes, tool_path, TORCH="cpu", TORCH_INDEX=address)
+    assert time.monotonic() - began < 20  # pip alone takes 2 s; its retries would take minutes
+    assert code == 0
+    assert len(lines) == 2
+    assert lines[1].startswith(f"install: {address}: ")
+    assert "takes what pip finds" in lines[1]
+    assert _version(environment) == f"{_RELEASE}+cpu"  # the highest version that /pypi has
+
+
+def test_an_index_without_the_wheel_is_as_good_as_none(environment, indexes, tool_path):
+    empty = f"{indexes}/empty"
+    code, lines = _install(environment, indexes, tool_path, TORCH="cpu", TORCH_INDEX=empty)
+    assert code == 0
+    assert "the installation from there failed: takes what pip finds" in lines[-1]
+    assert _version(environment) == f"{_RELEASE}+cpu"
+
+
+def test_an_index_that_never_answers_is_given_up():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        began = time.monotonic()
+        reason = why_unreachable(f"http://127.0.0.1:{server.getsockname()[1]}", within_s=1.0)
+        assert time.monotonic() - began < 3
+    assert reason in ("no answer within 1 s", "timed out")
+
+
+def test_an_index_that_answers_is_reached(indexes):
+    assert why_unreachable(f"{indexes}/cpu/") is None
+    assert why_unreachable(f"{indexes}/nothing") == "File not found"
+
+
+def test_pytorch_in_place_is_left_alone_or_named_as_the_wrong_one(environment, indexes, tool_path):
+    _install(environment, indexes, tool_path, TORCH="cpu")
+    assert _install(environment, indexes, tool_path) == (0, [])
+    assert _install(environment, indexes, tool_path, TORCH="cpu") == (0, [])
+    code, (line,) = _install(environment, indexes, tool_path, TORCH="cuda")
+    assert code == 1
+    assert line.startswith(
+        f"install: TORCH=cuda: {environment} holds PyTorch {_RELEASE}+cpu: remove"
+    )
+
+
+@pytest.mark.parametrize("wish", ["gpu", "CPU", "cpu "])
+def test_a_wrong_wish_ends_before_anything_is_made(tmp_path, wish):
+    done = subprocess.run(
+        [sys.executable, ROOT / "requirements/install.py", "--venv", tmp_path / "venv"],
+        env=os.environ | {"TORCH": wish},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == f"install: TORCH={wish}: cpu or cuda is expected\n"
+    assert not (tmp_path / "venv").exists()
