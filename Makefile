@@ -2,6 +2,7 @@
 # make test  install what the tests need, run them
 # make lint  formatter, linter, type checker, generated docs
 # make docs  build the site of docs/ into build/site, strictly
+# make docs-update  write the generated parts of documents anew
 # make bench measure the table of the README and store it as JSON
 # make lock  write requirements/*.lock anew from pyproject.toml; UPGRADE=1 for the newest versions
 # make resolve  do pyproject.toml and the locks resolve on plain PyPI, for every Python and platform?
@@ -11,6 +12,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= runs/room
 LOCKS := $(wildcard requirements/*.*)
+GENERATED := docs/architecture.md docs/wire.md  # their parts between [[[cog and [[[end]]]
 UV_VERSION := 0.13.9
 UV := build/uv/bin/uv
 
@@ -19,7 +21,7 @@ export OMP_NUM_THREADS := 1
 # the first process that imports a package compiles it (see --no-compile in requirements/install.py), not every one
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint docs bench lock resolve package clean look-again
+.PHONY: run test lint docs docs-update bench lock resolve package clean look-again
 
 run: $(VENV)/.installed
 	$(BIN)/hsslam-serve --source synth:room --frames 300 --viewer none --out $(OUT)
@@ -34,12 +36,15 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
-	$(BIN)/python -m hsslam_proto.topic_table --check docs/architecture.md
-	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
+	$(BIN)/cog --check $(GENERATED)
 
 # without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
 docs: $(VENV)/.installed-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file docs/site/mkdocs.yml
+
+# what documents say of topics, processes and commands, written anew from the code
+docs-update: $(VENV)/.installed-dev
+	$(BIN)/cog -r $(GENERATED)
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m hsslam_bench

@@ -54,7 +54,7 @@ MAP = Topic("out/map", m.MapVersion, "mapper", "1 to 10 Hz", "keep", 8 * _KIB, 1
 CORRECTION = Topic(
     "out/correction", m.Correction, "global_ba", "below 1 Hz", "keep", 4 * _MIB, 16, drawn=True
 )
-MESH = Topic("out/mesh", m.Mesh, "mesher", "below 1 Hz", "keep", 256 * _MIB, 1, drawn=True)
+MESH = Topic("out/mesh", m.Mesh, "mesher, saver", "below 1 Hz", "keep", 256 * _MIB, 1, drawn=True)
 VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
 STEP = Topic("sys/step", m.Step, "mapper, global_ba", "lockstep only", "keep", 8 * _KIB)
 HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)

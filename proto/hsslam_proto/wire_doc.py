@@ -1,11 +1,7 @@
-"""docs/wire.md, for clients in any language: `python -m hsslam_proto.wire_doc [--check] FILE`
+"""docs/wire.md, for clients in any language: from the tables of topics and requests and their messages.
 
-The file is written from the tables of topics and requests and the types of their messages.
+`make docs-update` writes it (cog).
 """
-
-import argparse
-import sys
-from pathlib import Path
 
 import msgspec
 
@@ -13,14 +9,13 @@ from hsslam_proto import messages as m
 from hsslam_proto.codec import MEDIA_TYPE
 from hsslam_proto.field_types import field_type
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request
-from hsslam_proto.topic_table import size_text, topic_rows
-from hsslam_proto.topics import TOPICS
+from hsslam_proto.topics import TOPICS, Topic
 
 _EXAMPLE = "examples/wire_client.py"
-_HEAD = f"""# The wire
-
-*Generated from `proto/` by `python -m hsslam_proto.wire_doc docs/wire.md`.*
-
+_TOPIC_HEAD = (
+    *("key `hsslam/<robot>/`", "message", "from", "rate", "QoS", "kept", "limit", "log", "view"),
+)
+_HEAD = f"""\
 A run is a [zenoh](https://zenoh.io) router (`tcp/127.0.0.1:7447`; `--zenoh-port`, `--bind`) with all its
 processes as clients. Anybody else is a client as well: session mode `client`, the router as the endpoint to
 connect to, scouting off. All keys begin with `hsslam/<robot>/` (`--robot`, default `robot`).
@@ -60,33 +55,14 @@ here, so that nothing is done other than meant. There is one answer:
 
 def wire_doc() -> str:
     """The whole document."""
-    table = "\n".join(topic_rows())
+    rows = [_TOPIC_HEAD, ("---",) * len(_TOPIC_HEAD), *map(_topic_row, TOPICS)]
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     refusal = f"{MEDIA_TYPE};{REFUSAL.schema}"
     rows = "\n".join(map(_request_row, REQUESTS))
     parts = [_HEAD, f"## Topics\n\n{table}\n", _REQUESTS.format(refusal=refusal, rows=rows)]
     parts.append("## Messages\n")
     parts += [_message(message) for message in _all_messages()]
     return "\n".join(parts)
-
-
-def main() -> int:
-    """Command line; exit code 1 if --check finds an old file, 2 on bad input."""
-    parser = argparse.ArgumentParser(prog="wire_doc", description=__doc__)
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument("--check", action="store_true", help="change nothing, tell if it is old")
-    arguments = parser.parse_args()
-    path = arguments.file
-    try:
-        if arguments.check:
-            if path.read_text() != wire_doc():
-                print(f"{path}: is old: run python -m hsslam_proto.wire_doc {path}")
-                return 1
-        else:
-            path.write_text(wire_doc())
-    except OSError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
 
 
 def _all_messages() -> list[type[m.Message]]:
@@ -97,9 +73,28 @@ def _all_messages() -> list[type[m.Message]]:
     return list(dict.fromkeys([*found, REFUSAL.message]))
 
 
+def _topic_row(topic: Topic) -> tuple[str, ...]:
+    return (
+        f"`{topic.name}`",
+        f"`{topic.message.__name__}`",
+        topic.publisher,
+        topic.rate,
+        topic.qos.upper(),
+        str(topic.history or "-"),
+        _size_text(topic.size_limit_bytes),
+        "yes" if topic.logged else "-",
+        "yes" if topic.drawn else "-",
+    )
+
+
+def _size_text(nbytes: int) -> str:
+    """A limit in KiB or MiB."""
+    return f"{nbytes // 2**20} MiB" if nbytes >= 2**20 else f"{nbytes // 2**10} KiB"
+
+
 def _request_row(request: Request) -> str:
     asked, answered = request.asked.message.__name__, request.answered.message.__name__
-    limit = size_text(request.asked.size_limit_bytes)
+    limit = _size_text(request.asked.size_limit_bytes)
     wait = f"{request.takes_s:g} s"
     return f"| `{request.name}` | `{asked}` | `{answered}` | {limit} | {wait} | {request.purpose} |"
 
@@ -121,7 +116,3 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
     if field.default_factory is not msgspec.NODEFAULT:
         return f"`{field.default_factory()!r}`"
     return "-"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,8 @@
 """The camera process: publishes a source's frames, on the sensor's clock or in lockstep.
 
-Whether the run is paused, as the camera hears it.
+Subscribes: out/map, out/pose, sys/health, sys/hold, sys/step
+Publishes: in/frame, in/end
+Arena: reads map_state
 """
 
 import contextlib

@@ -1,4 +1,7 @@
-"""The evaluator process: after the run, the only process that sees ground truth; adds ATE."""
+"""The evaluator process: after the run, compares its results with ground truth.
+
+No other process sees ground truth.
+"""
 
 from dataclasses import replace
 from pathlib import Path

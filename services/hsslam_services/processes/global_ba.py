@@ -1,4 +1,9 @@
-"""The global bundle adjustment process: refines what the map renders badly."""
+"""The global bundle adjustment process: corrects keyframe poses, refines what the map renders badly.
+
+Subscribes: out/map, sys/step
+Publishes: out/correction, sys/step
+Arena: reads map_state; writes keyframes, map
+"""
 
 from functools import partial
 

@@ -1,4 +1,7 @@
-"""Fills the arena with a saved map, once, before the processes start that go on in it; then ends."""
+"""The map loader: fills the arena with a saved map before the other processes start; then ends.
+
+Arena: writes keyframes, map
+"""
 
 from dataclasses import replace
 

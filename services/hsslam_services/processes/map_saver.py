@@ -1,4 +1,7 @@
-"""Writes the map of a running service, once, when a client asks for it; then ends."""
+"""The map saver: writes the map of a running service when a client asks for it; then ends.
+
+Arena: reads keyframes, map
+"""
 
 from pathlib import Path
 

@@ -1,4 +1,11 @@
-"""The mapper process: keyframes in, map versions out."""
+"""The mapper process: fits the map to the keyframes and publishes versions of it.
+
+In real time a keyframe message only wakes the loop; the arena says how many keyframes there are.
+
+Subscribes: out/keyframe, out/pose
+Publishes: out/map, sys/step
+Arena: reads keyframes, map_state; writes map
+"""
 
 import time
 

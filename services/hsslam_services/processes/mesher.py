@@ -1,6 +1,8 @@
-"""The mesher process: turns the published map into a mesh now and then.
+"""The mesher process: turns the published map into a mesh now and then, and into small views of it.
 
-The map as the camera would see it now: small, now and then, for the viewer.
+Subscribes: out/pose
+Publishes: out/mesh, out/view
+Arena: reads keyframes, map, map_state
 """
 
 import time

@@ -1,4 +1,7 @@
-"""The recorder: all topics into the MCAP log, run.rrd and the viewer. Nobody waits for it."""
+"""The recorder process: all topics into the MCAP log, run.rrd and the viewer. No process waits for it.
+
+Subscribes: every logged topic
+"""
 
 import time
 from collections import Counter

@@ -1,4 +1,8 @@
-"""The saver: once at the end of a run, writes from the arena what the run is kept for."""
+"""The saver process: at the end of a run, once, writes from the arena what the run is kept for.
+
+Publishes: out/mesh
+Arena: reads keyframes, map, map_state, pose_log
+"""
 
 from pathlib import Path
 from typing import Any

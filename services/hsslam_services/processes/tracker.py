@@ -1,4 +1,9 @@
-"""The tracker process: frames in, poses and keyframes out."""
+"""The tracker process: frames in, poses and keyframes out.
+
+Subscribes: in/frame
+Publishes: out/pose, out/keyframe
+Arena: reads map_state, map; writes keyframes, pose_log
+"""
 
 import time
 from itertools import pairwise

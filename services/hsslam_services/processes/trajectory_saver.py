@@ -1,4 +1,9 @@
-"""Writes the trajectories of a map that is thrown away, before its keyframes are gone; then ends."""
+"""The trajectory saver: before a reset discards a map, writes the trajectories of its epoch; then ends.
+
+A process of its own because the supervisor, which resets, does not import torch.
+
+Arena: reads keyframes, map_state, pose_log
+"""
 
 from hsslam_node.errors import UserError
 from hsslam_services.launch.worker import Worker, run_worker

@@ -1,4 +1,9 @@
-"""The supervisor: router, arena and processes of one run, from the first to the orderly end."""
+"""The supervisor: router, arena and processes of one run, from the first to the orderly end.
+
+Subscribes: in/end, out/correction, out/keyframe, out/map, out/mesh, out/pose, sys/health, sys/event
+Publishes: sys/event, sys/hold, sys/stop
+Arena: reads pose_log; writes map_state
+"""
 
 import signal
 from types import FrameType

@@ -1,0 +1,133 @@
+"""The order of folders: imports go down, never up and never in a circle; folders stay small."""
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.repository import ROOT
+
+# A module may import its own folder and folders of lines above its own.
+_FLOORS = (
+    ("hsslam_node",),
+    ("hsslam_proto",),
+    ("hsslam_services.security", "hsslam_services.run"),
+    ("hsslam_services.bus",),
+    ("hsslam_services.log", "hsslam_services.launch"),
+    ("hsslam_services.viewer", "hsslam_services.camera", "hsslam_services.health"),
+    ("hsslam_services.processes", "hsslam_services.requests"),
+    ("hsslam_services.supervisor",),
+    ("hsslam_services.commands",),
+    ("hsslam_bench",),
+)
+_LEVEL = {folder: level for level, floor in enumerate(_FLOORS) for folder in floor}
+_ROOTS = {"hsslam_node": ROOT, "hsslam_proto": ROOT / "proto"}
+_ROOTS |= dict.fromkeys(("hsslam_services", "hsslam_bench"), ROOT / "services")
+_MOST_MODULES = 15
+_SHORT_LINES = 40
+
+
+def _modules() -> dict[str, Path]:
+    found = {}
+    for package, root in _ROOTS.items():
+        for path in (root / package).rglob("*.py"):
+            parts = path.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+_MODULES = _modules()
+
+
+def _imports(path: Path) -> Iterator[str]:
+    """Modules of ours that a module imports, also those inside functions."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                yield full if full in _MODULES else node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def _folder(module: str) -> str | None:
+    parts = module.split(".")
+    return next((f for k in (1, 2) if (f := ".".join(parts[:k])) in _LEVEL), None)
+
+
+_ARROWS = [
+    (module, target)
+    for module, path in _MODULES.items()
+    for target in _imports(path)
+    if target in _MODULES and target != module
+]
+
+
+def test_no_import_goes_up_or_sideways():
+    wrong = []
+    for module, target in _ARROWS:
+        above, below = _folder(module), _folder(target)
+        if above is None or below is None or above == below:
+            continue
+        if _LEVEL[below] >= _LEVEL[above]:
+            wrong.append(f"{module} -> {target}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ["hsslam_node", "hsslam_services", "hsslam_bench"])
+def test_folders_import_each_other_without_circles(package: str):
+    arrows: dict[str, set[str]] = defaultdict(set)
+    for module, target in _ARROWS:
+        pair = [_folder_path(name) for name in (module, target)]
+        if all(name.startswith(package) for name in pair) and pair[0] != pair[1]:
+            arrows[pair[0]].add(pair[1])
+    assert not _circle(arrows)
+
+
+def test_modules_import_each_other_without_circles():
+    arrows: dict[str, set[str]] = defaultdict(set)
+    for module, target in _ARROWS:
+        arrows[module].add(target)
+    assert not _circle(arrows)
+
+
+def test_a_folder_has_at_most_15_modules():
+    counts: dict[Path, int] = defaultdict(int)
+    for path in _MODULES.values():
+        counts[path.parent] += path.name != "__init__.py"
+    assert not {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > _MOST_MODULES}
+
+
+def test_every_folder_and_module_says_what_it_is():
+    silent = [m for m, path in _MODULES.items() if len(_first_line(path)) < 10]
+    assert not silent
+
+
+def _folder_path(module: str) -> str:
+    """The folder of a module; a module that lies beside the folders of its package is its own."""
+    is_folder = _MODULES[module].name == "__init__.py" or module.count(".") < 2
+    return module if is_folder else module.rpartition(".")[0]
+
+
+def _first_line(path: Path) -> str:
+    return (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0]
+
+
+def _circle(arrows: dict[str, set[str]]) -> list[str]:
+    """Names along one circle; empty if there is none."""
+    done: set[str] = set()
+    for start in list(arrows):
+        path, stack = [start], [iter(sorted(arrows[start]))]
+        while stack:
+            step = next(stack[-1], None)
+            if step is None:
+                done.add(path.pop())
+                stack.pop()
+            elif step in path:
+                return path[path.index(step) :]
+            elif step not in done:
+                path.append(step)
+                stack.append(iter(sorted(arrows.get(step, ()))))
+    return []
