@@ -74,3 +74,24 @@ def _skew(v: np.ndarray) -> np.ndarray:
     W = np.zeros((len(v), 3, 3))
     W[:, 0, 1], W[:, 0, 2], W[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     return W - np.swapaxes(W, 1, 2)
+
+
+def quaternions_from_rotations(R: np.ndarray) -> np.ndarray:
+    """Unit quaternions [N, 4] xyzw of rotation matrices [N, 3, 3] (Shepperd's method)."""
+    diagonal = np.diagonal(R, axis1=1, axis2=2)  # [N, 3]
+    trace = diagonal.sum(axis=1)
+    largest = np.argmax(np.concatenate([diagonal, trace[:, None]], axis=1), axis=1)  # [N]
+    q = np.empty((len(R), 4))
+    w = largest == 3
+    q[w, 0] = R[w, 2, 1] - R[w, 1, 2]
+    q[w, 1] = R[w, 0, 2] - R[w, 2, 0]
+    q[w, 2] = R[w, 1, 0] - R[w, 0, 1]
+    q[w, 3] = 1.0 + trace[w]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        at = largest == i
+        q[at, i] = 1.0 + 2.0 * R[at, i, i] - trace[at]
+        q[at, j] = R[at, j, i] + R[at, i, j]
+        q[at, k] = R[at, k, i] + R[at, i, k]
+        q[at, 3] = R[at, k, j] - R[at, j, k]
+    return q / np.linalg.norm(q, axis=1, keepdims=True)

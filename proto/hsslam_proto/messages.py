@@ -66,10 +66,11 @@ class Frame(Message, frozen=True, kw_only=True):
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
-    """The source has no more frames."""
+    """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say)."""
 
     frame_count: Index
     bad_frame_count: Index = 0
+    last_index: Annotated[int, Meta(ge=-1, le=2**63 - 1)] = -1
     reason: Text = ""
 
 

@@ -63,6 +63,12 @@ class RunState:
         """Median of the last latencies from sensor stamp to published pose."""
         return statistics.median(self.latencies_ms) if self.latencies_ms else 0.0
 
+    def has_answered(self, end: SourceEnd, dropped: int) -> bool:
+        """Whether there is a pose of the last frame; else, whether each frame is answered or dropped."""
+        if self.pose is not None and 0 <= end.last_index <= self.pose.index:
+            return True
+        return self.tracked + self.lost + dropped >= end.frame_count
+
     def forget_map(self) -> None:
         """The map was thrown away; counts go on."""
         self.pose = self.map = None

@@ -39,7 +39,7 @@ def run_status(
         frames_sent=_sent(children, state),
         frames_tracked=state.tracked,
         frames_lost=state.lost,
-        frames_dropped=_frames_dropped(children),
+        frames_dropped=frames_dropped(children),
         fps=state.fps,
         latency_ms=state.latency_ms,
         tracking="none" if pose is None else pose.status,
@@ -107,7 +107,8 @@ def _sent(children: Mapping[str, Child], state: RunState) -> int:
     return max(sent, state.tracked + state.lost)
 
 
-def _frames_dropped(children: Mapping[str, Child]) -> int:
+def frames_dropped(children: Mapping[str, Child]) -> int:
+    """Frames that the tracker missed because newer ones came, by its last heartbeat."""
     health = children["tracker"].health if "tracker" in children else None
     return health.topics.get(FRAME.name, TopicCounts()).dropped if health else 0
 

@@ -26,7 +26,6 @@ from hsslam_services.run.map_state import RunMode
 
 _POLL_S = 0.1
 _AHEAD = 30  # frames decoded in advance: rides out a second of other load
-_FLUSH_S = 0.3  # for the last message to leave
 
 
 class CameraHold:
@@ -101,9 +100,13 @@ def _run(worker: Worker) -> None:
             worker.counters.update(sent=progress.sent, bad=progress.bad)
     reason = "stopped" if worker.should_stop() else "end of source"
     worker.bus.publisher(topics.SOURCE_END).put(
-        SourceEnd(frame_count=progress.sent, bad_frame_count=progress.bad, reason=reason)
+        SourceEnd(
+            frame_count=progress.sent,
+            bad_frame_count=progress.bad,
+            last_index=progress.next_index - 1,
+            reason=reason,
+        )
     )
-    time.sleep(_FLUSH_S)
 
 
 def _items(

@@ -14,7 +14,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode
 from hsslam_proto.foxglove import cleared_scene, viz_messages
 from hsslam_proto.map_epoch import WorldOrder
-from hsslam_proto.messages import Frame, Mesh, Message
+from hsslam_proto.messages import Frame, Health, Mesh, Message
 from hsslam_proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Report
@@ -27,8 +27,8 @@ from hsslam_services.viewer.view import RerunView
 
 _FRAME_DEPTH = 16
 _DEPTH = 8192
-_QUIET_S = 0.3  # at the end: what is still on its way has arrived after this much silence
-_DRAIN_S = 5.0
+_DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
+_TURN_S = 0.3  # for messages on their way from senders without heartbeats
 _VIZ_MESH_INTERVAL_S = 10.0
 
 
@@ -56,6 +56,7 @@ class Recorder:
         self._tell = tell
         self._skipped: Counter[str] = Counter()
         self._unusable = 0
+        self._beating: set[str] = set()
         self._viz_mesh_s = float("-inf")
         self._earlier = EarlierParts(run_dir, tell)
         self._worlds = WorldOrder()
@@ -126,11 +127,10 @@ class Recorder:
         }
 
     def _drain(self) -> None:
+        """Log until every process that was heard has sent its last heartbeat, which follows all it sent."""
         deadline = time.monotonic() + _DRAIN_S
-        quiet_since = time.monotonic()
-        while time.monotonic() < deadline and time.monotonic() - quiet_since < _QUIET_S:
-            if self.spin_once(_QUIET_S / 3):
-                quiet_since = time.monotonic()
+        while self.spin_once(_TURN_S) or (self._beating and time.monotonic() < deadline):
+            pass
 
     def _record(self, topic: Topic, received: Received) -> None:
         envelope = received.envelope
@@ -139,6 +139,8 @@ class Recorder:
         if self._earlier.has(self._key(topic), publish_ns, sequence):
             return
         message, payload = received.message, received.payload
+        if isinstance(message, Health):
+            self._follow(message)
         if isinstance(message, Frame):
             try:
                 logged = compress_frame(message, self._log.settings.color)
@@ -155,6 +157,15 @@ class Recorder:
             self._write_viz(message, getattr(message, "stamp_ns", received.arrival_ns))
         if topic.drawn:
             self._view.show(message)
+
+    def _follow(self, health: Health) -> None:
+        """Keep which of the other processes are at work."""
+        if health.process == self._bus.process:
+            return
+        if health.state == "stopping":
+            self._beating.discard(health.process)
+        else:
+            self._beating.add(health.process)
 
     def _write_viz(self, message: Message, stamp_ns: int) -> None:
         if self._worlds.begins_with(message):

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
+from hsslam_node.geometry.se3 import transform
+from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world
@@ -74,8 +75,7 @@ def rows_of(trajectory: Trajectory, world: int = 0) -> TrajectoryRows:
     """The trajectory as a message."""
     poses = np.empty((len(trajectory), 7), "<f8")
     poses[:, :3] = trajectory.positions
-    for row, T in zip(poses, trajectory.T_world_cam, strict=True):
-        row[3:] = quaternion_from_rotation(T[:3, :3])
+    poses[:, 3:] = quaternions_from_rotations(trajectory.T_world_cam[:, :3, :3])
     return TrajectoryRows(
         count=len(trajectory),
         stamps_ns=trajectory.stamps_ns.astype("<i8").tobytes(),  # type: ignore[arg-type]

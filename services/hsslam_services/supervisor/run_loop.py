@@ -10,7 +10,7 @@ from hsslam_proto.messages import Event, Stop
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import Listener
 from hsslam_services.health.snapshot import take_snapshot
-from hsslam_services.health.status import process_section
+from hsslam_services.health.status import frames_dropped, process_section
 from hsslam_services.health.status_line import StatusLine
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkClient
@@ -32,8 +32,8 @@ from hsslam_services.supervisor.preparation import Prepared
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
-_SETTLED_S = 0.5  # without a new pose: the tracker has taken the last frame
-_LONGEST_SETTLE_S = 5.0
+_LONGEST_SETTLE_S = 5.0  # for the pose of the last frame, which may be one that cannot be tracked
+_LONGEST_REQUEST_S = 60.0  # for a map that a client is saving when the run ends
 
 
 class SupervisedRun:
@@ -154,7 +154,8 @@ class SupervisedRun:
         """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
         stop_ns = time.time_ns()
         self._gateway.is_stopping = True
-        while self._gateway.is_busy and self._signals() < 2:
+        deadline_s = time.monotonic() + _LONGEST_REQUEST_S
+        while self._gateway.is_busy and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
         for stage in sorted({child.spec.stop_stage for child in self._children.values()}):
             if stage == TRACKER_STAGE:
@@ -182,12 +183,15 @@ class SupervisedRun:
             child.kill()
 
     def _settle(self) -> None:
-        """Let the tracker take the frames that are on their way."""
-        start = time.monotonic()
-        while time.monotonic() - start < _LONGEST_SETTLE_S and self._signals() < 2:
+        """Wait for the answer to the last frame that the source has sent."""
+        deadline_s = time.monotonic() + _LONGEST_SETTLE_S
+        while time.monotonic() < deadline_s and self._signals() < 2:
             self._tick()
-            since_pose_s = time.monotonic() - max(self._listener.state.last_pose_s, start)
-            if since_pose_s > _SETTLED_S:
+            state, tracker = self._listener.state, self._children["tracker"]
+            if state.source_end is None or not tracker.is_alive:
+                return
+            dropped = frames_dropped(self._children)
+            if state.has_answered(state.source_end, dropped):
                 return
 
     def _one_shot(self, module: str, patience: int = 1) -> None:

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, se3_exp, se3_log
 from hsslam_node.geometry.se3_batch import (
     adjoint_batch,
     exp_batch,
     inverse_batch,
     log_batch,
     log_jacobian_batch,
+    quaternions_from_rotations,
 )
 
 _TWISTS = np.random.default_rng(0).normal(size=(30, 6)) * np.logspace(-7, 0, 30)[:, None]
@@ -21,6 +22,15 @@ def test_exp_log_and_inverse_are_those_of_single_transforms():
     np.testing.assert_allclose(log_batch(T), [se3_log(M) for M in T], atol=1e-9)
     np.testing.assert_allclose(log_batch(T), _TWISTS, atol=1e-9)
     np.testing.assert_allclose(inverse_batch(T), [inverse(M) for M in T], atol=1e-12)
+
+
+def test_quaternions_are_those_of_single_rotations():
+    half_turns = np.diag([1.0, -1.0, -1.0]), np.diag([-1.0, 1.0, -1.0]), np.diag([-1.0, -1.0, 1.0])
+    R = np.concatenate([exp_batch(3.0 * _TWISTS)[:, :3, :3], half_turns])
+    np.testing.assert_array_equal(
+        quaternions_from_rotations(R), [quaternion_from_rotation(M) for M in R]
+    )
+    assert quaternions_from_rotations(R[:0]).shape == (0, 4)
 
 
 def test_the_adjoint_moves_a_twist_to_the_other_side():

@@ -89,7 +89,7 @@ def _mapped_groups(pid: int) -> set[str]:
     except OSError:
         return set()
     arrays = {Path(line.split()[-1]).name for line in lines if "/dev/shm/hsslam-" in line}
-    return {_group_of(array) for array in arrays if array.endswith(".bin")}
+    return {_group_of(array) for array in arrays}
 
 
 def _group_of(array: str) -> str:
