@@ -13,7 +13,7 @@ from hsslam_proto import topics
 from hsslam_proto.messages import Correction, Step
 from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.processes.mapper import PARAMETERS_LEASE
+from hsslam_services.run.arena import PARAMETERS_LEASE
 from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.shared_map import MapLink
 

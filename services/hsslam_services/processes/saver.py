@@ -4,33 +4,23 @@ Publishes: out/mesh
 Arena: reads keyframes, map, map_state, pose_log
 """
 
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import trimesh
 
 from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
 from hsslam_node.device.device import Device
-from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.keyframes.store import KeyframeStore
 from hsslam_node.meshing.depth_views import DepthViews
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.open_map_queries import open_map_queries
-from hsslam_node.tracking.pose_log import (
-    PoseLog,
-    final_trajectory,
-    of_world,
-    online_trajectory,
-)
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.run.arena import Arena
 from hsslam_services.run.map_snapshot import map_checkpoint
 from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.shared_map import MapLink
-from hsslam_services.run.summary import pose_section
+from hsslam_services.run.trajectory_files import save_trajectories
 
 
 def main() -> None:
@@ -67,28 +57,6 @@ def _run(worker: Worker) -> None:
     _publish(worker, mesh, parameters.version, world)
     mesh.export(run_dir / "mesh.ply")
     worker.add_to_summary({"mesh": {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}})
-
-
-def save_trajectories(
-    run_dir: Path, arena: Arena, store: KeyframeStore | None, world: int, suffix: str = ""
-) -> dict[str, Any]:
-    """Write the three trajectory files of one map epoch (`store`: its keyframes).
-
-    Returns the pose statistics of the run for the summary; with several epochs, also those of this one.
-    """
-    rows = PoseLog(arena).rows()
-    here = of_world(rows, world)
-    poses = store.poses() if store is not None else np.zeros((0, 4, 4))
-    stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
-    write_tum(run_dir / f"trajectory_online{suffix}.txt", online_trajectory(here))
-    write_tum(run_dir / f"trajectory{suffix}.txt", final_trajectory(here, poses))
-    own = slice(store.inherited if store is not None else 0, len(poses))
-    write_tum(run_dir / f"keyframes{suffix}.txt", Trajectory(stamps[own], poses[own]))
-    section = pose_section(rows)
-    if world > 0 or suffix:
-        counts = {**pose_section(here)["frames"], "keyframes": len(stamps[own])}
-        section["worlds"] = {str(world): {**counts, "trajectory": f"trajectory{suffix}.txt"}}
-    return section
 
 
 def final_mesh(

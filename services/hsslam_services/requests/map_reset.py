@@ -69,7 +69,7 @@ class MapReset:
         elif not has_map:
             asked.refuse("not_now", "reset: there is no map yet")
         else:
-            of_map = [child for child in children.values() if child.spec.holds_map]
+            of_map = [child for child in children.values() if child.spec.restarts_with_map]
             self._asked.append(asked)
             self._steps = self._reset(state, of_map)
 

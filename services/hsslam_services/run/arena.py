@@ -15,6 +15,8 @@ import torch
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_services.run.arena_view import ArrayHeader
 
+PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
+
 
 class Arena:
     """The arrays of one arena folder; an `ArrayAllocator` (hsslam_node/keyframes/allocator.py).

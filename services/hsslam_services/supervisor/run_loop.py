@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from hsslam_node.device.torch_build import cuda_torch_without_cuda
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_proto import topics
@@ -59,7 +60,7 @@ class SupervisedRun:
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn)
             for spec in PROCESSES
-            if spec.name != "camera" or self._info.options.has_camera_process
+            if self._info.options.has_camera_process or not spec.reads_source
         }
 
     def to_the_end(self) -> int:
@@ -67,6 +68,8 @@ class SupervisedRun:
         with self._status:
             for text, level in self._notices:
                 self._status.say(text, level)
+            if spare_cuda := cuda_torch_without_cuda():
+                self._status.say(spare_cuda)
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 self._one_shot(WARM_UP, patience=0)
@@ -99,10 +102,11 @@ class SupervisedRun:
             for child in self._children.values():
                 if child.state == "failed" and self._needs(child):
                     return f"{child.spec.name} cannot be kept running"
-            camera = self._children.get("camera")
-            if camera is not None and camera.state == "failed":
+            sources = [c for c in self._children.values() if c.spec.reads_source]
+            if any(child.state == "failed" for child in sources):
                 return "the source cannot be read"
-            if self._listener.state.source_end is not None or (camera and camera.state == "ended"):
+            has_ended = any(child.state == "ended" for child in sources)
+            if self._listener.state.source_end is not None or has_ended:
                 return "end of source"
 
     def _want_late_ones(self) -> None:
@@ -212,7 +216,7 @@ class SupervisedRun:
         if self._signals() > 1:
             return 1
         for child in self._children.values():
-            if child.user_error and (self._needs(child) or child.spec.name == "camera"):
+            if child.user_error and (self._needs(child) or child.spec.reads_source):
                 raise UserError(child.user_error)
         for child in self._children.values():
             if child.restarts:
