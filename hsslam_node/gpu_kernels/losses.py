@@ -7,7 +7,7 @@ from torch import Tensor
 from hsslam_node.gpu_kernels.block_size import block_size
 
 BLOCK = 8  # rays of one program
-_MIDDLE = tl.constexpr(0.4)  # as losses/sdf.py
+_MIDDLE = tl.constexpr(0.4)  # as reference/losses.py
 _COLOR, _DEPTH, _SDF_MIDDLE, _SDF_TAIL, _FREE_SPACE = (tl.constexpr(k) for k in range(5))
 
 

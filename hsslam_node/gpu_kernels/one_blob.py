@@ -6,7 +6,7 @@ import triton.language as tl
 
 @triton.jit
 def one_blob(t):
-    """Bins [B, 16] of t [B], the position along an axis in 0..1 (see field/oneblob.py)."""
+    """Bins [B, 16] of t [B], the position along an axis in 0..1 (see reference/encodings.py)."""
     u = tl.arange(0, 16)[None, :].to(tl.float32) - 16.0 * t[:, None]
     return _cdf(u + 1.0) - _cdf(u)
 

@@ -1,4 +1,4 @@
-"""Structural loss over virtual patches on the GPU, with its gradient (twin of losses/patch.py)."""
+"""Structural loss over virtual patches on the GPU, with its gradient (twin of reference/losses.py)."""
 
 import triton
 import triton.language as tl

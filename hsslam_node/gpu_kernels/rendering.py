@@ -20,7 +20,7 @@ def render_forward(
     depth: Tensor,
     opacity: Tensor,
 ) -> None:
-    """Render rays from samples sorted near to far (twin of rendering/sdf_rendering.py).
+    """Render rays from samples sorted near to far (twin of reference/rendering.py).
 
     sdf, z, inside (uint8), weights: [R, S]; rgb: [R, S, 3]; log_beta [1]; color [R, 3], depth [R] m,
     opacity [R] are written.

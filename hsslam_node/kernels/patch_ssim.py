@@ -1,4 +1,4 @@
-"""Structural loss over virtual patches on the CPU, with its gradient (twin of losses/patch.py)."""
+"""Structural loss over virtual patches on the CPU, with its gradient (twin of reference/losses.py)."""
 
 import numpy as np
 from numba import njit

@@ -3,13 +3,13 @@
 import numpy as np
 from numba import njit
 
-MIDDLE = np.float32(0.4)  # as losses/sdf.py
+MIDDLE = np.float32(0.4)  # as reference/losses.py
 COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE = range(5)  # order of loss weights and terms
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def render_forward(sdf, rgb, inside, z, beta, weights, color, depth, opacity):
-    """Render rays from samples sorted near to far (twin of rendering/sdf_rendering.py).
+    """Render rays from samples sorted near to far (twin of reference/rendering.py).
 
     sdf, z, inside, weights: [R, S]; rgb: [R, S, 3]; color [R, 3], depth [R] m, opacity [R] are written.
     """

@@ -1,4 +1,4 @@
-"""Smoothness of the hash feature in a cube on the CPU, with its gradient (twin of losses/smoothness.py)."""
+"""Smoothness of the hash feature in a cube on the CPU, with its gradient (twin of reference/losses.py)."""
 
 import numpy as np
 from numba import njit

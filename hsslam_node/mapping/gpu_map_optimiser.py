@@ -21,12 +21,16 @@ from hsslam_node.gpu_kernels.rendering import render_forward
 from hsslam_node.gpu_kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.losses.smoothness import smoothness_cube
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
 from hsslam_node.mapping.ray_batch import RayDraw
 from hsslam_node.mapping.ray_need import RayNeed
-from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
+from hsslam_node.mapping.step_inputs import (
+    learning_rates,
+    patch_windows,
+    ray_weights,
+    smoothness_cube,
+)
 
 _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
 

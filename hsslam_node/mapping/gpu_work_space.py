@@ -11,8 +11,8 @@ from hsslam_node.device.staged_array import StagedArray
 from hsslam_node.gpu_kernels.activations import field_activations, gradient
 from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
 from hsslam_node.gpu_kernels.ray_batch import GpuRays
-from hsslam_node.losses.patch import window_weights
 from hsslam_node.mapping.ray_batch import RayBatch
+from hsslam_node.mapping.step_inputs import window_weights
 
 _RATE_REGIONS = 4
 

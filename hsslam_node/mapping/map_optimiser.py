@@ -22,11 +22,15 @@ from hsslam_node.kernels.rendering import (
 from hsslam_node.kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.touched import gradient, touch_range
 from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.losses.patch import window_weights
-from hsslam_node.losses.smoothness import smoothness_cube
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
-from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
+from hsslam_node.mapping.step_inputs import (
+    learning_rates,
+    patch_windows,
+    ray_weights,
+    smoothness_cube,
+    window_weights,
+)
 
 ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
 

@@ -3,7 +3,8 @@ import pytest
 import torch
 
 from hsslam_node.gpu_kernels.patch_ssim import patch_ssim_backward
-from hsslam_node.losses.patch import patch_loss, random_patches, window_rays, window_weights
+from hsslam_node.mapping.step_inputs import random_patches, window_rays, window_weights
+from hsslam_node.reference.losses import patch_loss
 from tests.node.gpu_kernels.conftest import empty, on_device
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from hsslam_node.field.hybrid_field import HybridField
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.gpu_kernels.sdf_alignment import alignment_work_space, sdf_normal_equations
 from hsslam_node.gpu_kernels.sdf_query import query_sdf
 from hsslam_node.kernels.alignment import add_sdf_term
+from hsslam_node.reference.field import HybridField
 from tests.node.gpu_kernels.conftest import empty, on_device
 
 N = 150

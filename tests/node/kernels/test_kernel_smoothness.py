@@ -4,7 +4,8 @@ import torch
 
 from hsslam_node.kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.touched import gradient
-from hsslam_node.losses.smoothness import smoothness_cube, smoothness_loss
+from hsslam_node.mapping.step_inputs import smoothness_cube
+from hsslam_node.reference.losses import smoothness_loss
 
 
 def test_loss_and_gradient_are_the_reference(field, close):

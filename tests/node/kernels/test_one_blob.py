@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.oneblob import oneblob
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.kernel_layout import kernel_layout
@@ -16,6 +15,7 @@ from hsslam_node.kernels.one_blob import (
     one_blob_space,
     padded_blob_rows,
 )
+from hsslam_node.reference.encodings import oneblob
 
 _UNIT = kernel_layout(
     FieldLayout(FieldConfig(hash_levels=0), Bound((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)))

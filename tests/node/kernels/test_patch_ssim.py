@@ -3,7 +3,8 @@ import pytest
 import torch
 
 from hsslam_node.kernels.patch_ssim import patch_ssim_backward
-from hsslam_node.losses.patch import patch_loss, random_patches, window_rays, window_weights
+from hsslam_node.mapping.step_inputs import random_patches, window_rays, window_weights
+from hsslam_node.reference.losses import patch_loss
 
 
 @pytest.mark.parametrize(("kernel", "stride"), [(3, 4), (4, 4), (3, 2)])

@@ -1,10 +1,10 @@
 import numpy as np
 import torch
 
-from hsslam_node.field.tri_plane import tri_plane_features
 from hsslam_node.kernels.kernel_layout import PLANE_SETS
 from hsslam_node.kernels.planes import gather_planes, plane_position_gradient, scatter_planes
 from hsslam_node.kernels.touched import gradient
+from hsslam_node.reference.encodings import tri_plane_features
 from tests.node.kernels.marks import touched_chunks
 
 

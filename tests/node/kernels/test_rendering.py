@@ -3,11 +3,8 @@ import pytest
 import torch
 
 from hsslam_node.kernels.rendering import losses_backward, render_forward
-from hsslam_node.losses.color import color_loss
-from hsslam_node.losses.depth import depth_loss
-from hsslam_node.losses.free_space import free_space_loss
-from hsslam_node.losses.sdf import sdf_losses
-from hsslam_node.rendering.sdf_rendering import render_rays
+from hsslam_node.reference.losses import color_loss, depth_loss, free_space_loss, sdf_losses
+from hsslam_node.reference.rendering import render_rays
 
 T, BETA = 0.06, 9.0
 WEIGHT = np.array([5.0, 0.1, 200.0, 10.0, 5.0], np.float32)

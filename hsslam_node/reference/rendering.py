@@ -1,4 +1,7 @@
-"""Volume rendering of colour and depth from signed distances."""
+"""Reference of `kernels/mapping/rendering.py`.
+
+Volume rendering of colour and depth from signed distances.
+"""
 
 from dataclasses import dataclass
 

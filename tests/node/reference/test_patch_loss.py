@@ -3,18 +3,12 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter
 
-from hsslam_node.losses.patch import patch_loss, random_patches, window_rays, window_weights
+from hsslam_node.mapping.step_inputs import random_patches
+from hsslam_node.reference.losses import patch_loss
 
 
 def _patches(rays, repeats=3, seed=0):
     return torch.from_numpy(random_patches(rays, repeats, np.random.default_rng(seed)))
-
-
-def test_patches_are_the_largest_square_without_repetition():
-    patches = _patches(700)
-    assert patches.shape == (3, 26, 26)
-    for patch in patches:
-        assert len(patch.unique()) == 26 * 26 and int(patch.max()) < 700
 
 
 def test_too_few_rays_give_zero():
@@ -46,14 +40,6 @@ def test_value_is_the_gaussian_ssim_at_the_window_centres():
     ssim = (2 * m_a * m_b + c1) * (2 * cov + c2) / ((m_a**2 + m_b**2 + c1) * (v_a + v_b + c2))
     flat_a, flat_b = (torch.from_numpy(v.reshape(-1, 3)) for v in (a, b))
     assert float(patch_loss(flat_a, flat_b, order)) == pytest.approx(1 - ssim.mean(), abs=1e-9)
-
-
-def test_windows_tile_the_patch_with_the_stride():
-    patch = torch.arange(49).reshape(1, 7, 7)
-    rays = window_rays(patch, 3, 4)
-    assert rays.shape == (4, 9)
-    assert rays[1].tolist() == [4, 5, 6, 11, 12, 13, 18, 19, 20]
-    assert float(window_weights(3).sum()) == pytest.approx(1.0)
 
 
 def test_gradient_matches_finite_differences():

@@ -1,4 +1,7 @@
-"""Multi-resolution hash grid: trilinear features from one table per level."""
+"""Reference of `kernels/field/hash_grid.py`.
+
+Multi-resolution hash grid: trilinear features from one table per level.
+"""
 
 from collections.abc import Sequence
 

@@ -1,16 +1,39 @@
-"""The scene model as differentiable PyTorch: the reference that the kernels are tested against."""
+"""Reference of `kernels/field/forward.py`, `kernels/field/backward.py`, `kernels/field/pose_backward.py`,
+`kernels/field/decoder.py` and `kernels/field/sdf_query.py`.
+
+The scene model as a differentiable PyTorch module: encodings, then two bias-free two-layer perceptrons.
+"""
 
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
-from hsslam_node.field.decoder import decode_color, decode_geometry
-from hsslam_node.field.hash_grid import hash_grid_features
 from hsslam_node.field.initialisation import initial_parameters
 from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.oneblob import oneblob_of_points
-from hsslam_node.field.tri_plane import tri_plane_features
+from hsslam_node.reference.encodings import oneblob_of_points, tri_plane_features
+from hsslam_node.reference.hash_grid import hash_grid_features
+
+
+def decode_geometry(features: Tensor, W1: Tensor, W2: Tensor) -> tuple[Tensor, Tensor]:
+    """Signed distance and geometry feature.
+
+    Args:
+        features: [N, geometry_input_width]: hash, coarse + fine planes, one-blob.
+        W1: [geometry_input_width, hidden].
+        W2: [hidden, 1 + geometry_feature_width].
+
+    Returns:
+        SDF [N] in units of the truncation, -1..1 (tanh), and geometry feature g [N, 15].
+    """
+    out = torch.relu(features @ W1) @ W2
+    return torch.tanh(out[:, 0]), out[:, 1:]
+
+
+def decode_color(features: Tensor, W1: Tensor, W2: Tensor) -> Tensor:
+    """Colour [N, 3], 0..1 (sigmoid), of features [N, color_input_width]: planes, one-blob, g."""
+    return torch.sigmoid(torch.relu(features @ W1) @ W2)
+
 
 _AXES = ("xy", "xz", "yz")
 

@@ -3,8 +3,49 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.losses.free_space import free_space_loss
-from hsslam_node.losses.sdf import sdf_losses
+from hsslam_node.reference.losses import (
+    color_loss,
+    depth_loss,
+    free_space_loss,
+    sdf_losses,
+    smoothness_loss,
+)
+
+
+def test_mean_over_rays_and_channels():
+    color, measured = torch.zeros(4, 3), torch.full((4, 3), 0.5)
+    measured[0] = 0.0
+    assert float(color_loss(color, measured)) == 0.25 * 3 / 4
+    valid = torch.tensor([True, False, False, False])
+    assert float(color_loss(color, measured, valid)) == 0.0
+
+
+def test_no_ray_is_zero_with_zero_gradient():
+    color = torch.rand(4, 3, requires_grad=True)
+    loss = color_loss(color, torch.rand(4, 3), torch.zeros(4, dtype=torch.bool))
+    loss.backward()
+    assert float(loss.detach()) == 0.0 and not color.grad.any()
+    assert float(color_loss(torch.zeros(0, 3), torch.zeros(0, 3))) == 0.0
+
+
+def test_only_measured_rays_count():
+    loss = depth_loss(torch.tensor([1.0, 9.0, 2.0]), torch.tensor([1.5, 0.0, 2.0]))
+    assert float(loss) == 0.125
+
+
+def test_no_measurement_is_zero():
+    depth = torch.rand(5, requires_grad=True)
+    loss = depth_loss(depth, torch.zeros(5))
+    loss.backward()
+    assert float(loss.detach()) == 0.0 and not depth.grad.any()
+
+
+def test_space_in_front_wants_one_and_space_behind_nothing():
+    z = torch.tensor([[0.5, 1.0, 3.0]])
+    sdf = torch.tensor([[0.0, 0.5, -1.0]])
+    loss = free_space_loss(sdf, z, torch.tensor([2.0]), torch.ones(1, 3, dtype=torch.bool), 0.06)
+    assert float(loss) == pytest.approx((1.0 + 0.25) / 2)
+
 
 T = 0.06
 
@@ -61,3 +102,10 @@ def test_nothing_to_supervise_is_zero_with_zero_gradient(reason):
     total = middle + tail + free_space_loss(sdf, z, measured, inside, T)
     total.backward()
     assert float(total.detach()) == 0.0 and not sdf.grad.any()
+
+
+def test_constant_feature_costs_nothing_and_a_ramp_its_slope():
+    n = 8
+    assert float(smoothness_loss(torch.full((n, n, n, 4), 3.0))) == 0.0
+    ramp = torch.arange(n, dtype=torch.float64)[:, None, None, None].expand(n, n, n, 1) * 0.5
+    assert float(smoothness_loss(ramp)) == pytest.approx(0.25 * (n - 1) / n)

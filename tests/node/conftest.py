@@ -1,3 +1,5 @@
+"""A small layout for tests."""
+
 import pytest
 
 from hsslam_node.config import FieldConfig

@@ -3,7 +3,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsslam_node.rendering.sdf_rendering import render_rays
+from hsslam_node.reference.rendering import render_rays
 
 
 def _ray(z, surface_m, truncation_m=0.06):

@@ -4,7 +4,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.field.hash_grid import dense_index, hash_grid_features, hashed_index
+from hsslam_node.reference.hash_grid import dense_index, hash_grid_features, hashed_index
 
 
 def _tables(layout, value=None):
