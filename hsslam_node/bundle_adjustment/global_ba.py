@@ -14,10 +14,10 @@ from hsslam_node.bundle_adjustment.report import (
 )
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.pose_adam import PoseAdam
 from hsslam_node.geometry.se3 import moved_about_camera
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 

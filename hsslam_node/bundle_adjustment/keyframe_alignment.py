@@ -10,7 +10,7 @@ import numpy as np
 from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.reference_keyframe import (

@@ -5,7 +5,7 @@ import torch
 
 from hsslam_node.device.chunk_transfer import ChunkTransfer
 from hsslam_node.device.device import Device
-from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.map.parameters import FieldParameters
 
 
 class PublishedCopy:

@@ -8,8 +8,8 @@ import triton
 import triton.language as tl
 from torch import Tensor
 
-from hsslam_node.field.layout import PLANE_AXES
 from hsslam_node.kernels.kernel_layout import KernelLayout
+from hsslam_node.map.layout import PLANE_AXES
 
 HIDDEN = 32
 

@@ -3,7 +3,6 @@
 import numpy as np
 from numba import njit
 
-from hsslam_node.field.parameter_arrays import PAGE
 from hsslam_node.kernels.simd import (
     any_not_zero,
     div,
@@ -16,6 +15,7 @@ from hsslam_node.kernels.simd import (
     store,
     sub,
 )
+from hsslam_node.map.parameter_arrays import PAGE
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hsslam_node.field.layout import PLANE_AXES, FieldLayout
+from hsslam_node.map.layout import PLANE_AXES, FieldLayout
 
 PLANE_SETS = ("geometry_coarse", "geometry_fine", "appearance_coarse", "appearance_fine")
 

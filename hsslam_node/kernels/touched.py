@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from hsslam_node.field.parameter_arrays import PAGE
 from hsslam_node.kernels.aligned import aligned_zeros
 from hsslam_node.kernels.kernel_layout import KernelLayout
+from hsslam_node.map.parameter_arrays import PAGE
 
 
 class Gradient(NamedTuple):

@@ -1,7 +1,7 @@
 """Which depth a ray is given: its pixel's, or that of the pixels around it where the sensor is noisy."""
 
-from hsslam_node.keyframes.depth_noise import EXACT_NOISE, depth_noise
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
+from hsslam_node.map.store import KeyframeStore
 
 _DEVIATIONS = 2.0  # of the noise; a pair whose mean is off by more is not on the same surface
 

@@ -9,7 +9,6 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.device.graph_cache import GraphCache
 from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.gpu_kernels.adam import sparse_adam
 from hsslam_node.gpu_kernels.field_backward import field_backward
 from hsslam_node.gpu_kernels.field_forward import field_forward
@@ -20,7 +19,8 @@ from hsslam_node.gpu_kernels.ray_batch import place_samples, pose_gradients
 from hsslam_node.gpu_kernels.rendering import render_forward
 from hsslam_node.gpu_kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
 from hsslam_node.mapping.ray_batch import RayDraw

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.kernels.adam import sparse_adam
 from hsslam_node.kernels.field_activations import field_activations
 from hsslam_node.kernels.field_backward import field_backward
@@ -21,7 +20,8 @@ from hsslam_node.kernels.rendering import (
 )
 from hsslam_node.kernels.smoothness import smoothness_backward
 from hsslam_node.kernels.touched import gradient, touch_range
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import (

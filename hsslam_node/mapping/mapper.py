@@ -5,9 +5,9 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound_growth import wanted_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.moved_keyframes import MovedKeyframes

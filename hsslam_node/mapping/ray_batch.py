@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.kernels.ray_batch import gather_pixels
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.ray_need import RayNeed
 

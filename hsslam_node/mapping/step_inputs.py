@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from hsslam_node.config import MapperConfig
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.layout import FieldLayout
 
 _KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
 _SMALLEST_SIDE = 16

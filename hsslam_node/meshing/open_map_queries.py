@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from hsslam_node.device.device import Device
-from hsslam_node.field.layout import FieldLayout
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.meshing.map_queries import MapQueries
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.dense_agreement import DenseAgreement, dense_agreement
 from hsslam_node.place_recognition.geometric_match import GeometricMatch, geometric_match
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from hsslam_node.field.layout import PLANE_AXES
+from hsslam_node.map.layout import PLANE_AXES
 
 BINS = 16
 

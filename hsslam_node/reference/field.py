@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.encodings import oneblob_of_points, tri_plane_features
 from hsslam_node.reference.hash_grid import hash_grid_features
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from hsslam_node.field.layout import FieldLayout
+from hsslam_node.map.layout import FieldLayout
 
 PRIMES = (1, 2654435761, 805459861)
 _UINT32 = 0xFFFFFFFF

@@ -5,7 +5,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 
 _STRIDE_PX = 24
 _CANDIDATES = 12  # that stand most like the camera

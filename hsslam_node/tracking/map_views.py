@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from hsslam_node.device.device import Device
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.tracking.map_view import MapView
 
 if TYPE_CHECKING:

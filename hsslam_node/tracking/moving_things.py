@@ -9,7 +9,7 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 
 _CELLS = 80  # across the image
 _MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # in front of what was seen by so much, with its depth

@@ -8,8 +8,8 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.kernels.depth_points import halve_depth
 from hsslam_node.kernels.keyframe_surface import surface_of_depth
-from hsslam_node.keyframes.depth_noise import EXACT_NOISE, depth_noise
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
+from hsslam_node.map.store import KeyframeStore
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel

@@ -6,7 +6,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_log
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.pose_objective import PoseObjective

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 

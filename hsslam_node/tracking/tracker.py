@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.acceptance import is_acceptable, quality
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
 from hsslam_node.tracking.covering_keyframe import covering_keyframe

@@ -3,8 +3,8 @@
 import pytest
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.layout import FieldLayout
 
 
 @pytest.fixture(scope="session")

@@ -13,14 +13,14 @@ import numpy as np
 import torch
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.field_activations import field_activations
 from hsslam_node.kernels.field_backward import field_backward
 from hsslam_node.kernels.field_forward import field_forward
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.kernels.touched import gradient
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.field import HybridField
 
 _BOUND = Bound((-5.0, -3.0, -5.0), (5.0, 3.0, 5.0))  # m, of a room

@@ -16,13 +16,13 @@ import numpy as np
 import torch
 
 from hsslam_bench.tables.plan import Job
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.rehearsal import rehearse
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source

@@ -101,10 +101,10 @@ def _compile_the_rest() -> Iterator[str]:
     import numpy as np
 
     from hsslam_node.device.device import CPU
-    from hsslam_node.field.layout import FieldLayout
-    from hsslam_node.field.parameters import FieldParameters
-    from hsslam_node.keyframes.allocator import MemoryAllocator
-    from hsslam_node.keyframes.store import KeyframeStore
+    from hsslam_node.map.allocator import MemoryAllocator
+    from hsslam_node.map.layout import FieldLayout
+    from hsslam_node.map.parameters import FieldParameters
+    from hsslam_node.map.store import KeyframeStore
     from hsslam_node.mapping.initial_bound import initial_bound
     from hsslam_node.tracking.map_views import MapViews
     from hsslam_node.tracking.tracker import Tracker

@@ -3,9 +3,9 @@
 import time
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.initial_bound import initial_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
 from hsslam_node.device.device import Device
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.checkpoint import MapCheckpoint, save_checkpoint
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.meshing.depth_views import DepthViews
 from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.open_map_queries import open_map_queries

@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.rehearsal import rehearse
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.map_views import MapViews

@@ -10,7 +10,7 @@ import numpy as np
 
 from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world
 from hsslam_proto import topics
 from hsslam_proto.request_messages import TrajectoryRows

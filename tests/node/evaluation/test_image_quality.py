@@ -7,9 +7,9 @@ import pytest
 import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.evaluation.image_quality import image_quality, psnr_db, ssim
 from hsslam_node.evaluation.map_renderer import MapRenderer
+from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.reference.field import HybridField
 from hsslam_node.reference.rendering import render_rays
 from hsslam_node.rendering.ray_sampling import sample_rays

@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.block import BLOCK
 from hsslam_node.kernels.kernel_layout import kernel_layout
@@ -15,6 +14,7 @@ from hsslam_node.kernels.one_blob import (
     one_blob_space,
     padded_blob_rows,
 )
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.encodings import oneblob
 
 _UNIT = kernel_layout(

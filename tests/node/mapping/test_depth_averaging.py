@@ -7,8 +7,8 @@ import numpy as np
 from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.depth_averaging import DepthAveraging
 from hsslam_node.mapping.ray_batch import RayBatch, RayDraw, ray_batch
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from hsslam_node.field.initialisation import initial_parameters
+from hsslam_node.map.initialisation import initial_parameters
 from hsslam_node.reference.field import HybridField, decode_color, decode_geometry
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black

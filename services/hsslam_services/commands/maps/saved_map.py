@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint
 from hsslam_node.device.choose_device import DeviceWish, choose_device
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.meshing.open_map_queries import open_map_queries
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 

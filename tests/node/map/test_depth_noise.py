@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.keyframes.depth_noise import depth_noise
+from hsslam_node.map.depth_noise import depth_noise
 from hsslam_node.sources.noise import add_kinect_noise
 from tests.small_room import room_frames, with_black
 

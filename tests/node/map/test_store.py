@@ -10,8 +10,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import SLAB_KEYFRAMES, KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import SLAB_KEYFRAMES, KeyframeStore
 
 CAMERA = Camera(8, 6, 7.0, 7.5, 3.5, 2.5)
 

@@ -5,7 +5,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.allocator import ArrayAllocator
+from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
 _COUNT, _POSE_VERSION, _INHERITED = 0, 1, 2  # fields of the header

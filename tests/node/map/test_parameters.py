@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.allocator import MemoryAllocator
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.growth import copy_grown
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.growth import copy_grown
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.field import HybridField
 
 FIRST = Bound((-1.0, -0.5, 0.2), (0.9, 0.7, 1.3))

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint
 from hsslam_node.config import FieldConfig, SlamConfig
 from hsslam_node.errors import UserError
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.allocator import ArrayAllocator
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 
 
 def restore_map(

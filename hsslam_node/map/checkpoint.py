@@ -15,10 +15,10 @@ from safetensors.numpy import save_file
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.errors import UserError
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 FORMAT = "hsslam-map"

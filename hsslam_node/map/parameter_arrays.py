@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.allocator import ArrayAllocator
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.layout import FieldLayout
 
 PAGE = 64  # chunks of 16 floats; the marks of a gradient are a word a page
 _NAMES = (

@@ -1,10 +1,10 @@
-"""Initial values of the scene model."""
+"""Initial values of the scene model; apart from the parameters because the reference takes them as well."""
 
 import math
 
 import numpy as np
 
-from hsslam_node.field.layout import FieldLayout
+from hsslam_node.map.layout import FieldLayout
 
 PLANE_SIGMA = 0.01
 HASH_RANGE = 1e-4

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.config import FieldConfig
 from hsslam_node.errors import UserError
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.field.layout import PLANE_AXES, FieldLayout
+from hsslam_node.map.layout import PLANE_AXES, FieldLayout
 
 _AXES_OF: dict[str, tuple[int, int]] = dict(zip(("xy", "xz", "yz"), PLANE_AXES, strict=True))
 

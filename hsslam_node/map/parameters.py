@@ -5,12 +5,12 @@ from numba import njit
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.growth import copy_grown
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameter_arrays import PAGE, ParameterArrays
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.allocator import ArrayAllocator
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.growth import copy_grown
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameter_arrays import PAGE, ParameterArrays
 
 _STEP, _VERSION, _BEGUN, _READY, _GENERATION = 0, 1, 2, 3, 4  # fields of the state
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.png import encode_png
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
+from hsslam_node.map.keyframe_images import KeyframeImages
 from tests.small_room import mapped_room
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsslam_node.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_node.errors import UserError
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.restore_map import restore_map
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.restore import restore_map
+from hsslam_node.map.store import KeyframeStore
 from hsslam_services.run.map_snapshot import map_snapshot
 from tests.small_room import SMALL, MappedRoom, mapped_room
 

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 
-from hsslam_node.field.initialisation import initial_parameters
+from hsslam_node.map.initialisation import initial_parameters
 
 
 def test_same_seed_same_parameters_other_seed_others(layout):
