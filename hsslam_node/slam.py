@@ -18,12 +18,11 @@ from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.map_views import MapViews
+from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 
 
 class Slam:

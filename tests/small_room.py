@@ -14,7 +14,7 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.open_source import open_source

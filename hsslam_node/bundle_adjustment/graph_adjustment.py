@@ -9,8 +9,7 @@ import numpy as np
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, difference
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge, PoseEdges
-from hsslam_node.bundle_adjustment.pose_graph import solve_pose_graph
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
 from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, always
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device

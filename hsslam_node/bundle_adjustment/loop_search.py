@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore

@@ -1,4 +1,4 @@
-"""The bundle adjustment that a configuration asks for."""
+"""The bundle adjustment that a configuration asks for; a file of its own because it imports both kinds."""
 
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.graph_adjustment import GraphBundleAdjustment

@@ -1,4 +1,4 @@
-"""The map's term of an alignment: depth points on the zero level of the signed distance."""
+"""The SDF term of an alignment, depth points on the zero level of the map: protocol and CPU code."""
 
 from typing import NamedTuple, Protocol
 
@@ -33,18 +33,7 @@ class SdfTerm(Protocol):
         ...
 
 
-def open_sdf_term(
-    view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
-) -> SdfTerm:
-    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
-    if view.on_device is not None:
-        from hsslam_node.tracking.gpu_sdf_term import GpuSdfTerm
-
-        return GpuSdfTerm(view, points, config)
-    return _CpuSdfTerm(view, points, config)
-
-
-class _CpuSdfTerm:
+class CpuSdfTerm:
     """Asks the published map in place."""
 
     def __init__(

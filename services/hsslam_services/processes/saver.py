@@ -10,9 +10,8 @@ from hsslam_node.device.device import Device
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.map.checkpoint import MapCheckpoint, save_checkpoint
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.meshing.depth_views import DepthViews
-from hsslam_node.meshing.extract_mesh import extract_mesh
-from hsslam_node.meshing.open_map_queries import open_map_queries
+from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
+from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_node.tracking.pose_log import (
     PoseLog,
     final_trajectory,

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.device.device import Device
-from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.device.published_copy import PublishedCopy
+from hsslam_node.device.parameter_copy import ParameterCopy, PublishedCopy
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.layout import FieldLayout

@@ -14,7 +14,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.kernel_layout import kernel_layout
 from hsslam_node.kernels.sdf_query import query_sdf
 from hsslam_node.map.parameters import FieldParameters
-from hsslam_node.mapping.bound_growth import wanted_bound
+from hsslam_node.mapping.bound import wanted_bound
 from hsslam_node.mapping.mapper import Mapper
 from tests.small_room import SMALL, MappedRoom, mapped_room
 

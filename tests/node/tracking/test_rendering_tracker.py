@@ -11,8 +11,7 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.open_tracker import open_tracker
-from hsslam_node.tracking.rendering_descent import descend
-from hsslam_node.tracking.rendering_objective import RenderingObjective
+from hsslam_node.tracking.rendering_objective import RenderingObjective, descend
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import (

@@ -1,5 +1,4 @@
-"""Tracking and mapping of a few tiny frames, so that machine code is loaded before the first frame
-waits for it."""
+"""Tracking and mapping of a few tiny frames, so that no real frame waits for machine code to load."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -17,7 +16,7 @@ _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
 
 
 @cache  # a forked process has it from its parent
-def rehearse(config: SlamConfig, device: Device = CPU) -> None:
+def warm_start(config: SlamConfig, device: Device = CPU) -> None:
     """Track and map three frames of a textured wall with the field of `config`, then forget them."""
     small = dataclasses.replace(
         config,

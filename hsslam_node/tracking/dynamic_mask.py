@@ -1,4 +1,4 @@
-"""Things that stand where keyframes have seen free space: they have moved, and are left out."""
+"""A mask of moving things: pixels in front of space that keyframes saw as free lose their depth."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _STEP = 0.05  # cells of one thing differ by less, of their depth
 _SPACES, _EVERY = 8, 2  # keyframes that tell what has moved, one of so many
 
 
-class MovingThings:
+class DynamicMask:
     """Takes out of each keyframe what stands where those before it saw free space."""
 
     def __init__(self, store: KeyframeStore) -> None:
@@ -34,7 +34,7 @@ class MovingThings:
     def left_out(self, frame: Frame, T_world_cam: np.ndarray) -> Frame:
         """The frame, seen from T_world_cam [4, 4], without depth on what has moved."""
         seen = [(space, self._store.pose(space.keyframe)) for space in self._seen]
-        return without_moving_things(frame, T_world_cam, seen)
+        return without_dynamic_pixels(frame, T_world_cam, seen)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def seen_space(keyframe: int, frame: Frame) -> SeenSpace:
     return SeenSpace(keyframe, depth, free, step)
 
 
-def without_moving_things(
+def without_dynamic_pixels(
     frame: Frame, T_world_cam: np.ndarray, seen: Sequence[tuple[SeenSpace, np.ndarray]]
 ) -> Frame:
     """The frame without depth on what stands in space that `seen` (with poses [4, 4]) shows free.
