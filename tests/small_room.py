@@ -9,7 +9,7 @@ from hsslam_node.config import BoundConfig, FieldConfig, SlamConfig
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters

@@ -9,16 +9,16 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.device.graph_cache import GraphCache
 from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.gpu_kernels.adam import sparse_adam
-from hsslam_node.gpu_kernels.field_backward import field_backward
-from hsslam_node.gpu_kernels.field_forward import field_forward
-from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
-from hsslam_node.gpu_kernels.losses import losses_backward
-from hsslam_node.gpu_kernels.patch_ssim import patch_ssim_backward
-from hsslam_node.gpu_kernels.ray_batch import place_samples, pose_gradients
-from hsslam_node.gpu_kernels.rendering import render_forward
-from hsslam_node.gpu_kernels.smoothness import smoothness_backward
-from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.gpu_kernels.field.backward import field_backward
+from hsslam_node.gpu_kernels.field.forward import field_forward
+from hsslam_node.gpu_kernels.field.layout import gpu_layout
+from hsslam_node.gpu_kernels.mapping.adam import sparse_adam
+from hsslam_node.gpu_kernels.mapping.losses import losses_backward
+from hsslam_node.gpu_kernels.mapping.patch_ssim import patch_ssim_backward
+from hsslam_node.gpu_kernels.mapping.ray_batch import place_samples, pose_gradients
+from hsslam_node.gpu_kernels.mapping.rendering import render_forward
+from hsslam_node.gpu_kernels.mapping.smoothness import smoothness_backward
+from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace

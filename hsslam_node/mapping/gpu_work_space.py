@@ -8,9 +8,9 @@ from torch import Tensor
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
-from hsslam_node.gpu_kernels.activations import field_activations, gradient
-from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
-from hsslam_node.gpu_kernels.ray_batch import GpuRays
+from hsslam_node.gpu_kernels.field.activations import field_activations, gradient
+from hsslam_node.gpu_kernels.field.layout import GpuLayout
+from hsslam_node.gpu_kernels.mapping.ray_batch import GpuRays
 from hsslam_node.mapping.ray_batch import RayBatch
 from hsslam_node.mapping.step_inputs import window_weights
 

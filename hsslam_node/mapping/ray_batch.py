@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config.mapping import MapperConfig
-from hsslam_node.kernels.ray_batch import gather_pixels
+from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.ray_need import RayNeed
@@ -18,7 +18,7 @@ class DepthAveraging:
 
     An iteration sees few rays of a far surface, each with centimetres of noise. The noise of inverse depth
     is the same near and far, and inverse depth is linear on a plane, so the mean of pixels on opposite
-    sides lies on the plane (`kernels/ray_batch.py`).
+    sides lies on the plane (`kernels/mapping/ray_batch.py`).
     """
 
     def __init__(self, window_px: int) -> None:

@@ -5,10 +5,10 @@ from typing import Protocol
 import numpy as np
 
 from hsslam_node.device.device import Device
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.map.layout import FieldLayout
 
 _CHUNK = 1 << 16

@@ -10,11 +10,8 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log
-from hsslam_node.kernels.alignment import (
-    add_keyframe_surface_term,
-    add_photometric_term,
-)
-from hsslam_node.kernels.depth_points import transform_points
+from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
+from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 from hsslam_node.tracking.sdf_term import CpuSdfTerm, SdfTerm

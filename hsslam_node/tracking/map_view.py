@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hsslam_node.device.device import Device
-from hsslam_node.kernels.kernel_layout import KernelLayout, kernel_layout
+from hsslam_node.kernels.field.layout import KernelLayout, kernel_layout
 from hsslam_node.map.parameters import FieldParameters
 
 if TYPE_CHECKING:  # a CPU process imports neither torch nor Triton for this
     from torch import Tensor
 
     from hsslam_node.device.parameter_copy import PublishedCopy
-    from hsslam_node.gpu_kernels.gpu_layout import GpuLayout
+    from hsslam_node.gpu_kernels.field.layout import GpuLayout
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _open_copy(
     parameters: FieldParameters, device: Device, with_color: bool
 ) -> "tuple[PublishedCopy, DeviceMap]":
     from hsslam_node.device.parameter_copy import PublishedCopy
-    from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
+    from hsslam_node.gpu_kernels.field.layout import gpu_layout
 
     layout = parameters.layout
     count = layout.parameter_count if with_color else layout.geometry_count

@@ -6,14 +6,14 @@ from torch import Tensor
 
 from hsslam_node.config import SlamConfig, TrackerConfig
 from hsslam_node.frame import Frame
-from hsslam_node.gpu_kernels.activations import field_activations
-from hsslam_node.gpu_kernels.field_forward import field_forward
-from hsslam_node.gpu_kernels.field_pose_backward import field_pose_backward
-from hsslam_node.gpu_kernels.losses import losses_backward
-from hsslam_node.gpu_kernels.ray_batch import gpu_rays, place_samples, pose_gradients
-from hsslam_node.gpu_kernels.rendering import render_forward
-from hsslam_node.gpu_kernels.sdf_alignment import alignment_work_space, sdf_normal_equations
-from hsslam_node.kernels.rendering import COLOR
+from hsslam_node.gpu_kernels.field.activations import field_activations
+from hsslam_node.gpu_kernels.field.forward import field_forward
+from hsslam_node.gpu_kernels.field.pose_backward import field_pose_backward
+from hsslam_node.gpu_kernels.mapping.losses import losses_backward
+from hsslam_node.gpu_kernels.mapping.ray_batch import gpu_rays, place_samples, pose_gradients
+from hsslam_node.gpu_kernels.mapping.rendering import render_forward
+from hsslam_node.gpu_kernels.tracking.alignment import alignment_work_space, sdf_normal_equations
+from hsslam_node.kernels.mapping.rendering import COLOR
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_objective import FrameRays
 from hsslam_node.tracking.sdf_term import SdfEvidence

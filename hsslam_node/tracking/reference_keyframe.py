@@ -8,8 +8,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.kernels.depth_points import halve_depth
-from hsslam_node.kernels.keyframe_surface import surface_of_depth
+from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
 from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.map.store import KeyframeStore
 

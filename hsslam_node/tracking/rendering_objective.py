@@ -8,11 +8,11 @@ from hsslam_node.config import RenderingTrackerConfig, SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_adam import PoseAdam
 from hsslam_node.geometry.se3 import moved_about_camera
-from hsslam_node.kernels.field_activations import FieldActivations, field_activations
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.field_pose_backward import field_pose_backward
-from hsslam_node.kernels.ray_batch import gather_pixels, place_samples, pose_gradients
-from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward
+from hsslam_node.kernels.field.activations import FieldActivations, field_activations
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.pose_backward import field_pose_backward
+from hsslam_node.kernels.mapping.ray_batch import gather_pixels, place_samples, pose_gradients
+from hsslam_node.kernels.mapping.rendering import COLOR, losses_backward, render_forward
 from hsslam_node.mapping.ray_batch import ray_batch
 from hsslam_node.tracking.map_view import MapView
 

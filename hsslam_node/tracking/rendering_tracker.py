@@ -8,9 +8,9 @@ from hsslam_node.config import SlamConfig, TrackerConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_log
-from hsslam_node.kernels.alignment import add_sdf_term
-from hsslam_node.kernels.depth_points import transform_points
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.kernels.tracking.alignment import add_sdf_term
+from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_objective import PoseObjective, RenderingObjective, descend

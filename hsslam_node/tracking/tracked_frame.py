@@ -9,7 +9,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.depth_points import sample_points
+from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length

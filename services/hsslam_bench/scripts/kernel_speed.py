@@ -14,11 +14,11 @@ import torch
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_backward import field_backward
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.touched import gradient
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.backward import field_backward
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.gradient import gradient
+from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.initialisation import initial_parameters
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.reference.field import HybridField

@@ -13,7 +13,7 @@ from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses
 
 import_gpu_kernels()
 
-from hsslam_node.gpu_kernels.gpu_layout import gpu_layout  # noqa: E402
+from hsslam_node.gpu_kernels.field.layout import gpu_layout  # noqa: E402
 from hsslam_node.tracking.map_view import DeviceMap, MapView  # noqa: E402
 from hsslam_node.tracking.on_gpu import GpuRenderingObjective  # noqa: E402
 from hsslam_node.tracking.rendering_objective import RenderingObjective  # noqa: E402

@@ -7,7 +7,7 @@ import torch
 
 from hsslam_node.config import BoundConfig, FieldConfig
 from hsslam_node.device.device import CPU, Device
-from hsslam_node.kernels.depth_points import transform_points
+from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.sdf_term import SdfEvidence, open_sdf_term
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels

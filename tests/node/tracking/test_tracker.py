@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.store import KeyframeStore
