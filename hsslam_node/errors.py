@@ -1,4 +1,4 @@
-"""The one exception whose text is meant for the user."""
+"""The exception whose text is meant for the user; a file of its own as every folder imports it."""
 
 import difflib
 from collections.abc import Iterable

@@ -12,18 +12,17 @@ from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.allocator import ArrayAllocator, MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.map.allocator import ArrayAllocator, MemoryAllocator
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.restore import restore_map
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.restore_map import restore_map
-from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.map_views import MapViews
+from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 
 
 class Slam:

@@ -7,14 +7,14 @@ import numpy as np
 
 from hsslam_node.config import BoundConfig, FieldConfig, SlamConfig
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.open_source import open_source

@@ -1,1 +1,1 @@
-"""Active global bundle adjustment: refine what the map renders badly, wherever it lies in the past."""
+"""Correcting keyframe poses: by a pose graph with loop closures, or by rendering."""

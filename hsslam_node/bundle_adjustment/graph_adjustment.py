@@ -9,14 +9,13 @@ import numpy as np
 from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, difference
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge, PoseEdges
-from hsslam_node.bundle_adjustment.pose_graph import solve_pose_graph
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
 from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, always
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 
 _LOST_WEIGHT = 0.02  # edges that have faded below it are forgotten
 _ALIKE_EVERY = 4  # rounds: the newest keyframe is compared with all that look alike, 80 ms

@@ -7,18 +7,18 @@ from typing import TypeVar
 
 import numpy as np
 
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.alignment import Alignment, align
-from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
     grey_pyramid,
     reference_keyframe,
 )
+from hsslam_node.tracking.tracked_frame import frame_points
 
 _FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
 _INDEPENDENT = 0.1  # share of points and pixels that say something of their own

@@ -3,10 +3,10 @@
 import numpy as np
 
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.find_loop import find_loop
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 

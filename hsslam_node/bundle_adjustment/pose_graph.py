@@ -1,12 +1,12 @@
-"""Pose graph: keyframe poses from relative-pose edges, by sparse Gauss-Newton."""
+"""Pose graph: keyframe poses from measured relative poses (edges), by sparse Gauss-Newton."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import bsr_array, csc_array
 from scipy.sparse.linalg import splu
 
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdges
 from hsslam_node.geometry.se3_batch import (
     adjoint_batch,
     exp_batch,
@@ -14,6 +14,40 @@ from hsslam_node.geometry.se3_batch import (
     log_batch,
     log_jacobian_batch,
 )
+
+
+@dataclass(frozen=True)
+class PoseEdge:
+    """Where keyframe `second` is seen from keyframe `first`."""
+
+    first: int
+    second: int
+    T_first_second: np.ndarray  # [4, 4]
+    information: np.ndarray  # [6, 6] inverse covariance of (m, rad) in the camera frame of `second`
+    switchable: bool  # whether it may be wrong altogether, as a loop closure may
+
+
+@dataclass(frozen=True)
+class PoseEdges:
+    """m edges as arrays."""
+
+    first: np.ndarray  # [m] int64
+    second: np.ndarray  # [m] int64
+    T_first_second: np.ndarray  # [m, 4, 4]
+    information: np.ndarray  # [m, 6, 6]
+    switchable: np.ndarray  # [m] bool
+
+    @classmethod
+    def of(cls, edges: Sequence[PoseEdge]) -> "PoseEdges":
+        """Stack single edges."""
+        return cls(
+            np.array([e.first for e in edges], np.int64),
+            np.array([e.second for e in edges], np.int64),
+            np.array([e.T_first_second for e in edges]).reshape(-1, 4, 4),
+            np.array([e.information for e in edges]).reshape(-1, 6, 6),
+            np.array([e.switchable for e in edges], bool),
+        )
+
 
 _STOP = 1e-5  # m, rad
 _DAMPING = 1e-9  # share of the diagonal

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 
 Lease = Callable[[], AbstractContextManager[object]]
 MayStep = Callable[[], bool]

@@ -1,4 +1,4 @@
-"""Checks of configuration values; each raises a UserError that names the option and its value."""
+"""Checks of configuration values, shared by all groups; each raises a UserError with option and value."""
 
 from hsslam_node.errors import UserError
 

@@ -1,4 +1,4 @@
-"""All parameters of the algorithm."""
+"""All parameters of the algorithm: the groups of the other files put together."""
 
 import dataclasses
 from dataclasses import dataclass

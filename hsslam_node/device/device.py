@@ -1,4 +1,4 @@
-"""Where a process computes with the scene model."""
+"""Where a process computes with the scene model; apart from `choose_device`, so that it imports no torch."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,11 +1,52 @@
-"""The device's copy of the parameters and their moments, for a process that steps them."""
+"""The device's copies of the parameters, moved in chunks of 16 floats.
+
+`ParameterCopy` is for a process that steps them, `PublishedCopy` for processes that only read the map.
+"""
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from hsslam_node.device.chunk_transfer import CHUNK, ChunkTransfer
 from hsslam_node.device.device import Device
-from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.map.parameters import FieldParameters
+
+CHUNK = 16
+
+
+class ChunkTransfer:
+    """Moves chosen chunks either way, through page-locked memory where the device is CUDA.
+
+    Arrays are flat, float32, of a multiple of 16 floats; device arrays were made for `device`.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self._is_cuda = device.kind == "cuda"
+        self._staging = torch.empty(0, CHUNK)
+
+    def upload(self, source: np.ndarray, chunks: np.ndarray, target: Tensor) -> None:
+        """target[chunks] = source[chunks]; chunks [n] int64, ascending. Returns when it is done."""
+        rows = self._rows(len(chunks))
+        np.take(source.reshape(-1, CHUNK), chunks, axis=0, out=rows.numpy())
+        places = torch.from_numpy(chunks).to(target.device)
+        target.view(-1, CHUNK).index_copy_(0, places, rows.to(target.device, non_blocking=True))
+        self._wait()
+
+    def download(self, source: Tensor, chunks: Tensor, target: np.ndarray) -> None:
+        """target[chunks] = source[chunks]; chunks [n] int64 on the device. Returns when it is done."""
+        rows = self._rows(len(chunks))
+        rows.copy_(source.view(-1, CHUNK).index_select(0, chunks), non_blocking=True)
+        self._wait()
+        target.reshape(-1, CHUNK)[chunks.cpu().numpy()] = rows.numpy()
+
+    def _rows(self, count: int) -> Tensor:
+        if len(self._staging) < count:
+            self._staging = torch.empty(count, CHUNK, pin_memory=self._is_cuda)
+        return self._staging[:count]
+
+    def _wait(self) -> None:
+        """Until the staging memory is free again."""
+        if self._is_cuda:
+            torch.cuda.synchronize()
 
 
 class ParameterCopy:
@@ -58,3 +99,33 @@ class ParameterCopy:
             (host.first_moment, self.first_moment),
             (host.second_moment, self.second_moment),
         ]
+
+
+class PublishedCopy:
+    """The first `count` parameters of the newest version that was published, chunk by chunk."""
+
+    def __init__(self, parameters: FieldParameters, device: Device, count: int) -> None:
+        self._host = parameters
+        self._layout = parameters.layout
+        self._transfer = ChunkTransfer(device)
+        self._step = -1
+        self.version = 0  # of the map in the copy; 0: none yet
+        self.params = torch.empty(count, device=device.tensors_on)  # [count]
+
+    def pull(self) -> int:
+        """Bring the copy to the newest version; returns it. Never waits for a writer.
+
+        A map that has grown needs another copy: this one stays as it is, and `parameters.layout` tells.
+        """
+        host, count = self._host, len(self.params)
+        while host.version != self.version:
+            version, published = host.published()
+            if host.layout is not self._layout:
+                break
+            step = host.published_step(version)
+            # writers go on marking chunks meanwhile: those are taken too, as the slot has them
+            chunks = np.flatnonzero(host.stepped_at[: count // 16] > self._step)
+            self._transfer.upload(published[:count], chunks, self.params)
+            if host.is_intact(version):
+                self.version, self._step = version, step
+        return self.version

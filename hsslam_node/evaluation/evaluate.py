@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ate import AteResult
@@ -23,6 +22,7 @@ from hsslam_node.evaluation.scores import protocol
 from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions

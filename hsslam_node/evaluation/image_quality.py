@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.map_renderer import MapRenderer
 from hsslam_node.frame import Frame
+from hsslam_node.map.checkpoint import MapCheckpoint
 
 EVERY = 5  # of the frames are drawn, but for keyframes
 _WINDOW_PX = 7

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.config import SlamConfig
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.rendering import render_forward
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.mapping.rendering import render_forward
+from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.rendering.ray_sampling import sample_rays
 
 _CHUNK_RAYS = 8192

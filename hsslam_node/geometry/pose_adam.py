@@ -1,4 +1,4 @@
-"""Adam over the twist of one pose."""
+"""Adam over the twist of one pose; a file of its own as bundle adjustment and tracking share it."""
 
 import numpy as np
 

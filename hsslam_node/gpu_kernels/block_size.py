@@ -1,4 +1,4 @@
-"""How much of a batch one program of a kernel takes."""
+"""How much of a batch one program of a kernel takes; a file of its own as all launchers share it."""
 
 from torch import Tensor
 

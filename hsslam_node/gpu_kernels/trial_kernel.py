@@ -1,4 +1,4 @@
-"""A tiny GPU kernel that shows whether Triton, driver and compiler work together."""
+"""A tiny kernel that shows whether Triton, driver and compiler work together; it imports nothing else."""
 
 import torch
 import triton

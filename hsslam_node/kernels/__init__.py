@@ -1,1 +1,1 @@
-"""Fused CPU kernels (numba, one thread); every one has a plain PyTorch twin that it is tested against."""
+"""Fused CPU kernels (numba, one thread). Each file names its twin in `gpu_kernels/` and its reference."""

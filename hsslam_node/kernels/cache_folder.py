@@ -6,7 +6,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-_CONSTANTS = ("kernels", "field")  # folders of constants that are compiled into the machine code
+_CONSTANTS = ("kernels", "map")  # folders whose constants are compiled into the machine code
 
 
 def kernel_cache_folder() -> Path:
@@ -22,7 +22,7 @@ def kernel_cache_folder() -> Path:
         digest.update(part.encode())
     for source in sorted(package.rglob("*.py")):
         text = source.read_text(encoding="utf-8")
-        if "numba" in text or source.parent.name in _CONSTANTS:
+        if "numba" in text or source.relative_to(package).parts[0] in _CONSTANTS:
             digest.update(text.encode())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 

@@ -1,13 +1,16 @@
 """Vectors of 16 float32 inside njit kernels, for what the loop vectoriser does not find by itself.
 
 A vector is one AVX-512 register (two of AVX, four of NEON). Arrays are addressed by a flat offset, in
-elements, from their first element and must be C-contiguous; nothing is checked.
+elements, from their first element and must be C-contiguous; nothing is checked. Arrays of
+`aligned_zeros` and `aligned_rows` start at a cache line, so that no vector lies across two lines.
 """
 
+import math
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.datamodel.models import PrimitiveModel
 from numba.extending import intrinsic, register_model
@@ -193,3 +196,22 @@ def broadcast(builder, value, vector):
 
 def indices(*lanes: int) -> ir.Constant:
     return ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
+
+
+LINE_BYTES = 64
+
+
+def aligned_zeros(*shape: int) -> np.ndarray:
+    """float32 zeros of this shape, C-contiguous, the first at a multiple of 64 bytes."""
+    size = math.prod(shape)
+    raw = np.zeros(4 * size + LINE_BYTES, np.uint8)
+    start = -raw.ctypes.data % LINE_BYTES
+    return raw[start : start + 4 * size].view(np.float32).reshape(shape)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def aligned_rows(rows, columns):
+    """The same inside a kernel, [rows, columns], not set to anything."""
+    raw = np.empty(rows * columns + 16, np.float32)
+    start = (-raw.ctypes.data >> 2) & 15
+    return raw[start : start + rows * columns].reshape(rows, columns)

@@ -9,24 +9,28 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
 from hsslam_node.device.graph_cache import GraphCache
 from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.gpu_kernels.adam import sparse_adam
-from hsslam_node.gpu_kernels.field_backward import field_backward
-from hsslam_node.gpu_kernels.field_forward import field_forward
-from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
-from hsslam_node.gpu_kernels.losses import losses_backward
-from hsslam_node.gpu_kernels.patch_ssim import patch_ssim_backward
-from hsslam_node.gpu_kernels.ray_batch import place_samples, pose_gradients
-from hsslam_node.gpu_kernels.rendering import render_forward
-from hsslam_node.gpu_kernels.smoothness import smoothness_backward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.losses.smoothness import smoothness_cube
+from hsslam_node.gpu_kernels.field.backward import field_backward
+from hsslam_node.gpu_kernels.field.forward import field_forward
+from hsslam_node.gpu_kernels.field.layout import gpu_layout
+from hsslam_node.gpu_kernels.mapping.adam import sparse_adam
+from hsslam_node.gpu_kernels.mapping.losses import losses_backward
+from hsslam_node.gpu_kernels.mapping.patch_ssim import patch_ssim_backward
+from hsslam_node.gpu_kernels.mapping.ray_batch import place_samples, pose_gradients
+from hsslam_node.gpu_kernels.mapping.rendering import render_forward
+from hsslam_node.gpu_kernels.mapping.smoothness import smoothness_backward
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
 from hsslam_node.mapping.ray_batch import RayDraw
 from hsslam_node.mapping.ray_need import RayNeed
-from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
+from hsslam_node.mapping.step_inputs import (
+    learning_rates,
+    patch_windows,
+    ray_weights,
+    smoothness_cube,
+)
 
 _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7, 8)
 

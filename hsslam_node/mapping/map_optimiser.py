@@ -5,28 +5,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.kernels.adam import sparse_adam
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_backward import field_backward
-from hsslam_node.kernels.field_forward import color_forward, geometry_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.patch_ssim import patch_ssim_backward
-from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
-from hsslam_node.kernels.rendering import (
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.backward import field_backward
+from hsslam_node.kernels.field.forward import color_forward, geometry_forward
+from hsslam_node.kernels.field.gradient import gradient, touch_range
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.mapping.adam import sparse_adam
+from hsslam_node.kernels.mapping.patch_ssim import patch_ssim_backward
+from hsslam_node.kernels.mapping.ray_batch import place_samples, pose_gradients
+from hsslam_node.kernels.mapping.rendering import (
     losses_backward,
     render_sums,
     rendering_weights,
     samples_with_color,
 )
-from hsslam_node.kernels.smoothness import smoothness_backward
-from hsslam_node.kernels.touched import gradient, touch_range
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.losses.patch import window_weights
-from hsslam_node.losses.smoothness import smoothness_cube
+from hsslam_node.kernels.mapping.smoothness import smoothness_backward
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
-from hsslam_node.mapping.step_inputs import learning_rates, patch_windows, ray_weights
+from hsslam_node.mapping.step_inputs import (
+    learning_rates,
+    patch_windows,
+    ray_weights,
+    smoothness_cube,
+    window_weights,
+)
 
 ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
 

@@ -1,18 +1,51 @@
-"""Mapping: which keyframes an iteration looks at."""
+"""Mapping: which keyframes an iteration looks at. Keyframes whose poses were corrected come first."""
 
 import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.bound_growth import wanted_bound
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import wanted_bound
 from hsslam_node.mapping.map_optimiser import StepReport
-from hsslam_node.mapping.moved_keyframes import MovedKeyframes
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 from hsslam_node.mapping.ray_need import RayNeed
+
+_MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # less is within what the map resolves
+_REPEATS = 8  # draws until the map has followed a keyframe
+
+
+class MovedKeyframes:
+    """Notes where each keyframe stood when it was mapped."""
+
+    def __init__(self) -> None:
+        self._mapped_at = np.zeros((0, 4, 4))
+        self._due = np.zeros(0, np.int64)  # draws that are outstanding
+
+    def draw(self, poses: np.ndarray, wanted: int, generator: np.random.Generator) -> np.ndarray:
+        """At most `wanted` ids of keyframes that have moved, given all poses [n, 4, 4] now."""
+        self._follow(poses)
+        moved = np.flatnonzero(self._due > 0)
+        size = min(wanted, len(moved))
+        if size <= 0:
+            return np.zeros(0, np.int64)
+        drawn = generator.choice(moved, size, replace=False)
+        self._due[drawn] -= 1
+        return drawn
+
+    def _follow(self, poses: np.ndarray) -> None:
+        known = len(self._mapped_at)
+        then, now = self._mapped_at, poses[:known]
+        shift_m = np.linalg.norm(now[:, :3, 3] - then[:, :3, 3], axis=1)
+        # for small angles the matrices are sqrt(2) times the angle apart
+        turn_rad = np.linalg.norm(now[:, :3, :3] - then[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
+        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)
+        self._due[moved] = _REPEATS
+        then[moved] = now[moved]
+        self._mapped_at = np.concatenate([then, poses[known:]])
+        self._due = np.append(self._due, np.zeros(len(poses) - known, np.int64))
 
 
 class Mapper:

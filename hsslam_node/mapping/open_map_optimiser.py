@@ -6,8 +6,8 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import Device
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import MapOptimiser, StepReport
 from hsslam_node.mapping.ray_need import RayNeed
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 
 _STRIDE_PX = 8
 _CELL_M = 0.12

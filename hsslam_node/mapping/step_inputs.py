@@ -1,13 +1,18 @@
-"""What a mapping step needs beside rays; the same on every device, drawn with the same random numbers."""
+"""What a mapping step needs beside rays: weights, patches, smoothness cube, rates. CPU and GPU draw alike."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from hsslam_node.config import MapperConfig
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.losses.patch import random_patches, window_rays
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.layout import FieldLayout
+
+_KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
+_SMALLEST_SIDE = 16
 
 
 def ray_weights(depth: np.ndarray, config: MapperConfig) -> np.ndarray:
@@ -31,6 +36,46 @@ def _window_places(side: int, kernel: int, stride: int) -> np.ndarray:
     """Places [W, k^2] in a patch, row by row, of its windows; a handful of sides occurs in a run."""
     places = torch.arange(side * side).reshape(1, side, side)
     return window_rays(places, kernel, stride).numpy()
+
+
+def random_patches(ray_count: int, repeats: int, generator: np.random.Generator) -> np.ndarray:
+    """Ray indices [M, side, side] int64 of M random patches, each the largest square of the rays.
+
+    M is 0 below 16 x 16 rays: too few for structure.
+    """
+    side = math.isqrt(ray_count)
+    if side < _SMALLEST_SIDE:
+        return np.zeros((0, 0, 0), np.int64)
+    orders = [generator.permutation(ray_count)[: side * side] for _ in range(repeats)]
+    return (
+        np.stack(orders).reshape(repeats, side, side) if orders else np.zeros((0, 0, 0), np.int64)
+    )
+
+
+def window_rays(patches: Tensor, kernel: int, stride: int) -> Tensor:
+    """Ray indices [W, kernel^2] of all windows of all patches [M, side, side], row by row."""
+    windows = patches.unfold(1, kernel, stride).unfold(2, kernel, stride)  # [M, n, n, k, k]
+    return windows.reshape(-1, kernel * kernel)
+
+
+def window_weights(kernel: int) -> Tensor:
+    """Gaussian window [kernel^2] float64, sum 1, row by row."""
+    offset = torch.arange(kernel, dtype=torch.float64) - kernel // 2
+    profile = torch.exp(-(offset**2) / (2 * _KERNEL_SIGMA_PX**2))
+    profile = profile / profile.sum()
+    return (profile[:, None] * profile[None, :]).flatten()
+
+
+def smoothness_cube(
+    bound: Bound, vertices: int, cell_m: float, generator: np.random.Generator
+) -> np.ndarray:
+    """Vertices [n, n, n, 3] float32 m of a random cube, clamped to the bound."""
+    side_m = (vertices - 1) * cell_m
+    slack = np.maximum(bound.extent_m - side_m, 0.0)
+    origin = np.asarray(bound.low) + generator.random(3) * slack
+    steps = np.arange(vertices) * cell_m
+    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
+    return np.clip(origin + grid, bound.low, bound.high).astype(np.float32)
 
 
 def learning_rates(layout: FieldLayout, config: MapperConfig, factor: float) -> np.ndarray:

@@ -4,12 +4,12 @@ import numpy as np
 import torch
 
 from hsslam_node.device.device import Device
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.gpu_kernels.activations import field_activations
-from hsslam_node.gpu_kernels.field_forward import field_forward
-from hsslam_node.gpu_kernels.gpu_layout import gpu_layout
-from hsslam_node.gpu_kernels.sdf_query import query_sdf
-from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.gpu_kernels.field.activations import field_activations
+from hsslam_node.gpu_kernels.field.forward import field_forward
+from hsslam_node.gpu_kernels.field.layout import gpu_layout
+from hsslam_node.gpu_kernels.field.sdf_query import query_sdf
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.map.layout import FieldLayout
 
 _CHUNK = 1 << 16
 

@@ -1,12 +1,15 @@
-"""A trained map as the two functions that meshing asks."""
+"""A trained map as the two functions that meshing asks, on the CPU or on a GPU."""
+
+from typing import Protocol
 
 import numpy as np
 
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.device.device import Device
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.map.layout import FieldLayout
 
 _CHUNK = 1 << 16
 
@@ -37,3 +40,20 @@ class MapQueries:
             field_forward(self._params, self._layout, chunk, len(chunk), self._activations)
             colors[start : start + _CHUNK] = self._activations.rgb[: len(chunk)]
         return colors
+
+
+class Queries(Protocol):
+    """Signed distance and colour of a map; see `MapQueries`."""
+
+    def sdf(self, points: np.ndarray) -> np.ndarray: ...
+
+    def color(self, points: np.ndarray) -> np.ndarray: ...
+
+
+def open_map_queries(layout: FieldLayout, params: np.ndarray, device: Device) -> Queries:
+    """Ask the map of `params` [P] on the device; they must stay as they are meanwhile."""
+    if device.uses_triton:
+        from hsslam_node.meshing.gpu_map_queries import GpuMapQueries
+
+        return GpuMapQueries(layout, params, device)
+    return MapQueries(layout, params)

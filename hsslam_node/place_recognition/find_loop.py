@@ -6,14 +6,14 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.dense_agreement import DenseAgreement, dense_agreement
 from hsslam_node.place_recognition.geometric_match import GeometricMatch, geometric_match
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.tracking.alignment import align
-from hsslam_node.tracking.frame_points import frame_points
 from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe
+from hsslam_node.tracking.tracked_frame import frame_points
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, so3_log
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.image_features import (
     DESCRIPTOR_SIZE,
     ImageFeatures,

@@ -1,1 +1,1 @@
-"""Where the camera is: dense alignment of each frame to the map and to a keyframe."""
+"""Where the camera is: alignment of each frame to the map and to a keyframe."""

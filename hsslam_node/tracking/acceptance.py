@@ -1,10 +1,16 @@
-"""Whether an aligned pose is good enough to be published."""
+"""Whether an aligned pose is published, and whether the reference keyframe is replaced."""
 
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.geometry.se3 import inverse, se3_log
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import project
+from hsslam_node.geometry.se3 import inverse, se3_log, so3_log
+from hsslam_node.place_recognition.dense_agreement import dense_agreement
 from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe
+from hsslam_node.tracking.tracked_frame import TrackedFrame
 
 
 def is_acceptable(
@@ -64,3 +70,74 @@ def _fits_reference(alignment: Alignment, coverage: float, config: TrackerConfig
         alignment.surface_coverage > coverage
         and alignment.surface_inlier_ratio > config.reference_surface_agreement
     )
+
+
+_EXPECTED_M, _EXPECTED_RAD = 0.05, 0.05  # from the prediction
+_OVERLAP, _CONSISTENCY, _SIMILARITY = 0.25, 0.9, 0.8
+_SIMILARITY_AFTER_GAP = 0.9  # without a prediction; poses 10 to 14 cm off reached 0.81 to 0.89
+
+
+def is_confirmed(
+    T_world_cam: np.ndarray, prediction: np.ndarray | None, frame: Frame, last: TrackedFrame,
+    T_world_last: np.ndarray,
+) -> bool:  # fmt: skip
+    """Whether the pose [4, 4] is as predicted, or else agrees with the last good frame as a whole.
+
+    A camera that was carried away, or seen again after a gap, sees surfaces that can be laid on those of
+    the map a few centimetres from where it was; the whole images then contradict each other. None: there
+    is no prediction that could be trusted.
+    """
+    if prediction is not None and _is_near(T_world_cam, prediction):
+        return True
+    least = _SIMILARITY_AFTER_GAP if prediction is None else _SIMILARITY
+    agreement = dense_agreement(last.frame, frame, inverse(T_world_last) @ T_world_cam)
+    return (
+        agreement.overlap >= _OVERLAP
+        and agreement.consistency >= _CONSISTENCY
+        and agreement.similarity >= least
+    )
+
+
+def _is_near(T_world_cam: np.ndarray, prediction: np.ndarray) -> bool:
+    step = inverse(prediction) @ T_world_cam
+    turn_rad = np.linalg.norm(so3_log(step[:3, :3]))
+    return bool(np.linalg.norm(step[:3, 3]) < _EXPECTED_M and turn_rad < _EXPECTED_RAD)
+
+
+_THIN_COVERAGE = 0.45  # of a frame's points: little, as where somebody stands before the camera
+_LESS = 0.85  # than it was
+
+
+def needs_replacing(
+    alignment: Alignment, overlap: float, most_covered: float, config: TrackerConfig
+) -> bool:
+    """Whether the reference keyframe shows too little of the frame, or disagrees with it.
+
+    Args:
+        overlap: `reference_overlap` of the frame.
+        most_covered: of the points of any frame since it became the reference.
+    """
+    return (
+        overlap < config.reference_overlap
+        or is_left_behind(alignment, most_covered, config)
+        or alignment.surface_inlier_ratio < config.reference_surface_agreement
+        or alignment.photometric_inlier_ratio < config.reference_image_agreement
+    )
+
+
+def is_left_behind(alignment: Alignment, most_covered: float, config: TrackerConfig) -> bool:
+    """Whether much less of the frame meets the reference's surface than of frames before it."""
+    covered = alignment.surface_coverage
+    return covered < config.reference_coverage * most_covered or (
+        covered < _THIN_COVERAGE and covered < _LESS * most_covered
+    )
+
+
+def reference_overlap(reference: ReferenceKeyframe, T_cam_ref: np.ndarray, camera: Camera) -> float:
+    """Share of the reference's salient pixels that a camera sees; T_cam_ref [4, 4]."""
+    points = reference.points[0]
+    if len(points) == 0:
+        return 0.0
+    u, v, z = project(points, camera, T_cam_ref)
+    seen = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px) & (z > 0.1)
+    return float(seen.mean())

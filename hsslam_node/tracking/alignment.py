@@ -1,4 +1,7 @@
-"""Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image."""
+"""Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image.
+
+In directions that these leave open, the pose stays near the predicted motion.
+"""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -6,16 +9,49 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.geometry.se3 import inverse, moved_about_camera
-from hsslam_node.kernels.alignment import (
-    add_keyframe_surface_term,
-    add_photometric_term,
-)
-from hsslam_node.kernels.depth_points import transform_points
+from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log
+from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
+from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.motion_prior import pose_information, with_motion_prior
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
-from hsslam_node.tracking.sdf_term import open_sdf_term
+from hsslam_node.tracking.sdf_term import CpuSdfTerm, SdfTerm
+
+LEVER_M = 2.0  # a rotation counts as the way of what is so far away
+
+
+def with_motion_prior(
+    H: np.ndarray, b: np.ndarray, T_world_cam: np.ndarray, prediction: np.ndarray, weak_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations H [8, 8], b [8] whose weak directions are held at the predicted pose [4, 4].
+
+    Along each eigenvector of the pose's information (gain and bias eliminated) the prior weighs
+    w^2 / information with w = 1 / weak_m^2: next to nothing where the data tell the way to much better
+    than weak_m, nearly all where they tell it much worse, as along the axis of a bare corridor.
+    """
+    scale = np.array([1.0, 1.0, 1.0, 1 / LEVER_M, 1 / LEVER_M, 1 / LEVER_M])
+    pose = pose_information(H)
+    information, direction = np.linalg.eigh(scale[:, None] * pose * scale)
+    least = 1.0 / weak_m**2
+    strength = least**2 / np.maximum(information, 1e-3 * least)  # [6]
+    unscaled = direction / scale[:, None]
+    P = (unscaled * strength) @ unscaled.T
+    H, b = H.copy(), b.copy()
+    H[:6, :6] += P
+    b[:6] += P @ _way(prediction, T_world_cam)
+    return H, b
+
+
+def pose_information(H: np.ndarray) -> np.ndarray:
+    """[6, 6] of the pose alone from [8, 8], gain and bias eliminated; the Schur complement."""
+    return H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
+
+
+def _way(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Twist [6] (m, rad; world axes, rotation about the camera) from one pose to the other."""
+    return np.concatenate(
+        [end[:3, 3] - start[:3, 3], so3_log(end[:3, :3] @ inverse(start)[:3, :3])]
+    )
+
 
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
 _COARSE_STOP = 1e-3  # m, rad
@@ -134,7 +170,7 @@ class _Problem:
     ) -> None:
         self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
         self._levels = levels
-        self._sdf_term = open_sdf_term(view, self._points, config) if view else None
+        self._sdf_term = _open_sdf_term(view, self._points, config) if view else None
         self._reference = reference
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
@@ -185,3 +221,14 @@ class _Problem:
 
 def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
+
+
+def _open_sdf_term(
+    view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
+) -> SdfTerm:
+    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
+    if view.on_device is not None:
+        from hsslam_node.tracking.on_gpu import GpuSdfTerm
+
+        return GpuSdfTerm(view, points, config)
+    return CpuSdfTerm(view, points, config)

@@ -1,14 +1,19 @@
-"""The published map that a frame is tracked against."""
+"""The newest published map, as the tracker reads it on the CPU or on a GPU."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hsslam_node.kernels.kernel_layout import KernelLayout
+from hsslam_node.device.device import Device
+from hsslam_node.kernels.field.layout import KernelLayout, kernel_layout
+from hsslam_node.map.parameters import FieldParameters
 
-if TYPE_CHECKING:
-    from hsslam_node.device.device_map import DeviceMap
+if TYPE_CHECKING:  # a CPU process imports neither torch nor Triton for this
+    from torch import Tensor
+
+    from hsslam_node.device.parameter_copy import PublishedCopy
+    from hsslam_node.gpu_kernels.field.layout import GpuLayout
 
 
 @dataclass(frozen=True)
@@ -20,3 +25,69 @@ class MapView:
     params: np.ndarray  # [P] float32, used in place
     truncation_m: float
     on_device: "DeviceMap | None" = None  # its copy on a GPU, which is asked instead
+
+
+@dataclass(frozen=True)
+class DeviceMap:
+    """Parameters on the device and where everything lies in them."""
+
+    layout: "GpuLayout"
+    params: "Tensor"  # [P], or their geometry prefix
+
+
+class MapViews:
+    """Views of the versions of one map, also when it has grown; on a GPU they come with a copy there.
+
+    The copy is one for all versions: only the newest view is right. With `with_color` it holds all
+    parameters, else those that signed distances need.
+    """
+
+    def __init__(
+        self, parameters: FieldParameters, device: Device, *, with_color: bool = False
+    ) -> None:
+        self._parameters = parameters
+        self._device = device
+        self._with_color = with_color
+        self._copy: PublishedCopy | None = None
+        self._on_device: DeviceMap | None = None
+        self._open()
+
+    def newest(self) -> MapView | None:
+        """The version that is current now; None before the first."""
+        while True:
+            version, params = self._parameters.published()
+            if version == 0:
+                return None
+            if self._field is not self._parameters.layout:
+                self._open()
+            if self._copy is not None:
+                version = self._copy.pull()
+            if self._field is self._parameters.layout:  # else it has grown during the pull
+                break
+        if self._view is None or self._view.version != version:
+            truncation_m = self._parameters.layout.config.truncation_m
+            self._view = MapView(version, self._layout, params, truncation_m, self._on_device)
+        return self._view
+
+    def _open(self) -> None:
+        """Start anew over the bound of now."""
+        self._field = self._parameters.layout
+        self._layout = kernel_layout(self._field)
+        self._view: MapView | None = None
+        if self._device.uses_triton:
+            self._copy, self._on_device = _open_copy(
+                self._parameters, self._device, self._with_color
+            )
+
+
+def _open_copy(
+    parameters: FieldParameters, device: Device, with_color: bool
+) -> "tuple[PublishedCopy, DeviceMap]":
+    from hsslam_node.device.parameter_copy import PublishedCopy
+    from hsslam_node.gpu_kernels.field.layout import gpu_layout
+
+    layout = parameters.layout
+    count = layout.parameter_count if with_color else layout.geometry_count
+    copy = PublishedCopy(parameters, device, count)
+    tables = gpu_layout(kernel_layout(layout), device.tensors_on)
+    return copy, DeviceMap(tables, copy.params)

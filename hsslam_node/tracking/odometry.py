@@ -1,4 +1,4 @@
-"""OpenCV's RGB-D odometry between two frames: the second guess where the first fails."""
+"""OpenCV's RGB-D odometry between two frames; a file of its own as tracker and doctor share it."""
 
 import cv2
 import numpy as np

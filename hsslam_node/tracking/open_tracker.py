@@ -1,13 +1,13 @@
-"""The tracker that a configuration asks for."""
+"""The tracker that a configuration asks for; a file of its own because neither tracker knows the other."""
 
 from typing import Protocol
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.keyframes.allocator import ArrayAllocator
+from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096
 INITIAL, TRACKED, LOST = 0, 1, 2  # status

@@ -1,4 +1,4 @@
-"""The keyframe that frames are aligned to directly: its salient pixels and its surface."""
+"""The keyframe that frames are aligned to directly: salient pixels, surface, and which one to take."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.depth_points import halve_depth
-from hsslam_node.kernels.keyframe_surface import surface_of_depth
-from hsslam_node.keyframes.depth_noise import EXACT_NOISE, depth_noise
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.geometry.projection import project, world_points
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
+from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
+from hsslam_node.map.store import KeyframeStore
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
@@ -143,3 +144,45 @@ def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _smoothed(image: np.ndarray) -> np.ndarray:
     return cv2.GaussianBlur(image, (3, 3), 0.8)
+
+
+_STRIDE_PX = 24
+_CANDIDATES = 12  # that stand most like the camera
+_TURN_M_PER_RAD = 1.0  # what a turn counts when they are chosen
+_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
+_CLEARLY = 0.1  # more of the frame's points than the current one
+
+
+def covering_keyframe(
+    store: KeyframeStore, frame: Frame, T_world_cam: np.ndarray, current: int
+) -> int:
+    """The keyframe on whose surface most of the frame's depth lies; `current` unless one is clearly better.
+
+    Of equals it is that which stands most like the camera at T_world_cam [4, 4].
+    """
+    depth_m = frame.depth_raw / frame.depth_units_per_m
+    points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
+    if len(points) == 0:
+        return current
+    poses = store.poses()
+    relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
+    cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
+    away = np.linalg.norm(relative[:, :3, 3], axis=1)
+    away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
+    best, most = current, _shown(store, current, poses[current], points) + _CLEARLY
+    for k in np.argsort(away, kind="stable")[:_CANDIDATES]:
+        share = _shown(store, int(k), poses[k], points)
+        if k != current and share > most:
+            best, most = int(k), share
+    return best
+
+
+def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
+    """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
+    camera = store.camera
+    u, v, z = project(points, camera, inverse(T_world_key))
+    u, v = np.round(u).astype(int), np.round(v).astype(int)
+    inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
+    depth_raw = store.pixels(k)[1][v[inside], u[inside]]
+    gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])
+    return float(((depth_raw > 0) & (gap < _MARGIN_M + _MARGIN_SLOPE * z[inside])).sum()) / len(z)

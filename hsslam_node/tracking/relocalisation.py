@@ -11,7 +11,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_log
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex

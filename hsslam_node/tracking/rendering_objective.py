@@ -1,16 +1,56 @@
-"""Rendering losses of random pixels of a frame, on the CPU."""
+"""Rendering losses of random rays of a frame by its pose, on the CPU, and Adam on that pose."""
+
+from typing import Protocol
 
 import numpy as np
 
-from hsslam_node.config import SlamConfig
+from hsslam_node.config import RenderingTrackerConfig, SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.kernels.field_activations import FieldActivations, field_activations
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.field_pose_backward import field_pose_backward
-from hsslam_node.kernels.ray_batch import place_samples, pose_gradients
-from hsslam_node.kernels.rendering import COLOR, losses_backward, render_forward
-from hsslam_node.tracking.frame_rays import FrameRays
+from hsslam_node.geometry.pose_adam import PoseAdam
+from hsslam_node.geometry.se3 import moved_about_camera
+from hsslam_node.kernels.field.activations import FieldActivations, field_activations
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.pose_backward import field_pose_backward
+from hsslam_node.kernels.mapping.ray_batch import gather_pixels, place_samples, pose_gradients
+from hsslam_node.kernels.mapping.rendering import COLOR, losses_backward, render_forward
+from hsslam_node.mapping.ray_batch import ray_batch
 from hsslam_node.tracking.map_view import MapView
+
+_CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
+
+
+class FrameRays:
+    """Rays through random pixels that have depth; what is drawn depends on seed and frame index alone."""
+
+    def __init__(self, config: SlamConfig, seed: int) -> None:
+        self._config = config.rendering_tracker
+        self._max_depth_m = config.mapper.max_depth_m
+        self._seed = seed
+        self.rays = ray_batch(self._config.pixels)  # the first `count` are real; slot 0
+        self.count = 0
+        self.jitter = np.zeros((self._config.pixels, config.sampling.count), np.float32)  # 0..1
+
+    def observe(self, frame: Frame) -> None:
+        """Take this frame and draw."""
+        self._frame = frame
+        self._generator = np.random.default_rng((self._seed, frame.index, 13))
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw pixels of the frame, and the places of their samples."""
+        frame, camera, c = self._frame, self._frame.camera, self._config
+        border = round(c.border * camera.width_px)
+        uv = self._generator.integers(
+            (border, border),
+            (camera.width_px - border, camera.height_px - border),
+            (_CANDIDATES * c.pixels, 2),
+        )
+        K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        self.count = gather_pixels(
+            frame.color, frame.depth_raw, 1.0 / frame.depth_units_per_m, self._max_depth_m, K, uv,
+            0, 0.0, 0, self.rays, 0, c.pixels,
+        )  # fmt: skip
+        self._generator.random(out=self.jitter[: self.count], dtype=np.float32)
 
 
 class RenderingObjective:
@@ -109,3 +149,34 @@ class RenderingObjective:
         loss_weight = self._loss_weight.copy()
         loss_weight[COLOR] *= R / max(R - np.count_nonzero(outlier), 1)
         return measured_color, measured_depth, loss_weight
+
+
+class PoseObjective(Protocol):
+    """A loss of the camera pose of one frame before one map."""
+
+    def observe(self, frame: Frame, view: MapView) -> None:
+        """Take this frame and this map."""
+        ...
+
+    def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:
+        """The loss at T_world_cam [4, 4] and its gradient [6] (1/m, 1/rad) by a twist of the pose:
+        translation in world axes, rotation in world axes about the camera's centre.
+
+        The loss is infinite and the gradient zero where no pixel can be rendered.
+        """
+        ...
+
+
+def descend(
+    objective: PoseObjective, T_world_cam: np.ndarray, config: RenderingTrackerConfig
+) -> np.ndarray:
+    """The pose [4, 4] with the smallest loss of those visited, the start T_world_cam included."""
+    adam = PoseAdam(config.adam_beta1)
+    rates = np.array([config.translation_rate] * 3 + [config.rotation_rate] * 3)
+    T, best, least = T_world_cam, T_world_cam, float("inf")
+    for _ in range(config.iterations):
+        loss, gradient = objective(T)
+        if loss < least:
+            best, least = T, loss
+        T = moved_about_camera(T, adam.step(gradient, rates))
+    return best

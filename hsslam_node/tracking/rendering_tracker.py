@@ -1,20 +1,54 @@
-"""Tracking by rendering, as the paper and its parents do it."""
+"""Tracking by rendering, as the paper and its parents do it: descent first, then a check on the surface."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.config import SlamConfig
+from hsslam_node.config import SlamConfig, TrackerConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_log
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.tracking.frame_points import frame_points
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.kernels.tracking.alignment import add_sdf_term
+from hsslam_node.kernels.tracking.depth_points import transform_points
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.pose_objective import PoseObjective
-from hsslam_node.tracking.rendering_descent import descend
-from hsslam_node.tracking.rendering_objective import RenderingObjective
-from hsslam_node.tracking.surface_fit import SurfaceFit, surface_fit
-from hsslam_node.tracking.track_result import TrackResult
-from hsslam_node.tracking.tracked_frame import TrackedFrame, orthonormal, predicted_pose
+from hsslam_node.tracking.rendering_objective import PoseObjective, RenderingObjective, descend
+from hsslam_node.tracking.tracked_frame import (
+    TrackedFrame,
+    TrackResult,
+    frame_points,
+    orthonormal,
+    predicted_pose,
+)
+
+
+@dataclass(frozen=True)
+class SurfaceFit:
+    """Evidence for a pose."""
+
+    inlier_ratio: float  # points within the Huber threshold of the surface over points in the bound
+    rms_m: float  # distance of the inliers
+    outside: int  # points outside the bound
+
+
+def surface_fit(
+    points: np.ndarray, T_world_cam: np.ndarray, view: MapView, config: TrackerConfig
+) -> SurfaceFit:
+    """The fit of points [N, 3] float32 (m, camera) seen from T_world_cam [4, 4]."""
+    n = len(points)
+    world = np.empty((n, 3), np.float32)
+    sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
+    gradient = np.zeros((n, 3), np.float32)
+    transform_points(T_world_cam, points, world)
+    query_sdf(view.params, view.layout, world, sdf, inside, gradient, False)
+    _, inliers, seen, squares = add_sdf_term(
+        sdf, gradient, inside, world, points[:, 2], T_world_cam[:3, 3].copy(), view.truncation_m,
+        config.sdf_sigma_m, config.sdf_sigma_slope, config.sdf_huber_m,
+        np.zeros((8, 8)), np.zeros(8),
+    )  # fmt: skip
+    return SurfaceFit(inliers / max(seen, 1), float(np.sqrt(squares / max(inliers, 1))), n - seen)
+
 
 _FEWEST_POINTS = 100
 
@@ -85,7 +119,7 @@ class RenderingTracker:
     def _open_objective(self, view: MapView) -> PoseObjective:
         """The losses where the map is: on a GPU, or here."""
         if view.on_device is not None:
-            from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective
+            from hsslam_node.tracking.on_gpu import GpuRenderingObjective
 
             self._objective = GpuRenderingObjective(self._slam, self._seed, view)
         else:
@@ -93,12 +127,11 @@ class RenderingTracker:
         return self._objective
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
-        nan = float("nan")
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
-            return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
+            return TrackResult.without_map(frame.index)
         k = self._store.append(frame, np.eye(4))
         self._last = TrackedFrame(frame, k, np.eye(4))
-        return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
+        return TrackResult.first(frame.index, k)
 
     def _is_good(self, fit: SurfaceFit, T: np.ndarray, guess: np.ndarray) -> bool:
         step = se3_log(inverse(guess) @ T)
@@ -121,8 +154,9 @@ class RenderingTracker:
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         return TrackResult(
-            frame.index, "tracked", T, k, T_keyframe_cam, float(fit.inlier_ratio), fit.rms_m,
-            version, is_keyframe, fit.outside,
+            frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=T_keyframe_cam, quality=float(fit.inlier_ratio), residual_m=fit.rms_m,
+            map_version=version, is_keyframe=is_keyframe, outside=fit.outside,
         )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, version: int) -> TrackResult:
@@ -130,5 +164,7 @@ class RenderingTracker:
         k = self._last.keyframe
         T_keyframe_cam = inverse(self._store.pose(k)) @ T
         self._before_last = None
-        nan = float("nan")
-        return TrackResult(frame.index, "lost", T, k, T_keyframe_cam, 0.0, nan, version, False, 0)
+        return TrackResult(
+            frame_index=frame.index, status="lost", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=T_keyframe_cam, map_version=version,
+        )  # fmt: skip

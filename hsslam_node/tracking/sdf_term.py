@@ -1,12 +1,12 @@
-"""The map's term of an alignment: depth points on the zero level of the signed distance."""
+"""The SDF term of an alignment, depth points on the zero level of the map: protocol and CPU code."""
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.kernels.alignment import add_sdf_term
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.kernels.tracking.alignment import add_sdf_term
 from hsslam_node.tracking.map_view import MapView
 
 _STRAIGHT_M = 0.003  # over which the distance changes along a straight line: no accuracy is lost
@@ -26,25 +26,15 @@ class SdfTerm(Protocol):
     def add(
         self, T_world_cam: np.ndarray, world: np.ndarray, fine: bool, H: np.ndarray, b: np.ndarray
     ) -> SdfEvidence:
-        """Add to H [8, 8] and b [8] (upper half of H; see kernels/alignment.py), linearised at the pose.
+        """Add to H [8, 8] (its upper half) and b [8], linearised at the pose.
 
+        See `kernels/tracking/alignment.py` for the system.
         world [N, 3] float32 m: the points of this level seen from T_world_cam [4, 4].
         """
         ...
 
 
-def open_sdf_term(
-    view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
-) -> SdfTerm:
-    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
-    if view.on_device is not None:
-        from hsslam_node.tracking.gpu_sdf_term import GpuSdfTerm
-
-        return GpuSdfTerm(view, points, config)
-    return _CpuSdfTerm(view, points, config)
-
-
-class _CpuSdfTerm:
+class CpuSdfTerm:
     """Asks the published map in place."""
 
     def __init__(

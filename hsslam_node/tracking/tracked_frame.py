@@ -1,12 +1,16 @@
-"""A frame that was tracked, and where the next one is expected."""
+"""A frame in tracking: its depth points, the result, and where the next frame is expected."""
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.kernels.tracking.depth_points import sample_points
+from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
@@ -59,3 +63,55 @@ def orthonormal(T: np.ndarray) -> np.ndarray:
     out = T.copy()
     out[:3, :3] = U @ Vt
     return out
+
+
+Status = Literal["initial", "tracked", "lost"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackResult:
+    """Where a frame was, and how sure that is."""
+
+    frame_index: int
+    status: Status
+    T_world_cam: np.ndarray  # [4, 4]; of a lost frame the prediction, not to be trusted
+    keyframe: int  # id of the reference keyframe
+    T_keyframe_cam: np.ndarray  # [4, 4]
+    quality: float = 0.0  # 0..1
+    residual_m: float = math.nan  # RMS of the SDF inliers; nan where there was no map
+    map_version: int = 0  # 0: no map
+    is_keyframe: bool = False
+    outside: int = 0  # depth points outside the bound
+
+    @classmethod
+    def first(cls, frame_index: int, keyframe: int) -> "TrackResult":
+        """Of the frame that the world's origin is fixed to."""
+        return cls(
+            frame_index=frame_index, status="initial", T_world_cam=np.eye(4), keyframe=keyframe,
+            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True,
+        )  # fmt: skip
+
+    @classmethod
+    def without_map(cls, frame_index: int) -> "TrackResult":
+        """Of a frame before there is a keyframe, on which no map can be started."""
+        return cls(
+            frame_index=frame_index, status="lost", T_world_cam=np.eye(4), keyframe=-1,
+            T_keyframe_cam=np.eye(4),
+        )  # fmt: skip
+
+
+def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
+    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge."""
+    camera = frame.camera
+    aspect = camera.width_px / camera.height_px
+    # a fifth more cells than points: some fall on edges and holes
+    rows = max(1, round(np.sqrt(1.2 * config.points / aspect)))
+    columns = max(1, round(rows * aspect))
+    jitter = np.random.default_rng((seed, frame.index)).random((rows * columns, 2))
+    points = np.empty((rows * columns, 3), np.float32)
+    K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+    max_depth_m = np.float32(config.max_depth_m)
+    n = sample_points(
+        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, points
+    )
+    return points[:n]

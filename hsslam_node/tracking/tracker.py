@@ -8,31 +8,36 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.tracking.acceptance import is_acceptable, quality
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.acceptance import (
+    is_acceptable,
+    is_confirmed,
+    is_left_behind,
+    needs_replacing,
+    quality,
+    reference_overlap,
+)
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
-from hsslam_node.tracking.covering_keyframe import covering_keyframe
-from hsslam_node.tracking.frame_points import frame_points
+from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.moving_things import MovingThings
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
+    covering_keyframe,
     grey_pyramid,
     reference_keyframe,
     stored_reference,
 )
-from hsslam_node.tracking.reference_wear import is_left_behind, is_outworn, reference_overlap
 from hsslam_node.tracking.relocalisation import Relocalisation
-from hsslam_node.tracking.track_result import TrackResult
 from hsslam_node.tracking.tracked_frame import (
     TrackedFrame,
+    TrackResult,
+    frame_points,
     is_foreseen,
     orthonormal,
     predicted_pose,
 )
-from hsslam_node.tracking.unexpected_motion import is_borne_out
 
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
@@ -56,7 +61,7 @@ class Tracker:
         self._reference: ReferenceKeyframe | None = None
         self._relocalisation = Relocalisation(config.tracker, store, seed)
         self._exposure = Exposure()  # of the last good frame against the reference
-        self._moving = MovingThings(store)
+        self._dynamic = DynamicMask(store)
         self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
         self._since_keyframe = 0
         self._lost_frames = 0
@@ -99,7 +104,7 @@ class Tracker:
             best = self._try(points, levels, guess, view)
             good = self._is_good(best, guess, frame.stamp_ns)
             if good and self._reference is before[0]:  # else a place, which has been checked
-                good = self._is_borne_out(best, expected, frame)
+                good = self._is_confirmed(best, expected, frame)
             if good:
                 return self._accept(frame, levels, best, view)
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
@@ -112,14 +117,13 @@ class Tracker:
             self._next_reference = None
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
-        nan = float("nan")
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
-            return TrackResult(frame.index, "lost", np.eye(4), -1, np.eye(4), 0.0, nan, 0, False, 0)
+            return TrackResult.without_map(frame.index)
         k = self._store.append(frame, np.eye(4))
-        self._moving.observe(k, frame)
+        self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
-        return TrackResult(frame.index, "initial", np.eye(4), k, np.eye(4), 1.0, nan, 0, True, 0)
+        return TrackResult.first(frame.index, k)
 
     def _guesses(
         self, frame: Frame, prediction: np.ndarray, *, after_gap: bool
@@ -147,12 +151,9 @@ class Tracker:
             yield place.T_world_cam
 
     def _try(
-        self,
-        points: np.ndarray,
-        levels: tuple[PyramidLevel, ...],
-        T: np.ndarray,
+        self, points: np.ndarray, levels: tuple[PyramidLevel, ...], T: np.ndarray,
         view: MapView | None,
-    ) -> Alignment | None:
+    ) -> Alignment | None:  # fmt: skip
         if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
         T_world_ref = self._store.pose(self._reference.id)
@@ -165,31 +166,25 @@ class Tracker:
         gap_s = 1e-9 * (stamp_ns - self._last.frame.stamp_ns)
         after_gap = self._lost_frames > 0 or gap_s > self._config.longest_gap_s
         return is_acceptable(
-            alignment,
-            prediction,
-            after_gap=after_gap,
-            localise_only=self._localise_only,
+            alignment, prediction, after_gap=after_gap, localise_only=self._localise_only,
             config=self._config,
-        )
+        )  # fmt: skip
 
     def _is_foreseen(self, stamp_ns: int) -> bool:
         assert self._last is not None
         return self._lost_frames == 0 and is_foreseen(self._last, self._before_last, stamp_ns)
 
-    def _is_borne_out(
+    def _is_confirmed(
         self, best: Alignment | None, expected: np.ndarray | None, frame: Frame
     ) -> bool:
         assert best is not None and self._last is not None
         T_world_last = self._last.pose(self._store)
-        return is_borne_out(best.T_world_cam, expected, frame, self._last, T_world_last)
+        return is_confirmed(best.T_world_cam, expected, frame, self._last, T_world_last)
 
     def _accept(
-        self,
-        frame: Frame,
-        levels: tuple[PyramidLevel, ...],
-        alignment: Alignment | None,
+        self, frame: Frame, levels: tuple[PyramidLevel, ...], alignment: Alignment | None,
         view: MapView | None,
-    ) -> TrackResult:
+    ) -> TrackResult:  # fmt: skip
         assert alignment is not None and self._reference is not None
         T = orthonormal(alignment.T_world_cam)
         self._since_keyframe += 1
@@ -203,16 +198,16 @@ class Tracker:
         )
         if is_keyframe:
             self._since_keyframe = 0
-            still = self._moving.left_out(frame, T)
+            still = self._dynamic.left_out(frame, T)
             k = self._store.append(still, T)
-            self._moving.observe(k, still)
+            self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
         else:
             still = frame
             k = self._reference.id if self._localise_only else self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
         self._exposure = alignment.exposure
-        if is_keyframe and self._is_outworn(alignment, T, frame):
+        if is_keyframe and self._needs_replacing(alignment, T, frame):
             self._exposure, self._coverage = Exposure(), 0.0
             of_still = levels if still is frame else grey_pyramid(still)
             self._next_reference = partial(
@@ -225,8 +220,10 @@ class Tracker:
         self._lost_frames = 0
         self._relocalisation.observe()
         return TrackResult(
-            frame.index, "tracked", T, k, T_keyframe_cam, quality(alignment),
-            alignment.sdf_rms_m, view.version if view else 0, is_keyframe, alignment.outside,
+            frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
+            residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
+            is_keyframe=is_keyframe, outside=alignment.outside,
         )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
@@ -237,14 +234,15 @@ class Tracker:
         self._lost_frames += 1
         version = view.version if view else 0
         return TrackResult(
-            frame.index, "lost", T, k, T_keyframe_cam, 0.0, float("nan"), version, False, 0
-        )
+            frame_index=frame.index, status="lost", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=T_keyframe_cam, map_version=version,
+        )  # fmt: skip
 
     def _refer_to_saved(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> None:
         """Take a keyframe of the map as the reference that shows clearly more of the frame."""
         assert self._reference is not None
-        is_outworn = self._is_outworn(alignment, T, frame)
-        if not is_outworn and self._since_keyframe < self._slam.keyframes.every_frames:
+        needs_replacing = self._needs_replacing(alignment, T, frame)
+        if not needs_replacing and self._since_keyframe < self._slam.keyframes.every_frames:
             return
         self._since_keyframe = 0
         k = covering_keyframe(self._store, frame, T, self._reference.id)
@@ -254,8 +252,8 @@ class Tracker:
                 stored_reference, self._store, k, self._config.photometric_pixels
             )
 
-    def _is_outworn(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
+    def _needs_replacing(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
         assert self._reference is not None
         T_cam_ref = inverse(T) @ self._store.pose(self._reference.id)
         overlap = reference_overlap(self._reference, T_cam_ref, frame.camera)
-        return is_outworn(alignment, overlap, self._coverage, self._config)
+        return needs_replacing(alignment, overlap, self._coverage, self._config)

@@ -8,8 +8,8 @@ import pytest
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.presets import PRESETS
 from hsslam_services.commands.serve_command_line import parse_command_line
 

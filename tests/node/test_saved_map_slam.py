@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.checkpoint import save_checkpoint
 from hsslam_node.errors import UserError
+from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.slam import Slam
 from hsslam_services.run.map_snapshot import map_snapshot
 from tests.small_room import (

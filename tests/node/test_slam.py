@@ -13,7 +13,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 
 CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))

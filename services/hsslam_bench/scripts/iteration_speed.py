@@ -13,12 +13,12 @@ from dataclasses import replace
 import torch
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import PRESETS
 from hsslam_node.rendering.ray_sampling import SamplingPattern

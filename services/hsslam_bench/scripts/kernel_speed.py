@@ -13,15 +13,15 @@ import numpy as np
 import torch
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.hybrid_field import HybridField
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.kernels.field_activations import field_activations
-from hsslam_node.kernels.field_backward import field_backward
-from hsslam_node.kernels.field_forward import field_forward
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.touched import gradient
+from hsslam_node.kernels.field.activations import field_activations
+from hsslam_node.kernels.field.backward import field_backward
+from hsslam_node.kernels.field.forward import field_forward
+from hsslam_node.kernels.field.gradient import gradient
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.reference.field import HybridField
 
 _BOUND = Bound((-5.0, -3.0, -5.0), (5.0, 3.0, 5.0))  # m, of a room
 _TURNS = 7  # the median counts; the first is not counted

@@ -15,12 +15,12 @@ import numpy as np
 import torch
 
 from hsslam_bench.scripts.known_source import known_source, with_poor_first_map
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.localisation import localisation_score, map_in_truth, overlaps
 from hsslam_node.evaluation.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source

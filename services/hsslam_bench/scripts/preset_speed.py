@@ -22,10 +22,10 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS
-from hsslam_node.rehearsal import rehearse
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.warm_start import warm_start
 
 _QUICK_FRAMES = 3
 _GPU_SETTLING = 30  # frames
@@ -55,7 +55,7 @@ def preset_speed(config: SlamConfig, source: str, frames: int, device: Device) -
     torch.set_num_threads(1)
     options = SourceOptions(frames=frames)
     truth = open_ground_truth(source, options)
-    rehearse(config, device)  # machine code is loaded, for all presets alike
+    warm_start(config, device)  # machine code is loaded, for all presets alike
     slam = Slam(config, device=device)
     seconds, stamps_ns, results = [], [], []
     for frame in open_source(source, options).frames():

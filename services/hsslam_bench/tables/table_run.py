@@ -16,14 +16,13 @@ import numpy as np
 import torch
 
 from hsslam_bench.tables.plan import Job
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.rehearsal import rehearse
+from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import Source
@@ -36,7 +35,8 @@ from hsslam_node.tracking.pose_log import (
     online_trajectory,
     pose_row,
 )
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.warm_start import warm_start
 from hsslam_services.processes.saver import final_mesh
 
 RESULT = "result.json"
@@ -69,7 +69,7 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
     torch.set_num_threads(1)
     source = open_source(job.source, job.frames)  # what is wrong with it is told at once
     device = choose_device(job.device)
-    rehearse(job.config, device)  # machine code is loaded, for all rows alike
+    warm_start(job.config, device)  # machine code is loaded, for all rows alike
     slam = Slam(job.config, job.seed, device=device)
     rows, seconds = _track(source, slam, tell, device)
     if slam.store is None or slam.parameters is None:

@@ -114,10 +114,10 @@ def _import(modules: tuple[str, ...]) -> None:
 
 
 def _load_kernels(run_dir: Path) -> None:
-    from hsslam_node.rehearsal import rehearse
+    from hsslam_node.warm_start import warm_start
     from hsslam_services.run.run_info import RunInfo
 
-    rehearse(RunInfo.read(run_dir).options.slam)
+    warm_start(RunInfo.read(run_dir).options.slam)
 
 
 def _fork(request: _Request, others: list[_Request]) -> bool:

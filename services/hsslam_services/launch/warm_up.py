@@ -68,8 +68,8 @@ def _map_a_wall(parent_pid: int) -> None:
     if os.getppid() != parent_pid:  # it died before that
         return
     from hsslam_node.presets import PRESETS
-    from hsslam_node.rehearsal import textured_wall
     from hsslam_node.slam import Slam
+    from hsslam_node.warm_start import textured_wall
 
     preset = PRESETS["realtime"]
     ba = dataclasses.replace(
@@ -102,12 +102,12 @@ def _compile_the_rest() -> Iterator[str]:
     import numpy as np
 
     from hsslam_node.device.device import CPU
-    from hsslam_node.field.layout import FieldLayout
-    from hsslam_node.field.parameters import FieldParameters
-    from hsslam_node.keyframes.allocator import MemoryAllocator
-    from hsslam_node.keyframes.store import KeyframeStore
-    from hsslam_node.mapping.initial_bound import initial_bound
-    from hsslam_node.tracking.map_views import MapViews
+    from hsslam_node.map.allocator import MemoryAllocator
+    from hsslam_node.map.layout import FieldLayout
+    from hsslam_node.map.parameters import FieldParameters
+    from hsslam_node.map.store import KeyframeStore
+    from hsslam_node.mapping.bound import initial_bound
+    from hsslam_node.tracking.map_view import MapViews
     from hsslam_node.tracking.tracker import Tracker
 
     config = _briefly(PRESETS["realtime"], "alignment")

@@ -233,19 +233,19 @@ def _rss_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def worker_device(worker: Worker, *, rehearsed: bool = False) -> Device:
+def worker_device(worker: Worker, *, warm_started: bool = False) -> Device:
     """What the run's option comes to in this process.
 
-    With `rehearsed` a GPU's kernels are compiled and loaded now, not when a frame waits for them.
+    With `warm_started` a GPU's kernels are compiled and loaded now, not when a frame waits for them.
 
     Raises:
         UserError: CUDA is asked for and does not work; the run ends with that line.
     """
     device = choose_device(worker.options.device)
-    if rehearsed and device.kind == "cuda":
-        from hsslam_node.rehearsal import rehearse
+    if warm_started and device.kind == "cuda":
+        from hsslam_node.warm_start import warm_start
 
-        rehearse(worker.options.slam, device)
+        warm_start(worker.options.slam, device)
     return device
 
 

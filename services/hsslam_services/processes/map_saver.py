@@ -5,8 +5,8 @@ Arena: reads keyframes, map
 
 from pathlib import Path
 
-from hsslam_node.checkpoint import save_checkpoint
 from hsslam_node.errors import UserError
+from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.map_snapshot import map_snapshot

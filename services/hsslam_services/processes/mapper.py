@@ -10,10 +10,10 @@ Arena: reads keyframes, map_state; writes map
 import time
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_proto import topics
@@ -70,7 +70,7 @@ class _MapperLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._slam = worker.options.slam
-        self._device = worker_device(worker, rehearsed=True)
+        self._device = worker_device(worker, warm_started=True)
         tell_device(worker, self._device)
         self._link = MapLink(worker.arena, worker.options.slam)
         self._mode = RunMode(worker.run.arena_dir)

@@ -9,16 +9,15 @@ import time
 
 import numpy as np
 
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import rotation_from_quaternion
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.meshing.block_mesher import BlockMesher
-from hsslam_node.meshing.observed_poses import surface_shift_m
-from hsslam_node.meshing.observed_space import ObservedSpace
-from hsslam_node.meshing.open_map_queries import Queries, open_map_queries
+from hsslam_node.meshing.map_queries import Queries, open_map_queries
+from hsslam_node.meshing.observed_space import ObservedSpace, surface_shift_m
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message

@@ -8,12 +8,11 @@ from typing import Any
 
 import trimesh
 
-from hsslam_node.checkpoint import MapCheckpoint, save_checkpoint
 from hsslam_node.device.device import Device
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.meshing.depth_views import DepthViews
-from hsslam_node.meshing.extract_mesh import extract_mesh
-from hsslam_node.meshing.open_map_queries import open_map_queries
+from hsslam_node.map.checkpoint import MapCheckpoint, save_checkpoint
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
+from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
 from hsslam_services.launch.worker import Worker, run_worker, worker_device

@@ -12,13 +12,12 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.rehearsal import rehearse
-from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.map_views import MapViews
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
-from hsslam_node.tracking.track_result import Status, TrackResult
+from hsslam_node.tracking.tracked_frame import Status, TrackResult
+from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.pose_codec import wire_pose
@@ -40,7 +39,7 @@ def _run(worker: Worker) -> None:
     is_lockstep = worker.options.pace == "lockstep"
     frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
     loop = _TrackerLoop(worker)
-    rehearse(worker.options.slam)
+    warm_start(worker.options.slam)
     worker.ready()
     while not worker.should_stop():
         received = frames.wait_received(_POLL_S)
@@ -59,7 +58,7 @@ class _TrackerLoop:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = RunMode(worker.run.arena_dir)
-        self._device = worker_device(worker, rehearsed=True)
+        self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
         last = self._log.last()
         self._last_index = -1 if last is None else int(last["index"])

@@ -19,7 +19,7 @@ PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
 
 
 class Arena:
-    """The arrays of one arena folder; an `ArrayAllocator` (hsslam_node/keyframes/allocator.py).
+    """The arrays of one arena folder; an `ArrayAllocator` (hsslam_node/map/allocator.py).
 
     An array is `<name>.bin`, reserved at once (a full /dev/shm is an error here, never a SIGBUS
     later) and mapped through torch's shared storage; `<name>.json` (dtype, shape) appears after

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.errors import UserError
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.checkpoint import MapCheckpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 

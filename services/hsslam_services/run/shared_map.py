@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.field.parameters import FieldParameters
-from hsslam_node.keyframes.allocator import ArrayAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
 
 T = TypeVar("T")
 

@@ -8,10 +8,10 @@ import pytest
 from hsslam_bench.tables.options import with_overrides
 from hsslam_bench.tables.paper_tables import ABLATION, TABLES
 from hsslam_node.config import SlamConfig
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam

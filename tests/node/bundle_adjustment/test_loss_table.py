@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hsslam_node.bundle_adjustment.loss_table import LossTable
+from hsslam_node.bundle_adjustment.global_ba import LossTable
 from hsslam_node.config import BundleAdjustmentConfig
 
 

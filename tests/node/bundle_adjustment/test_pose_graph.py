@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from hsslam_node.bundle_adjustment.pose_edges import PoseEdge, PoseEdges
-from hsslam_node.bundle_adjustment.pose_graph import solve_pose_graph
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 
 _SIGMA = np.repeat([1e-3, 4e-4], 3)  # m, rad

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.device.device import Device
-from hsslam_node.device.parameter_copy import ParameterCopy
-from hsslam_node.device.published_copy import PublishedCopy
-from hsslam_node.field.layout import FieldLayout
-from hsslam_node.field.parameters import FieldParameters
+from hsslam_node.device.parameter_copy import ParameterCopy, PublishedCopy
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.keyframes.allocator import MemoryAllocator
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
 
 INTERPRETER = Device("interpreter", "test", "test")
 TINY = replace(FieldConfig(plane_channels=16), hash_levels=2, hash_table_log2=8)

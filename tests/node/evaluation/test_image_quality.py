@@ -8,12 +8,12 @@ import pytest
 import torch
 from skimage.metrics import structural_similarity
 
-from hsslam_node.checkpoint import MapCheckpoint
 from hsslam_node.evaluation.image_quality import image_quality, psnr_db, ssim
 from hsslam_node.evaluation.map_renderer import MapRenderer
-from hsslam_node.field.hybrid_field import HybridField
+from hsslam_node.map.checkpoint import MapCheckpoint
+from hsslam_node.reference.field import HybridField
+from hsslam_node.reference.rendering import render_rays
 from hsslam_node.rendering.ray_sampling import sample_rays
-from hsslam_node.rendering.sdf_rendering import render_rays
 from tests.small_room import SMALL, mapped_room, room_frames, room_poses
 
 

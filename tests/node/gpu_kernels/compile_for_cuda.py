@@ -1,4 +1,5 @@
-"""Compile every GPU kernel for a GPU that need not be there: `python -m tests.gpu_kernels.compile_for_cuda`.
+"""Compile every GPU kernel for a GPU that need not be there:
+`python -m tests.node.gpu_kernels.compile_for_cuda`.
 
 Prints a JSON line per kernel: its name, shared memory in bytes, registers a thread and bytes of registers
 that spilled. Arguments: block size (default: what each kernel is launched with), channels, capability.
@@ -36,8 +37,10 @@ def main(block: int | None, channels: int, capability: int) -> None:
     """Compile all kernels, those whose name begins with an underscore and that take a block size."""
     sizes = {"C": channels, "L": 16, "LP": 16, "BLOBS": 48, "SP": 64, "KP": 16, "WEIGHTS": True}
     sizes |= {"GRADIENT": True, "FREE": 32, "SURFACE": 11}
-    for module_info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{module_info.name}")
+    prefix = f"{package.__name__}."
+    for module_info in pkgutil.walk_packages(package.__path__, prefix):
+        module = importlib.import_module(module_info.name)
+        place = module_info.name.removeprefix(prefix)
         for name, kernel in vars(module).items():
             if not isinstance(kernel, JITFunction) or kernel.__module__ != module.__name__:
                 continue
@@ -45,7 +48,7 @@ def main(block: int | None, channels: int, capability: int) -> None:
                 warps = getattr(module, "WARPS", 4)
                 B = block or (16 if name == "_add_up" else module.BLOCK)
                 report = _compile(kernel, sizes | {"B": B}, warps, capability)
-                print(json.dumps({"kernel": f"{module_info.name}.{name}"} | report), flush=True)
+                print(json.dumps({"kernel": f"{place}.{name}"} | report), flush=True)
 
 
 def _compile(kernel: JITFunction, sizes: dict[str, int], warps: int, capability: int) -> dict:

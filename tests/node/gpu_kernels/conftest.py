@@ -13,7 +13,7 @@ from tests.node.kernels.conftest import Field, close, field_of  # noqa: F401
 
 import_gpu_kernels()
 
-from hsslam_node.gpu_kernels.gpu_layout import GpuLayout, gpu_layout  # noqa: E402
+from hsslam_node.gpu_kernels.field.layout import GpuLayout, gpu_layout  # noqa: E402
 
 _GROWN = FieldConfig(plane_channels=16, hash_table_log2=13)
 _KINDS = {

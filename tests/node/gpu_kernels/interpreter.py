@@ -20,5 +20,5 @@ def import_gpu_kernels() -> None:
     with patch.dict(os.environ, settings):
         importlib.import_module("triton.experimental.gluon")  # else at the first launch
         package = importlib.import_module("hsslam_node.gpu_kernels")
-        for module in pkgutil.iter_modules(package.__path__):
-            importlib.import_module(f"{package.__name__}.{module.name}")
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            importlib.import_module(module.name)

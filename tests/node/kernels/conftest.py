@@ -7,11 +7,11 @@ import pytest
 import torch
 
 from hsslam_node.config import FieldConfig
-from hsslam_node.field.hybrid_field import HybridField
-from hsslam_node.field.initialisation import initial_parameters
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.geometry.bound import Bound
-from hsslam_node.kernels.kernel_layout import KernelLayout, kernel_layout
+from hsslam_node.kernels.field.layout import KernelLayout, kernel_layout
+from hsslam_node.map.initialisation import initial_parameters
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.reference.field import HybridField
 
 
 @dataclass(frozen=True)

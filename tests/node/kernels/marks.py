@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hsslam_node.kernels.touched import Gradient, touch_range
+from hsslam_node.kernels.field.gradient import Gradient, touch_range
 
 
 def touch(grad: Gradient, chunks: Iterable[int]) -> None:

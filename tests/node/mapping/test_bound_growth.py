@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from hsslam_node.config import BoundConfig
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.field.parameters import FieldParameters
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.sdf_query import query_sdf
-from hsslam_node.mapping.bound_growth import wanted_bound
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.mapping.bound import wanted_bound
 from hsslam_node.mapping.mapper import Mapper
 from tests.small_room import SMALL, MappedRoom, mapped_room
 

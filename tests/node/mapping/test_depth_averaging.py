@@ -7,10 +7,9 @@ import numpy as np
 from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.depth_averaging import DepthAveraging
-from hsslam_node.mapping.ray_batch import RayBatch, RayDraw, ray_batch
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.ray_batch import DepthAveraging, RayBatch, RayDraw, ray_batch
 
 _CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 _UNITS_PER_M = 10_000.0

@@ -9,7 +9,7 @@ from hsslam_node.config import BoundConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.mapping.bound import initial_bound
 from tests.small_room import room_frames, with_black
 
 

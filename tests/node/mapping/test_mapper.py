@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.kernels.sdf_query import query_sdf
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from tests.small_room import SMALL, MappedRoom, empty_room, mapped_room

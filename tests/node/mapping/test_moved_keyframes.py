@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.mapping.moved_keyframes import MovedKeyframes
+from hsslam_node.mapping.mapper import MovedKeyframes
 
 
 def _poses(n: int) -> np.ndarray:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed

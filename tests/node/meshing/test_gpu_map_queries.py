@@ -7,7 +7,7 @@ import torch
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.device.device import CPU, Device
-from hsslam_node.meshing.open_map_queries import open_map_queries
+from hsslam_node.meshing.map_queries import open_map_queries
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
 from tests.small_room import SMALL, empty_room
 

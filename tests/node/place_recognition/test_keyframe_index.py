@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.image_features import image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from tests.small_room import room_frames, with_black

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.kernels.depth_points import sample_points
-from hsslam_node.kernels.kernel_layout import kernel_layout
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe

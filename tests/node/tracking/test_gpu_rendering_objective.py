@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black
 
 import_gpu_kernels()
 
-from hsslam_node.device.device_map import DeviceMap  # noqa: E402
-from hsslam_node.gpu_kernels.gpu_layout import gpu_layout  # noqa: E402
-from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective  # noqa: E402
-from hsslam_node.tracking.map_view import MapView  # noqa: E402
+from hsslam_node.gpu_kernels.field.layout import gpu_layout  # noqa: E402
+from hsslam_node.tracking.map_view import DeviceMap, MapView  # noqa: E402
+from hsslam_node.tracking.on_gpu import GpuRenderingObjective  # noqa: E402
 from hsslam_node.tracking.rendering_objective import RenderingObjective  # noqa: E402
 from tests.node.gpu_kernels.conftest import on_device  # noqa: E402
 

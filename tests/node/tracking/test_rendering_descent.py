@@ -4,7 +4,7 @@ import numpy as np
 
 from hsslam_node.config import RenderingTrackerConfig
 from hsslam_node.geometry.se3 import so3_log
-from hsslam_node.tracking.rendering_descent import descend
+from hsslam_node.tracking.rendering_objective import descend
 from tests.small_room import displaced, pose_error
 
 

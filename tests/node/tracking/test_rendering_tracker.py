@@ -7,12 +7,11 @@ import pytest
 
 from hsslam_node.config import RenderingTrackerConfig
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.alignment import MapView
 from hsslam_node.tracking.open_tracker import open_tracker
-from hsslam_node.tracking.rendering_descent import descend
-from hsslam_node.tracking.rendering_objective import RenderingObjective
+from hsslam_node.tracking.rendering_objective import RenderingObjective, descend
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import (

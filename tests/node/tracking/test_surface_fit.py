@@ -1,7 +1,7 @@
 import numpy as np
 
-from hsslam_node.tracking.frame_points import frame_points
-from hsslam_node.tracking.surface_fit import surface_fit
+from hsslam_node.tracking.rendering_tracker import surface_fit
+from hsslam_node.tracking.tracked_frame import frame_points
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses
 
 

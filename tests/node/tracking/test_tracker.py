@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.field.layout import FieldLayout
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.kernels.kernel_layout import kernel_layout
-from hsslam_node.keyframes.allocator import MemoryAllocator
-from hsslam_node.keyframes.store import KeyframeStore
-from hsslam_node.mapping.initial_bound import initial_bound
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.track_result import TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
 

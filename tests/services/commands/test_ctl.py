@@ -11,9 +11,9 @@ import time
 import pytest
 import trimesh
 
-from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_services.commands.ctl import main
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.run.arena_folder import ArenaFolder

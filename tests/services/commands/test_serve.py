@@ -9,8 +9,8 @@ import pytest
 from mcap.reader import make_reader
 
 from hsslam_bench.fuzz.sender import FuzzSender
-from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import PAUSE, RESUME, STATUS
 from hsslam_services.bus.ask import ask

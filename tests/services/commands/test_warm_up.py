@@ -15,9 +15,9 @@ _REHEARSAL = """
 import gc
 from numba.core.dispatcher import Dispatcher
 from hsslam_node.presets import PRESETS
-from hsslam_node.rehearsal import rehearse
+from hsslam_node.warm_start import warm_start
 for preset in PRESETS.values():
-    rehearse(preset)
+    warm_start(preset)
 kernels = [o for o in gc.get_objects() if isinstance(o, Dispatcher)]
 print(sum(sum(k.stats.cache_hits.values()) for k in kernels))
 print([k.py_func.__name__ for k in kernels if k.stats.cache_misses])

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from hsslam_node.checkpoint import load_checkpoint
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source

@@ -15,8 +15,7 @@ import tyro
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.meshing.depth_views import DepthViews
-from hsslam_node.meshing.extract_mesh import extract_mesh
+from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.maps.saved_map import SavedMap
 

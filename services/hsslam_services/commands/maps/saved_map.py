@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint
 from hsslam_node.device.choose_device import DeviceWish, choose_device
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
-from hsslam_node.meshing.open_map_queries import open_map_queries
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
 _WIDTH_PX, _HEIGHT_PX, _FOCAL_PX = 640, 480, 525.0  # where the map does not tell its camera

@@ -11,12 +11,12 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from hsslam_node.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.device.device import CPU
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.image_quality import psnr_db
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.keyframes.keyframe_images import KeyframeImages
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_services.commands.maps import mesh as mesh_command
 from hsslam_services.commands.maps import render as render_command
 from hsslam_services.commands.maps.saved_map import SavedMap

@@ -1,1 +1,0 @@
-"""The scene model: encodings, decoders, and how their parameters lie in one flat array."""

@@ -1,0 +1,1 @@
+"""A step of the map optimiser on the GPU: rays, rendering, losses, Adam."""

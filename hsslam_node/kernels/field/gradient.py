@@ -1,0 +1,52 @@
+"""A gradient over all parameters that remembers where it was written: a bit for every 16 floats.
+
+Twin: `Gradient` in `gpu_kernels/field/activations.py`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.kernels.field.layout import KernelLayout
+from hsslam_node.kernels.simd import aligned_zeros
+from hsslam_node.map.parameter_arrays import PAGE
+
+
+class Gradient(NamedTuple):
+    """Gradient whose cost to step does not depend on the size of the map: only what is marked is read.
+
+    Hash tables do not grow with the map, and an iteration writes to four tenths of their chunks: they
+    are not marked, but read whole, and a chunk of theirs that is not zero counts as touched.
+    """
+
+    values: np.ndarray  # [P] float32, zero outside the touched chunks
+    touched: np.ndarray  # [ceil(P / 16 / PAGE)] uint64, bit k of a page's word is its chunk k
+    unmarked: np.ndarray  # [2] int64, first chunk of the hash tables and the one after their last
+
+
+def gradient(layout: KernelLayout) -> Gradient:
+    """An empty gradient for all parameters."""
+    P = layout.parameter_count
+    tables = (layout.hash_offset[0], layout.geometry_W1) if len(layout.hash_offset) else (0, 0)
+    words = np.zeros(-(-P // (16 * PAGE)), np.uint64)
+    return Gradient(aligned_zeros(P), words, np.array(tables, np.int64) // 16)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def touch_rows(grad, first, row, C):
+    """Mark the four corners of a plane's cell: 2 C floats from `first` and from `first + row` on."""
+    bits = np.uint64((1 << (C >> 3)) - 1)
+    for start in (first, first + row):
+        page, shift = start >> 10, np.uint64(start >> 4 & 63)
+        grad.touched[page] |= bits << shift
+        beyond = bits >> (np.uint64(63) - shift) >> np.uint64(1)  # at once, 64 would be too far
+        if beyond != 0:
+            grad.touched[page + 1] |= beyond
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def touch_range(grad, first, last):
+    """Mark all chunks of floats first to last - 1."""
+    for chunk in range(first >> 4, ((last - 1) >> 4) + 1):
+        grad.touched[chunk >> 6] |= np.uint64(1) << np.uint64(chunk & 63)

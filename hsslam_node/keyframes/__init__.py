@@ -1,1 +1,0 @@
-"""Keyframes and where their arrays live."""

@@ -1,1 +1,0 @@
-"""The loss terms of mapping and bundle adjustment, as differentiable PyTorch."""

@@ -1,0 +1,84 @@
+"""Pixels of keyframes made small: what a saved map keeps of them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.png import encode_png
+
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
+
+
+@dataclass(frozen=True)
+class KeyframeImages:
+    """Colour as JPEG (quality 95) and depth as 16-bit PNG of n keyframes, one behind the other.
+
+    Raises:
+        ValueError: the arrays do not belong together.
+    """
+
+    color: np.ndarray  # [bytes] uint8
+    color_end: np.ndarray  # [n] int64: where each JPEG ends
+    depth: np.ndarray  # [bytes] uint8
+    depth_end: np.ndarray  # [n] int64
+    depth_units_per_m: float
+
+    def __post_init__(self) -> None:
+        if len(self.color_end) != len(self.depth_end):
+            raise ValueError(f"{len(self.color_end)} JPEGs, {len(self.depth_end)} PNGs")
+        for name in ("color", "depth"):
+            data, end = getattr(self, name), getattr(self, f"{name}_end")
+            if data.dtype != np.uint8 or end.dtype != np.int64 or data.ndim != 1 or end.ndim != 1:
+                raise ValueError(f"{name} is {data.dtype}, {end.dtype}, not uint8 and int64")
+            edges = [0, *end.tolist()]
+            if edges != sorted(edges) or edges[-1] != len(data):
+                raise ValueError(f"images of {name} do not fill its {len(data)} bytes")
+        if not (np.isfinite(self.depth_units_per_m) and self.depth_units_per_m > 0):
+            raise ValueError(f"depth_units_per_m = {self.depth_units_per_m}, not above 0")
+
+    def __len__(self) -> int:
+        return len(self.color_end)
+
+    @classmethod
+    def of(cls, store: KeyframeStore, count: int) -> "KeyframeImages":
+        """The first `count` keyframes of a store, about 5 ms and 450 kB each at 640 x 480."""
+        color, color_end = _joined(
+            cv2.imencode(".jpg", cv2.cvtColor(store.pixels(k)[0], cv2.COLOR_RGB2BGR), _JPEG)[1]
+            for k in range(count)
+        )
+        depth, depth_end = _joined(
+            np.frombuffer(encode_png(store.pixels(k)[1]), np.uint8) for k in range(count)
+        )
+        return cls(color, color_end, depth, depth_end, store.depth_units_per_m)
+
+    def pixels(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Colour [H, W, 3] uint8 RGB and raw depth [H, W] uint16 of keyframe k.
+
+        Raises:
+            ValueError: they cannot be decoded.
+        """
+        color = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR)
+        depth = _decoded(self.depth, self.depth_end, k, cv2.IMREAD_UNCHANGED)
+        if depth.dtype != np.uint16 or depth.shape != color.shape[:2]:
+            raise ValueError(f"keyframe {k}: depth is {depth.dtype}{list(depth.shape)}")
+        return cv2.cvtColor(color, cv2.COLOR_BGR2RGB), depth
+
+
+def _joined(images: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    parts = [np.asarray(image, np.uint8).ravel() for image in images]
+    end = np.cumsum([len(part) for part in parts], dtype=np.int64)
+    return np.concatenate([np.zeros(0, np.uint8), *parts]), end
+
+
+def _decoded(data: np.ndarray, end: np.ndarray, k: int, flags: int) -> np.ndarray:
+    begin = int(end[k - 1]) if k else 0
+    try:
+        image = cv2.imdecode(data[begin : int(end[k])], flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise ValueError(f"keyframe {k}: its image cannot be decoded")
+    return image

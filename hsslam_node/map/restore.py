@@ -1,0 +1,99 @@
+"""A saved map made live again: keyframes and parameters in named arrays, as a run leaves them."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.config import FieldConfig, SlamConfig
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+
+
+def restore_map(
+    arrays: ArrayAllocator, path: Path, config: SlamConfig
+) -> tuple[KeyframeStore, FieldParameters]:
+    """Load the map of a file into arrays that nobody uses yet; whoever attaches then goes on in it.
+
+    Raises:
+        UserError: no such file, one that is damaged, of another version or of another field than
+            `config.field`, or one without the images of its keyframes (versions before 3).
+        OutOfMemoryError: there is no room for the arrays.
+    """
+    saved = load_checkpoint(path)
+    expect_field(path, saved.layout.config, config.field)
+    images, camera, moment = saved.images, saved.camera, saved.second_moment
+    if images is None or camera is None or moment is None:
+        raise UserError(
+            f"{path}: holds no images of its keyframes, as maps before version 3: expected one saved "
+            "by this release"
+        )
+    if len(images) >= config.keyframes.capacity:
+        raise UserError(
+            f"{path}: {len(images)} keyframes: expected fewer than "
+            f"keyframes.capacity = {config.keyframes.capacity}"
+        )
+    try:
+        store = _restore_keyframes(arrays, saved, images, camera, config.keyframes.capacity)
+    except ValueError as error:
+        raise UserError(f"{path}: damaged map: {error}") from None
+    return store, _restore_parameters(arrays, saved, moment)
+
+
+def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
+    """UserError that names what a map's field has otherwise than is wanted."""
+    for field in dataclasses.fields(FieldConfig):
+        here, there = getattr(wanted, field.name), getattr(saved, field.name)
+        if here != there:
+            raise UserError(
+                f"{path}: map of another field: field.{field.name} is {there}: expected {here}; "
+                "run with the preset and the --slam.field options that it was made with"
+            )
+
+
+def _restore_keyframes(
+    arrays: ArrayAllocator,
+    saved: MapCheckpoint,
+    images: KeyframeImages,
+    camera: Camera,
+    capacity: int,
+) -> KeyframeStore:
+    if len(images) == 0:
+        raise ValueError("it has no keyframe")
+    if not np.isfinite(saved.T_world_keyframe).all():
+        raise ValueError("a pose of its keyframes is not finite")
+    units = images.depth_units_per_m
+    store = KeyframeStore.create(arrays, camera, units, capacity)
+    for k, T_world_cam in enumerate(saved.T_world_keyframe):
+        color, depth_raw = images.pixels(k)
+        if color.shape[:2] != (camera.height_px, camera.width_px):
+            raise ValueError(f"keyframe {k} is of another size than its camera")
+        stamp_ns = int(saved.keyframe_stamps_ns[k])
+        store.append(Frame(k, stamp_ns, camera, color, depth_raw, units), T_world_cam)
+    store.mark_inherited()
+    return store
+
+
+def _restore_parameters(
+    arrays: ArrayAllocator, saved: MapCheckpoint, second_moment: np.ndarray
+) -> FieldParameters:
+    """Published as version 1; the first moments are forgotten."""
+    layout = saved.layout
+    first = FieldLayout(layout.config, layout.lattice)
+    parameters = FieldParameters.create(arrays, first, 0)
+    if layout.first_bound is not None:
+        parameters.grow(layout.bound, 0)
+    assert parameters.layout == layout
+    parameters.params[:], parameters.second_moment[:] = saved.params, second_moment
+    while parameters.step < saved.step:
+        parameters.count_step()
+    parameters.mark_stepped(np.arange(len(parameters.stepped_at)), saved.step)
+    parameters.publish()
+    return parameters

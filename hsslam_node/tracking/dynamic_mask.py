@@ -1,0 +1,120 @@
+"""A mask of moving things: pixels in front of space that keyframes saw as free lose their depth."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore
+
+_CELLS = 80  # across the image
+_MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # in front of what was seen by so much, with its depth
+_FEWEST_CELLS = 12  # of a thing
+_LARGEST_SHARE = 0.6  # of the image; more is a wrong pose
+_STEP = 0.05  # cells of one thing differ by less, of their depth
+_SPACES, _EVERY = 8, 2  # keyframes that tell what has moved, one of so many
+
+
+class DynamicMask:
+    """Takes out of each keyframe what stands where those before it saw free space."""
+
+    def __init__(self, store: KeyframeStore) -> None:
+        self._store = store
+        self._seen: deque[SeenSpace] = deque(maxlen=_SPACES)
+
+    def observe(self, keyframe: int, frame: Frame) -> None:
+        """Remember what a keyframe of the store has seen."""
+        if not self._seen or keyframe - self._seen[-1].keyframe >= _EVERY:
+            self._seen.append(seen_space(keyframe, frame))
+
+    def left_out(self, frame: Frame, T_world_cam: np.ndarray) -> Frame:
+        """The frame, seen from T_world_cam [4, 4], without depth on what has moved."""
+        seen = [(space, self._store.pose(space.keyframe)) for space in self._seen]
+        return without_dynamic_pixels(frame, T_world_cam, seen)
+
+
+@dataclass(frozen=True)
+class SeenSpace:
+    """What a keyframe has seen, at one depth a cell."""
+
+    keyframe: int
+    depth: np.ndarray  # [h, w] float32 m, 0 = unknown
+    free: np.ndarray  # [h, w] float32 m, free up to there all around the cell
+    step_px: int
+
+
+def seen_space(keyframe: int, frame: Frame) -> SeenSpace:
+    """The keyframe's depth in cells."""
+    step = max(1, frame.camera.width_px // _CELLS)
+    depth = np.ascontiguousarray(frame.depth_m()[step // 2 :: step, step // 2 :: step])
+    free = cv2.erode(depth, np.ones((3, 3), np.uint8))
+    return SeenSpace(keyframe, depth, free, step)
+
+
+def without_dynamic_pixels(
+    frame: Frame, T_world_cam: np.ndarray, seen: Sequence[tuple[SeenSpace, np.ndarray]]
+) -> Frame:
+    """The frame without depth on what stands in space that `seen` (with poses [4, 4]) shows free.
+
+    The same frame where there is no such thing.
+    """
+    now = seen_space(-1, frame)
+    through = np.zeros(now.depth.shape, bool)
+    there = np.zeros(now.depth.shape, bool)
+    for space, T_world_key in seen:
+        a, b = _compared(now, frame, inverse(T_world_key) @ T_world_cam, space)
+        through |= a
+        there |= b
+    mask = _things(through & ~there, ~there & (now.depth > 0), now.depth)
+    if not mask.any() or mask.mean() > _LARGEST_SHARE:
+        return frame
+    wide = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
+    height, width = frame.depth_raw.shape
+    full = cv2.resize(wide, None, fx=now.step_px, fy=now.step_px, interpolation=cv2.INTER_NEAREST)[
+        :height, :width
+    ]
+    depth_raw = frame.depth_raw.copy()
+    depth_raw[: full.shape[0], : full.shape[1]][full > 0] = 0
+    return replace(frame, depth_raw=depth_raw)
+
+
+def _compared(
+    now: SeenSpace, frame: Frame, T_key_cam: np.ndarray, space: SeenSpace
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cells [h, w] that the keyframe saw through, and cells that it saw too."""
+    camera, step, z = frame.camera, now.step_px, now.depth
+    v, u = np.mgrid[: z.shape[0], : z.shape[1]] * step + step // 2
+    points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
+    x, y, depth = np.moveaxis(points @ T_key_cam[:3, :3].T + T_key_cam[:3, 3], -1, 0)
+    ahead = np.maximum(depth, 0.1)
+    column = np.floor((camera.fx * x / ahead + camera.cx) / step).astype(int)
+    row = np.floor((camera.fy * y / ahead + camera.cy) / step).astype(int)
+    height, width = z.shape
+    inside = (z > 0) & (depth > 0.1)
+    inside &= (row >= 0) & (column >= 0) & (row < height) & (column < width)
+    row, column = np.where(inside, row, 0), np.where(inside, column, 0)
+    margin = _MARGIN_M + _MARGIN_SLOPE * ahead
+    through = inside & (space.free[row, column] > depth + margin)
+    known = space.depth[row, column]
+    return through, inside & (known > 0) & (np.abs(known - depth) < margin)
+
+
+def _things(seeds: np.ndarray, unknown: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Seeds that hang together, grown over cells that nobody has seen and that continue their depth."""
+    count, label, stats, _ = cv2.connectedComponentsWithStats(seeds.astype(np.uint8))
+    large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= _FEWEST_CELLS) + 1
+    mask = np.isin(label, large) if count > 1 else np.zeros(seeds.shape, bool)
+    if not mask.any():
+        return mask
+    while True:
+        grown = mask.copy()
+        for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            neighbour, its_depth = np.roll(mask, shift, axis), np.roll(depth, shift, axis)
+            grown |= neighbour & unknown & (np.abs(its_depth - depth) < _STEP * depth)
+        if (grown == mask).all():
+            return mask
+        mask = grown

@@ -1,0 +1,40 @@
+"""Tracking and mapping of a few tiny frames, so that no real frame waits for machine code to load."""
+
+import dataclasses
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.slam import Slam
+
+_WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
+
+
+@cache  # a forked process has it from its parent
+def warm_start(config: SlamConfig, device: Device = CPU) -> None:
+    """Track and map three frames of a textured wall with the field of `config`, then forget them."""
+    small = dataclasses.replace(
+        config,
+        keyframes=dataclasses.replace(config.keyframes, every_frames=1, capacity=8),
+        mapper=dataclasses.replace(config.mapper, rays=64, first_iterations=1, iterations=1),
+        rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
+        ba=dataclasses.replace(config.ba, enabled=False),
+    )
+    slam = Slam(small, device=device)
+    for frame in textured_wall(3):
+        slam.process(frame)
+
+
+def textured_wall(count: int) -> Iterator[Frame]:
+    """Frames of a wall 2 m away, from a camera that stands still."""
+    camera = Camera(_WIDTH_PX, _HEIGHT_PX, 130.0, 130.0, 79.5, 59.5)
+    texture = np.random.default_rng(0).integers(0, 255, (_HEIGHT_PX // 8, _WIDTH_PX // 8, 3))
+    color = np.kron(texture, np.ones((8, 8, 1))).astype(np.uint8)
+    depth = np.full((_HEIGHT_PX, _WIDTH_PX), 2000, np.uint16)
+    for index in range(count):
+        yield Frame(index, index * 33_000_000, camera, color, depth, _UNITS_PER_M)

@@ -1,0 +1,1 @@
+"""A run that is made to be measured, and what it leaves."""

@@ -1,0 +1,122 @@
+import numpy as np
+import torch
+
+from hsslam_node.kernels.field.gradient import Gradient, touch_range
+from hsslam_node.kernels.mapping.adam import sparse_adam
+from tests.node.kernels.marks import touch, touched_chunks
+
+P = 640
+RATES = np.array([[0, 320, 1e-2], [320, 640, 1e-3]])
+
+
+def _state(seed=0):
+    params = np.random.default_rng(seed).normal(size=P).astype(np.float32)
+    grad = Gradient(np.zeros(P, np.float32), np.zeros(1, np.uint64), np.zeros(2, np.int64))
+    moments = np.zeros((2, P), np.float32)
+    return params, grad, moments, np.zeros(P // 16, np.int32)
+
+
+def _step(params, grad, moments, stepped_at, step):
+    _step_at(RATES, params, grad, moments, stepped_at, step)
+
+
+def _step_at(rates, params, grad, moments, stepped_at, step):
+    pages = np.zeros(1, np.int32)
+    sparse_adam(
+        params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stepped_at, pages
+    )
+    assert pages[0] == step
+
+
+def test_dense_gradients_give_adam():
+    params, grad, moments, stepped_at = _state()
+    halves = [torch.tensor(params[:320], requires_grad=True)]
+    halves.append(torch.tensor(params[320:], requires_grad=True))
+    groups = [{"params": [h], "lr": lr} for h, lr in zip(halves, (1e-2, 1e-3), strict=True)]
+    adam = torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15)
+    for step in range(1, 30):
+        g = np.random.default_rng(step).normal(size=P).astype(np.float32)
+        grad.values[:] = g
+        touch_range(grad, 0, P)
+        halves[0].grad, halves[1].grad = torch.tensor(g[:320]), torch.tensor(g[320:])
+        _step(params, grad, moments, stepped_at, step)
+        adam.step()
+    expected = torch.cat([h.detach() for h in halves]).numpy()
+    np.testing.assert_allclose(params, expected, atol=2e-6)
+
+
+def test_sparse_gradients_give_sparse_adam():
+    """Moments of what has no gradient rest, the bias correction goes on."""
+    params, grad, moments, stepped_at = _state()
+    rows = torch.tensor(params.reshape(-1, 16), requires_grad=True)
+    adam = torch.optim.SparseAdam([rows], lr=1e-2, betas=(0.9, 0.99), eps=1e-15)
+    rates = np.array([[0, P, 1e-2]])
+    for step in range(1, 40):
+        rng = np.random.default_rng(step)
+        chunks = np.flatnonzero(rng.random(P // 16) < 0.3)
+        g = rng.normal(size=(len(chunks), 16)).astype(np.float32)
+        grad.values.reshape(-1, 16)[chunks] = g
+        touch(grad, chunks)
+        rows.grad = torch.sparse_coo_tensor(
+            torch.from_numpy(chunks)[None], torch.from_numpy(g), rows.shape, check_invariants=True
+        )
+        _step_at(rates, params, grad, moments, stepped_at, step)
+        adam.step()
+    np.testing.assert_allclose(params, rows.detach().numpy().ravel(), atol=1e-5)
+
+
+def test_untouched_chunks_stay_and_touched_ones_are_cleared():
+    params, grad, moments, stepped_at = _state()
+    before = params.copy()
+    chunks = [0, 7, 8, 19, 20, 39]
+    for chunk in chunks:
+        grad.values[16 * chunk : 16 * chunk + 16] = 1.0
+        touch(grad, [chunk])
+    _step(params, grad, moments, stepped_at, 1)
+    moved = np.flatnonzero((params != before).reshape(-1, 16).any(axis=1))
+    assert moved.tolist() == chunks
+    assert not grad.values.any() and not grad.touched.any()
+    assert np.flatnonzero(stepped_at == 1).tolist() == chunks
+
+
+def test_frozen_region_stays():
+    params, grad, moments, stepped_at = _state()
+    before = params.copy()
+    grad.values[:] = 1.0
+    touch_range(grad, 0, P)
+    _step_at(RATES[1:], params, grad, moments, stepped_at, 1)
+    np.testing.assert_array_equal(params[:320], before[:320])
+    assert (params[320:] != before[320:]).all()
+    assert touched_chunks(grad).tolist() == list(range(20))  # what was left is still marked
+
+
+def test_only_what_is_marked_is_looked_at():
+    """A map of a million chunks in which three have a gradient: dense and sparse step agree."""
+    chunks = 1 << 20
+    marked = [5, 64 * 100 + 63, chunks - 1]
+    params, moments = np.ones(16 * chunks, np.float32), np.zeros((2, 16 * chunks), np.float32)
+    grad = Gradient(
+        np.zeros(16 * chunks, np.float32), np.zeros(chunks // 64, np.uint64), np.zeros(2, np.int64)
+    )
+    stepped_at, pages = np.zeros(chunks, np.int32), np.zeros(chunks // 64, np.int32)
+    for chunk in marked:
+        grad.values[16 * chunk : 16 * chunk + 16] = 2.0
+        touch_range(grad, 16 * chunk, 16 * chunk + 16)
+    rates = np.array([[0, 16 * chunks, 0.25]])
+    sparse_adam(params, moments[0], moments[1], grad, 3, rates, 1e-15, 0.9, 0.99, stepped_at, pages)
+    moved = np.flatnonzero((params != 1.0).reshape(-1, 16).all(axis=1))
+    assert moved.tolist() == marked == np.flatnonzero(stepped_at == 3).tolist()
+    assert np.flatnonzero(pages).tolist() == [0, 100, chunks // 64 - 1]
+    assert not grad.values.any() and not grad.touched.any()
+
+
+def test_hash_tables_are_stepped_by_their_gradient_alone():
+    """Chunks 10 to 29 have no marks; a gradient that is not zero in one float of 16 is one."""
+    params, grad, moments, stepped_at = _state()
+    grad.unmarked[:] = 10, 30
+    grad.values[16 * np.array([9, 10, 11, 29, 30])] = 1.0
+    grad.values[16 * 20 + 15] = -1e-30
+    _step(params, grad, moments, stepped_at, 1)
+    stepped = [10, 11, 20, 29]
+    assert np.flatnonzero(stepped_at).tolist() == stepped
+    assert np.flatnonzero(grad.values).tolist() == [16 * 9, 16 * 30]  # not marked: not seen

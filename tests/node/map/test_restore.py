@@ -1,0 +1,101 @@
+"""A saved map made live again, and what cannot be."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.restore import restore_map
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.run.map_snapshot import map_snapshot
+from tests.small_room import SMALL, MappedRoom, mapped_room
+
+
+def _saved(path: Path, room: MappedRoom) -> Path:
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    return path
+
+
+@pytest.fixture(scope="module")
+def room():
+    return mapped_room()
+
+
+@pytest.fixture(scope="module")
+def path(room, tmp_path_factory):
+    return _saved(tmp_path_factory.mktemp("map") / "room.safetensors", room)
+
+
+def test_whoever_attaches_finds_the_map_as_it_was(room, path):
+    arrays = MemoryAllocator()
+    restore_map(arrays, path, SMALL)
+    store, parameters = KeyframeStore(arrays), FieldParameters(arrays, SMALL.field)
+    assert store.count == store.inherited == room.store.count
+    np.testing.assert_array_equal(store.poses(), room.store.poses())
+    np.testing.assert_array_equal(store.stamps_ns(), room.store.stamps_ns())
+    np.testing.assert_array_equal(store.pixels(2)[1], room.store.pixels(2)[1])
+    assert (parameters.layout, parameters.step) == (room.parameters.layout, room.parameters.step)
+    version, published = parameters.published()
+    assert version == 1
+    np.testing.assert_array_equal(published, room.parameters.published()[1])
+    np.testing.assert_array_equal(parameters.params, published)
+    moment = room.parameters.second_moment
+    subnormal = np.finfo(np.float32).tiny  # has fewer bits
+    np.testing.assert_allclose(parameters.second_moment, moment, rtol=2**-7, atol=subnormal)
+    assert moment.max() > 0
+
+
+def test_a_map_that_has_grown_may_grow_on(tmp_path):
+    room = mapped_room()
+    wider = room.parameters.layout.bound
+    room.parameters.grow(Bound(wider.low, tuple(np.add(wider.high, 0.5))), 0)
+    room.parameters.publish()
+    arrays = MemoryAllocator()
+    _, parameters = restore_map(arrays, _saved(tmp_path / "m.safetensors", room), SMALL)
+    assert parameters.layout == room.parameters.layout
+    np.testing.assert_array_equal(parameters.params, room.parameters.params)
+    reader = FieldParameters(arrays, SMALL.field)
+    parameters.grow(Bound(tuple(np.subtract(wider.low, 0.5)), wider.high), 0)
+    parameters.publish()
+    assert reader.published()[0] == 2
+    assert reader.layout == parameters.layout != room.parameters.layout
+
+
+def test_a_map_of_another_field_is_refused(path):
+    other = replace(SMALL, field=replace(SMALL.field, hash_table_log2=12))
+    with pytest.raises(UserError, match=r"another field: field.hash_table_log2 is 13: expected 12"):
+        restore_map(MemoryAllocator(), path, other)
+
+
+def test_a_map_without_images_is_refused(path, tmp_path):
+    old = replace(load_checkpoint(path), images=None, second_moment=None)
+    save_checkpoint(tmp_path / "old.safetensors", old)
+    with pytest.raises(UserError, match="holds no images of its keyframes"):
+        restore_map(MemoryAllocator(), tmp_path / "old.safetensors", SMALL)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda m: {"T_world_keyframe": m.T_world_keyframe * np.nan}, "not finite"),
+        (lambda m: {"camera": m.camera.scaled(0.5)}, "of another size"),
+        (lambda m: {"images": replace(m.images, depth=0 * m.images.depth)}, "cannot be decoded"),
+    ],
+)
+def test_a_map_that_cannot_be_is_damaged(path, tmp_path, change, text):
+    saved = load_checkpoint(path)
+    save_checkpoint(tmp_path / "bad.safetensors", replace(saved, **change(saved)))
+    with pytest.raises(UserError, match=f"damaged map: .*{text}"):
+        restore_map(MemoryAllocator(), tmp_path / "bad.safetensors", SMALL)
+
+
+def test_more_keyframes_than_fit_are_told(path):
+    few = replace(SMALL, keyframes=replace(SMALL.keyframes, capacity=5))
+    with pytest.raises(UserError, match=r"10 keyframes: expected fewer than .*capacity = 5"):
+        restore_map(MemoryAllocator(), path, few)
