@@ -8,20 +8,20 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """The camera of a plain folder of images; what is given here goes before its camera.json."""
+    """Camera of record:FOLDER; overrides its camera.json."""
 
     fx: float | None = None
     """Focal length along x, pixels."""
     fy: float | None = None
-    """Focal length along y, pixels (none: as fx)."""
+    """Focal length along y, pixels (none: same as fx)."""
     cx: float | None = None
-    """Principal point, pixels from the centre of the leftmost column (none: the middle)."""
+    """Principal point from the centre of the first column, pixels (none: middle)."""
     cy: float | None = None
-    """Principal point, pixels from the centre of the topmost row (none: the middle)."""
+    """Principal point from the centre of the first row, pixels (none: middle)."""
     distortion: tuple[float, ...] = ()
-    """Lens distortion as OpenCV has it: k1 k2 p1 p2, and k3 if there is one."""
+    """Lens distortion in OpenCV's order: k1 k2 p1 p2 [k3]."""
     depth_scale: float | None = None
-    """Units of the depth images per metre: 1000 for millimetres."""
+    """Depth image units per metre, 1000 for millimetres."""
 
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "depth_scale"):
@@ -37,7 +37,7 @@ class CameraOptions:
             raise UserError(f"--camera.distortion {self.distortion}: expected k1 k2 p1 p2 [k3]")
 
     def given(self) -> dict[str, object]:
-        """What was given, named as in a camera.json."""
+        """The values that are set, named as in a camera.json."""
         numbers = ("fx", "fy", "cx", "cy", "depth_scale")
         fields: dict[str, object] = {name: getattr(self, name) for name in numbers}
         fields["distortion"] = list(self.distortion) or None

@@ -7,16 +7,16 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class RealsenseOptions:
-    """An Intel RealSense camera on USB, `realsense`."""
+    """Camera of source realsense."""
 
     serial: str = ""
-    """Serial number (empty: the first that is there)."""
+    """Serial number (empty: the first camera found)."""
     width_px: int = 640
     """Image width, pixels."""
     height_px: int = 480
     """Image height, pixels."""
     rate_hz: int = 30
-    """Frames per second."""
+    """Frame rate, Hz."""
 
     def __post_init__(self) -> None:
         for name, low, high in (

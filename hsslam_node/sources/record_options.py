@@ -8,12 +8,12 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """A plain folder of images, `record:FOLDER`."""
+    """Images of record:FOLDER."""
 
     rate_hz: float = 30.0
-    """Frames per second of a folder without stamps, Hz."""
+    """Frame rate if file names carry no time stamps, Hz."""
     max_dt_ms: float = 20.0
-    """Colour and depth with stamps in their names belong together within so much, ms."""
+    """Largest time between a colour image and its depth image, ms."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 1000):

@@ -8,22 +8,22 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class Ros2Options:
-    """A camera in ROS 2 under rmw_zenoh, `ros2:/camera`. Topics without / at their beginning are below it."""
+    """Topics of ros2:/camera; a name without a leading / is below /camera."""
 
     color: str = "color/image_raw"
-    """Topic of the colour images; with /compressed at its end as JPEG or PNG."""
+    """Colour images; a name ending in /compressed is JPEG or PNG."""
     depth: str = "aligned_depth_to_color/image_raw"
-    """Topic of the depth images, registered to colour."""
+    """Depth images, registered to colour."""
     info: str = ""
-    """Topic of the intrinsics (empty: camera_info beside the colour images)."""
+    """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0
-    """ROS_DOMAIN_ID."""
+    """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = "tcp/127.0.0.1:7447"
-    """Zenoh router of the ROS nodes: rmw_zenohd, or this service's own."""
+    """Zenoh router of the ROS nodes: rmw_zenohd or this service."""
     max_dt_ms: float = 15.0
-    """Colour and depth belong together within so much, ms."""
+    """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
-    """Wait so long for the first images, s."""
+    """Longest wait for the first images, s."""
 
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info"):

@@ -40,20 +40,20 @@ class BadFrame:
 
 @dataclass(frozen=True)
 class SynthOptions:
-    """The built-in procedural scenes, `synth:room` and others."""
+    """Built-in scenes, synth:room and others."""
 
     size_m: tuple[float, float, float] = (5.6, 4.6, 2.6)
-    """Length, width and height of the room, m (the other scenes have their own)."""
+    """Length, width and height of synth:room, m; other scenes have fixed sizes."""
     length: int | None = None
-    """Frames of the camera's way through the scene (none: the scene's own, 600 for the room)."""
+    """Number of frames (none: that of the scene, 600 for synth:room)."""
     seed: int = 0
-    """Seed of the furniture's colours, the pictures and the hand-held motion."""
+    """Seed of colours, pictures and hand-held motion."""
     width_px: int = 640
     """Image width, pixels."""
     height_px: int = 480
     """Image height, pixels."""
     rate_hz: float = 30.0
-    """Frames per second."""
+    """Frame rate, Hz."""
 
     def __post_init__(self) -> None:
         limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))
