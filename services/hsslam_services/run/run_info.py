@@ -32,7 +32,10 @@ class RunInfo:
 
     def write(self) -> None:
         """Write run.json and config.toml, each in one step; OSError if the folder does not allow it."""
-        from hsslam_services.run.config_file import CONFIG_FILE, config_text  # TOML: the writer's only
+        from hsslam_services.run.config_file import (  # TOML: the writer's only
+            CONFIG_FILE,
+            config_text,
+        )
 
         write_atomically(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
         write_atomically(self.path / CONFIG_FILE, config_text(self.options).encode())

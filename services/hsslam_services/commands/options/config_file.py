@@ -35,7 +35,7 @@ def read_layer(place: str, table: Sequence[Option]) -> Layer:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{name}: {error}: expected TOML, as pace = \"lockstep\"") from None
+        raise UserError(f'{name}: {error}: expected TOML, as pace = "lockstep"') from None
     known = {option.name: option for option in table if not option.is_positional}
     return Layer(name, dict(_values(name, document, "", known)))
 

@@ -75,7 +75,9 @@ def _print_rows(title: str, rows: Sequence[tuple[str, str]]) -> None:
     left = _NAMES_WIDTH if width >= 100 else _NARROW_NAMES_WIDTH
     inner = " " * (left + 4)
     for names, text in rows:
-        lines = textwrap.wrap(text, width, break_on_hyphens=False, initial_indent=inner, subsequent_indent=inner)
+        lines = textwrap.wrap(
+            text, width, break_on_hyphens=False, initial_indent=inner, subsequent_indent=inner
+        )
         if lines and len(names) <= left:
             lines[0] = f"  {names:<{left}}  {lines[0].lstrip()}"
         else:

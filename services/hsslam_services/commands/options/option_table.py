@@ -6,7 +6,8 @@ A dataclass of options may say more in class variables, beside its fields:
 - `BASIC`: options and groups of options that `--help` shows; without it `--help` shows all;
 - `VALUES`: what the value of an option is called: `FILE`, `FOLDER` or `SOURCE` (a shell completes these),
   `a|b|c` for words, any other word. Without it the type says so;
-- `ALIASES`: short names.
+- `ALIASES`: short names;
+- `WORDS`: values that a shell proposes besides those in `VALUES` and the type.
 """
 
 import ast
@@ -38,6 +39,7 @@ class Option:
     is_positional: bool
     is_basic: bool
     alias: str  # such as -o, "" without one
+    known_words: tuple[str, ...] = ()  # values it may have, among others
 
     @property
     def flag(self) -> str:
@@ -67,8 +69,8 @@ class Option:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words that its value may be, as far as they are known; a word that ends in : goes on."""
-        found = tuple(map(str, _literals(self.kind)))
+        """The values that are known; a word that ends in : is the beginning of one."""
+        found = self.known_words or tuple(map(str, _literals(self.kind)))
         if found or "|" not in self.value:
             return found
         return tuple(re.sub("[A-Z]+$", "", word) for word in self.value.split("|"))
@@ -126,6 +128,7 @@ def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> I
             is_positional=not prefix and name in positionals,
             is_basic=True,
             alias=getattr(cls, "ALIASES", {}).get(name, ""),
+            known_words=getattr(cls, "WORDS", {}).get(name, ()),
         )
 
 

@@ -51,7 +51,11 @@ def _add(parser: argparse.ArgumentParser, option: Option) -> None:
     if option.is_list:
         kinds = typing.get_args(option.kind)
         endless = kinds[-1] is Ellipsis
-        how |= {"nargs": "*", "action": _Tuples} if endless else {"nargs": len(kinds), "action": _Tuple}
+        how |= (
+            {"nargs": "*", "action": _Tuples}
+            if endless
+            else {"nargs": len(kinds), "action": _Tuple}
+        )
     names = [option.alias] if option.alias else []
     parser.add_argument(*names, option.flag, dest=option.name, **how)
 
