@@ -71,8 +71,8 @@ def _proposed(scripts: Path, shell: str, line: str, folder: Path | None = None) 
 def _of_zsh(script: Path, line: str, folder: Path | None) -> set[str]:
     """What a zsh in a pseudo terminal lists; it completes in an interactive shell only."""
     start = (
-        "PROMPT= LISTMAX=0; unset zle_bracketed_paste; unsetopt PROMPT_SP; autoload -U compinit; compinit -u -D; "
-        f"zstyle ':completion:*' verbose no; source {script}; stty cols 300; print -n 'REA'; print DY"
+        "LISTMAX=0; unset zle_bracketed_paste; unsetopt PROMPT_SP; autoload -U compinit; compinit -u -D; "
+        f"zstyle ':completion:*' verbose no; source {script}; stty cols 300; PROMPT=REA'DY '"
     )
     pid, terminal = pty.fork()
     if pid == 0:
@@ -83,9 +83,9 @@ def _of_zsh(script: Path, line: str, folder: Path | None) -> set[str]:
         os.write(terminal, f"{start}\n".encode())
         _read_until(terminal, "READY")
         os.write(terminal, line.encode() + b"\x04")  # ctrl-D at the end of a line lists
-        time.sleep(0.5)
         os.write(terminal, b"\x15print -n 'EN'; print D\n")
-        return set(_read_until(terminal, "END").rpartition("print -n")[0].split()) - {*line.split()}
+        listed = _read_until(terminal, "END").rpartition("print -n")[0].split()
+        return {*listed} - {*line.split(), "READY"}
     finally:
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
