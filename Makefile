@@ -30,6 +30,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m hsslam_proto.topic_table --check docs/architecture.md
 	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
+	$(BIN)/python -m hsslam_services.commands.reference --check docs/cli.md
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m hsslam_bench

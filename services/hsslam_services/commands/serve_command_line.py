@@ -24,6 +24,8 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
         UserError: an unknown option or preset (the nearest is suggested), or a bad value.
     """
     given = parsed(ServeOptions, _PROG, [arg for arg in args if arg not in QUESTIONS])
+    if given.get("config") == ():
+        raise UserError("--config: missing value: expected --config FILE...")
     table = option_table(ServeOptions)
     layers = [read_layer(place, table) for place in given.get("config", ())]
     preset = _preset(given, layers)

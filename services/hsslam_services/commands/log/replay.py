@@ -59,7 +59,7 @@ class ReplayOptions:
     step: bool = False
     """Publish a frame once the service has tracked the last one (and mapped it, in lockstep)."""
     only: tuple[str, ...] = ()
-    """Publish only these keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --step in/**)."""
+    """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --step in/**)."""
     connect: str = ""
     """Router to connect to, as tcp/HOST:PORT (empty: be the router)."""
     security: str = ""

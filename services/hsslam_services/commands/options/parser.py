@@ -83,7 +83,7 @@ def _positionals(prog: str, rest: list[str], table: Sequence[Option]) -> dict[st
     found: dict[str, Any] = {}
     for option in (option for option in table if option.is_positional):
         if rest and option.is_list:
-            found[option.name], rest = tuple(map(_reader(option), rest)), []
+            found[option.name], rest = tuple(_positional(option, text) for text in rest), []
         elif rest:
             found[option.name] = _positional(option, rest.pop(0))
     if rest:
@@ -95,7 +95,7 @@ def _positional(option: Option, text: str) -> Any:
     try:
         return _reader(option)(text)
     except argparse.ArgumentTypeError as error:
-        raise UserError(f"{option.value} {error}") from None
+        raise UserError(f"{option.name.upper()} {error}") from None
 
 
 def _reader(option: Option) -> Callable[[str], Any]:
@@ -107,7 +107,7 @@ def _reader(option: Option) -> Callable[[str], Any]:
         if option.can_be_none and text.lower() == "none":
             return None
         if literals and text not in literals:
-            hint = did_you_mean(text, literals)
+            hint = "" if text.isdigit() else did_you_mean(text, literals)
             raise argparse.ArgumentTypeError(f"{text}: expected {' or '.join(literals)}{hint}")
         if literals:
             return literals[text]

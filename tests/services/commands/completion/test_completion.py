@@ -116,7 +116,8 @@ def test_sources_and_paths(scripts: Path, shell: str, tmp_path: Path):
     assert rooms == {f"{prefix}room"}
     places = _proposed(scripts, shell, "hsslam-serve --source tum:d", tmp_path)
     assert any(place.endswith(("desk", "desk/")) for place in places), places
-    assert {place.rstrip("/") for place in _proposed(scripts, shell, "hsslam-serve --out ", tmp_path)} == {"desk"}  # fmt: skip
+    folders = _proposed(scripts, shell, "hsslam-serve --out ", tmp_path)
+    assert {folder.rstrip("/") for folder in folders} == {"desk"}
     given = _proposed(scripts, shell, "hsslam-serve --config no", tmp_path)
     assert given == {"note.txt"}
 
@@ -134,5 +135,5 @@ def test_every_command_and_every_option_is_known(scripts: Path):
 
 def test_an_unknown_shell_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert main(["completion", "fsh"]) == 2
-    expected = "error: bash|zsh|fish fsh: expected bash or zsh or fish; did you mean fish?\n"
+    expected = "error: SHELL fsh: expected bash or zsh or fish; did you mean fish?\n"
     assert capsys.readouterr().err == expected
