@@ -95,14 +95,14 @@ class CtlOptions:
         """UserError if the request is unknown, or its argument is missing."""
         names = [request.name for request in REQUESTS]
         if self.request not in names:
-            what = f"{self.request}: unknown request" if self.request else "no request"
+            what = f"{self.request}: unknown request" if self.request else "nothing asked"
             raise UserError(
                 f"{what}: expected {' | '.join(names)}{did_you_mean(self.request, names)}"
             )
         what = {"save": "NAME", "set-mode": "|".join(_MODES)}.get(self.request, "")
         if bool(what) != bool(self.name):
             wrong = f"{self.request} {self.name}".strip()
-            raise UserError(f"{wrong}: expected {self.request} {what or 'without a name'}")
+            raise UserError(f"{wrong}: expected {self.request} {what or 'alone'}")
         if self.request == "save":
             expect_map_name(self.name)
         if self.request == "set-mode" and self.name not in _MODES:
@@ -111,4 +111,4 @@ class CtlOptions:
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in an existing folder")
+            raise UserError(f"--out {self.out}: expected a file in a folder that exists")

@@ -6,9 +6,7 @@ from typing import Any
 from hsslam_node.errors import UserError
 from hsslam_node.presets import PRESETS
 from hsslam_services.commands.cli import QUESTIONS, answer_questions
-from hsslam_services.commands.options.config_file import read_layer
 from hsslam_services.commands.options.layers import Layer, merged
-from hsslam_services.commands.options.option_table import option_table
 from hsslam_services.commands.options.parser import parsed
 from hsslam_services.run.options import ServeOptions
 
@@ -26,12 +24,21 @@ def parse_command_line(args: Sequence[str]) -> ServeOptions:
     given = parsed(ServeOptions, _PROG, [arg for arg in args if arg not in QUESTIONS])
     if given.get("config") == ():
         raise UserError("--config: missing value: expected --config FILE...")
-    table = option_table(ServeOptions)
-    layers = [read_layer(place, table) for place in given.get("config", ())]
+    layers = _layers(given.get("config", ()))
     preset = _preset(given, layers)
     default = ServeOptions(preset=preset, slam=PRESETS[preset])
     answer_questions(ServeOptions, _PROG, args, default)
     return merged(default, layers, given)
+
+
+def _layers(places: Sequence[str]) -> list[Layer]:
+    if not places:
+        return []
+    from hsslam_services.commands.options.config_file import read_layer  # most runs start without
+    from hsslam_services.commands.options.option_table import option_table
+
+    table = option_table(ServeOptions)
+    return [read_layer(place, table) for place in places]
 
 
 def _preset(given: Mapping[str, Any], layers: Sequence[Layer]) -> Any:

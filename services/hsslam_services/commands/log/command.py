@@ -50,7 +50,7 @@ def _info(args: Sequence[str]) -> None:
 
     options = parse_options(InfoOptions, f"{_PROG} info", args)
     if not options.files:
-        raise UserError(f"info: FILE is missing: see {_PROG} info --help")
+        raise UserError("info: no log: expected FILE...")
     console = Console(emoji=False, highlight=False, markup=False)
     for place in options.files:
         for path in log_parts(place, _say):

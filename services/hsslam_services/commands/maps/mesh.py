@@ -60,7 +60,7 @@ class MeshOptions:
         if not self.map:
             raise UserError("no map: expected hsslam-mesh MAP, as map.safetensors")
         if not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in an existing folder")
+            raise UserError(f"--out {self.out}: expected a file in a folder that exists")
 
 
 _PROG = "hsslam-mesh"
