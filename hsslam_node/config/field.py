@@ -14,36 +14,36 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """Scene model (paper III-A; widths from the parents' code, see docs/architecture.md)."""
+    """Scene model (paper, section III-A)."""
 
     plane_channels: Literal[0, 16, 32, 64] = 32
-    """Features per plane vertex; 0 leaves the planes out."""
+    """Features per plane vertex; 0 turns the planes off."""
     coarse_cell_m: float = 0.24
-    """Cell of the coarse geometry and appearance planes, m."""
+    """Cell size of the coarse geometry and appearance planes, m."""
     geometry_fine_cell_m: float = 0.06
-    """Cell of the fine geometry planes, m."""
+    """Cell size of the fine geometry planes, m."""
     appearance_fine_cell_m: float = 0.03
-    """Cell of the fine appearance planes, m."""
+    """Cell size of the fine appearance planes, m."""
     hash_levels: int = 16
-    """Levels of the hash grid; 0 leaves it out."""
+    """Levels of the hash grid; 0 turns it off."""
     hash_features: Literal[2, 4] = 2
-    """Features of a hash level; four are kept in two tables of two."""
+    """Features per vertex of a hash level; 4 uses two tables of 2."""
     hash_table_log2: int = 16
-    """log2 of the entries per level; a level whose vertices fit is a dense grid."""
+    """log2 of the table entries per level; a level that fits is a dense grid."""
     hash_base_resolution: int = 16
-    """Cells along the longest side at the coarsest level."""
+    """Cells along the longest side of the coarsest level."""
     hash_finest_cell_m: float = 0.02
-    """Cell of the finest level, m."""
+    """Cell size of the finest level, m."""
     oneblob_bins: Literal[0, 16] = 16
-    """Bins per axis of the one-blob encoding; 0 leaves it out."""
+    """Bins per axis of the one-blob encoding; 0 turns it off."""
     hidden_width: Literal[32] = 32
     """Hidden units of both decoders."""
     geometry_feature_width: Literal[15] = 15
-    """Width of the feature that the geometry decoder hands to the colour decoder."""
+    """Width of the feature from the geometry decoder to the colour decoder."""
     truncation_m: float = 0.06
-    """Truncation T of the signed distance, m; the network's SDF is in units of T."""
+    """Truncation distance T of the SDF, m; the decoder's SDF is in units of T."""
     beta_init: float = 10.0
-    """Initial sharpness beta of the SDF-to-density conversion."""
+    """Initial sharpness (beta) of the SDF-to-density conversion."""
 
     def __post_init__(self) -> None:
         expect_positive(
@@ -59,7 +59,7 @@ class FieldConfig:
         expect_one_of(self, "field", "hidden_width", 32)
         expect_one_of(self, "field", "geometry_feature_width", 15)
         if self.plane_channels == 0 and self.hash_levels == 0:
-            raise UserError("field.hash_levels = 0: expected 1 or more where there are no planes")
+            raise UserError("field.hash_levels = 0: expected 1 or more if there are no planes")
         for name in ("geometry_fine_cell_m", "appearance_fine_cell_m"):
             ratio = self.coarse_cell_m / getattr(self, name)
             if abs(ratio - round(ratio)) > 1e-6:

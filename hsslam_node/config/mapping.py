@@ -13,17 +13,22 @@ from hsslam_node.config.checks import (
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weight of each loss term in mapping and bundle adjustment (algorithm notes, section 3)."""
+    """Weights of the loss terms in mapping and bundle adjustment."""
 
     color: float = 5.0
+    """Weight of the colour loss."""
     depth: float = 0.1
+    """Weight of the depth loss."""
     sdf_middle: float = 200.0
+    """Weight of the SDF loss near the surface."""
     sdf_tail: float = 10.0
+    """Weight of the SDF loss in the rest of the truncation band."""
     free_space: float = 5.0
+    """Weight of the free-space loss."""
     patch: float = 0.5
-    """Structural loss over random patches (S3IM); 0 leaves it out."""
+    """Weight of the structural loss over random patches (S3IM); 0 turns it off."""
     smoothness: float = 1e-6
-    """Smoothness of the hash feature; 0 leaves it out."""
+    """Weight of the smoothness of the hash features; 0 turns it off."""
 
     def __post_init__(self) -> None:
         expect_not_negative(self, "weights", *self.__dataclass_fields__)
@@ -34,9 +39,9 @@ class KeyframeConfig:
     """When a frame becomes a keyframe."""
 
     every_frames: int = 4
-    """At the latest after so many tracked frames."""
+    """Largest number of tracked frames between keyframes."""
     capacity: int = 16384
-    """Most keyframes of a run."""
+    """Largest number of keyframes of a run."""
 
     def __post_init__(self) -> None:
         expect_positive(self, "keyframes", "every_frames", "capacity")
@@ -44,48 +49,48 @@ class KeyframeConfig:
 
 @dataclass(frozen=True)
 class MapperConfig:
-    """Optimisation of the scene model (paper III-B; parents' rates)."""
+    """Optimisation of the scene model (paper, section III-B)."""
 
     rays: int = 4000
-    """Rays of one iteration."""
+    """Rays per iteration."""
     iterations: int = 15
-    """Iterations per keyframe in lockstep; in real time the mapper iterates as time permits."""
+    """Iterations per keyframe in lockstep; in real time as many as time permits."""
     first_iterations: int = 1000
     """Iterations on the first frame."""
     last_iterations: int = 0
-    """Iterations per keyframe, over all keyframes alike, when the source has ended."""
+    """Iterations per keyframe after the last frame, over all keyframes."""
     first_rate_factor: float = 5.0
-    """Learning rates on the first frame, times the usual ones."""
+    """Factor of the learning rates on the first frame."""
     window_keyframes: int = 20
-    """Keyframes of one iteration: the newest, the one before it, random others."""
+    """Keyframes per iteration: the two newest and random others."""
     newest_share: float = 0.0
-    """Share of the rays that the two newest keyframes get beyond their equal part, 0..1."""
+    """Extra share of the rays for the two newest keyframes, 0 to 1."""
     plane_rate: float = 5e-3
-    """Adam step of the planes."""
+    """Adam learning rate of the planes."""
     hash_rate: float = 1e-2
-    """Adam step of the hash grid."""
+    """Adam learning rate of the hash grid."""
     decoder_rate: float = 1e-3
-    """Adam step of decoders and beta."""
+    """Adam learning rate of decoders and beta."""
     depth_noise_m: float = 0.0
-    """Depth noise at 1 m, growing with z^2: depth and SDF terms weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
+    """Depth noise at depth 1 m, m; depth and SDF losses weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
     depth_window_px: int = 1
-    """Of a noisy sensor, a ray has the mean depth of a square of so many px (even: next); 1: as measured."""
+    """Side of the square whose mean depth a ray uses, px; even values are rounded up, 1 turns it off."""
     max_depth_m: float = 12.0
-    """Farther measurements are ignored, m."""
+    """Ignore depth beyond this, m."""
     least_color_weight: float = 1e-3
-    """Samples of a smaller rendering weight are taken as grey, on the CPU (-17 % per iteration); 0: none."""
+    """On the CPU, samples below this rendering weight are grey (-17 % time per iteration); 0 turns it off."""
     patch_repeats: int = 10
-    """Random patches M of the structural loss."""
+    """Number of random patches (M) of the structural loss."""
     patch_kernel_px: int = 3
-    """Window of the structural loss."""
+    """Window size of the structural loss, px."""
     patch_stride_px: int = 4
-    """Spacing of the windows."""
+    """Spacing of the windows, px."""
     smoothness_every: int = 1
-    """Smoothness is added every so many iterations."""
+    """Add the smoothness loss every N iterations."""
     smoothness_vertices: int = 32
     """Vertices along an edge of the smoothness cube."""
     smoothness_cell_m: float = 0.1
-    """Spacing of those vertices, m."""
+    """Spacing of the vertices of the smoothness cube, m."""
 
     def __post_init__(self) -> None:
         expect_positive(
@@ -106,32 +111,33 @@ class MapperConfig:
 
 @dataclass(frozen=True)
 class BundleAdjustmentConfig:
-    """Global bundle adjustment (paper III-C)."""
+    """Global bundle adjustment (paper, section III-C)."""
 
     enabled: bool = True
+    """Run bundle adjustment."""
     method: Literal["joint", "graph"] = "joint"
-    """joint: poses and map by Adam on the rendering losses (the paper); graph: poses by alignment of
-    keyframes to each other (`PoseGraphConfig`), the map then follows."""
+    """joint: Adam on the rendering losses moves poses and map (the paper); graph: a pose graph of aligned
+    keyframes moves the poses, and the map follows."""
     selection: Literal["active", "uniform"] = "active"
-    """active: the keyframes that are rendered worst; uniform: random ones, whatever their loss."""
+    """active: the keyframes with the highest loss; uniform: random keyframes."""
     loss_threshold: float = 0.09
-    """Keyframes above this loss are candidates (the paper's t_l)."""
+    """Keyframes above this loss are candidates (t_l of the paper)."""
     top_keyframes: int = 15
-    """Most keyframes of one round (the paper's N)."""
+    """Largest number of keyframes per round (N of the paper)."""
     iterations: int = 10
-    """Iterations of one round."""
+    """Iterations per round."""
     rays: int = 4000
-    """Rays of one iteration."""
+    """Rays per iteration."""
     pose_rate: float = 1e-3
-    """Adam step of the poses, m and rad; 0 keeps them and only refreshes the map."""
+    """Adam learning rate of the poses, m and rad; 0 keeps the poses and only updates the map."""
     every_keyframes: int = 4
-    """A round after so many new keyframes."""
+    """Start a round after N new keyframes."""
     probe_rays: int = 64
-    """Rays that measure the loss of one keyframe."""
+    """Rays that measure the loss of a keyframe."""
     probe_keyframes: int = 16
-    """Random keyframes measured each round."""
+    """Random keyframes whose loss is measured each round."""
     cooldown_rounds: int = 2
-    """A refined keyframe rests for so many rounds."""
+    """Rounds that a refined keyframe is left out."""
 
     def __post_init__(self) -> None:
         expect_one_of(self, "ba", "method", "joint", "graph")

@@ -11,11 +11,11 @@ class MesherConfig:
     """Mesh extraction."""
 
     voxel_m: float = 0.03
-    """Voxel of the live mesh, m."""
+    """Voxel size of the live mesh, m."""
     final_voxel_m: float = 0.03
-    """Voxel of the mesh that is saved, m."""
+    """Voxel size of the saved mesh, m."""
     every_s: float = 5.0
-    """Time between live meshes, s; 0: no live mesh."""
+    """Time between live meshes, s; 0 turns them off."""
 
     def __post_init__(self) -> None:
         expect_positive(self, "mesher", "voxel_m", "final_voxel_m")
@@ -24,20 +24,20 @@ class MesherConfig:
 
 @dataclass(frozen=True)
 class BoundConfig:
-    """The box that the map covers, derived from the first frame (world = first camera), and its growth."""
+    """The box that the map covers: set by the first frame (world frame = first camera), then it grows."""
 
     margin: float = 1.6
-    """Reach of the box beyond the farthest depth of the first frame, times that depth."""
+    """Reach of the box, times the farthest depth of the first frame."""
     least_m: float = 3.0
-    """Least reach, m."""
+    """Smallest reach, m."""
     most_m: float = 12.0
-    """Most reach, m."""
+    """Largest reach, m."""
     grow: bool = True
-    """Whether the box grows when a keyframe sees past it."""
+    """Let the box grow if a keyframe sees beyond it."""
     growth_m: float = 2.0
-    """It then grows so far beyond what was seen, m; up and down 0.4 times that."""
+    """Growth beyond what the keyframe sees, m; up and down 0.4 times this."""
     farthest_m: float = 50.0
-    """It never reaches farther from the first camera, m."""
+    """Largest distance of the box from the first camera, m."""
 
     def __post_init__(self) -> None:
         expect_positive(self, "bound", "margin", "least_m", "growth_m", "farthest_m")

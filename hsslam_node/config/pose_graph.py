@@ -8,50 +8,50 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class PoseGraphConfig:
-    """Edges between keyframes and how far they are believed (`ba.method` graph)."""
+    """Edges between keyframes and their weights (for ba.method graph)."""
 
     aligned_every: int = 2
-    """Of the new keyframes one in so many, from the newest back, has others aligned to it."""
+    """Align other keyframes to every N-th new keyframe, counted from the newest."""
     neighbours: tuple[int, ...] = (1, 2, 8, 20)
-    """Those so many keyframes before it."""
+    """Distances to those other keyframes, in keyframes before it."""
     most_keyframes: int = 12
-    """Keyframes that one round takes up, the newest; others keep the motion that was tracked."""
+    """Newest keyframes that one round aligns; others keep the tracked motion."""
     loop_gap: int = 30
-    """Keyframes at least so far apart may close a loop."""
+    """Smallest distance of two keyframes that close a loop, in keyframes."""
     loops: int = 2
-    """Most loops that such a keyframe closes with keyframes of long ago near by."""
+    """Largest number of loops that a keyframe closes with old keyframes near it."""
     loop_reach_m: float = 1.5
-    """Near by: at most this distance between the cameras, m."""
+    """Largest distance between the cameras of a loop, m."""
     loop_reach_rad: float = 0.7
-    """And at most this angle between their views, rad."""
+    """Largest angle between the views of a loop, rad."""
     min_coverage: float = 0.25
-    """Least share of depth points that meet the other keyframe's surface."""
+    """Smallest share of depth points that overlap the other keyframe's surface, 0 to 1."""
     min_surface_agreement: float = 0.7
-    """Least share of those that fit it."""
+    """Smallest share of the overlapping points that fit it, 0 to 1."""
     min_image_agreement: float = 0.35
-    """Least share of the salient pixels that fit the other image."""
+    """Smallest share of the salient pixels that fit the other image, 0 to 1."""
     min_loop_image_agreement: float = 0.5
-    """The same where a loop is closed."""
+    """The same for loops, 0 to 1."""
     sigma_m: float = 5e-4
-    """Standard deviation of an alignment that covers everything, m; it grows with coverage^-1.5."""
+    """Standard deviation of an alignment with full coverage, m; it grows with coverage^-1.5."""
     sigma_rad: float = 2e-4
-    """The same for rotation."""
+    """The same for rotation, rad."""
     odometry_sigma_m: float = 1e-3
-    """Standard deviation of the tracked motion from keyframe to keyframe, m."""
+    """Standard deviation of the tracked motion between keyframes, m."""
     odometry_sigma_rad: float = 4e-4
-    """The same for rotation."""
+    """The same for rotation, rad."""
     anchor_gap: int = 20
-    """The tracked motion over so many keyframes counts, too: the map holds what alignments lose."""
+    """Keyframes between the ends of an edge of tracked motion, which limits the drift of alignments."""
     anchor_sigma_m: float = 1e-2
-    """Its standard deviation, m."""
+    """Standard deviation of this edge, m."""
     anchor_sigma_rad: float = 3e-3
-    """The same for rotation."""
+    """The same for rotation, rad."""
     kernel: float = 4.0
-    """Alignments that contradict the rest by more standard deviations fade out."""
+    """Alignments that differ from the rest by more standard deviations lose weight."""
     window: int = 200
-    """Keyframes whose poses are solved for; more than that only when a loop asks for it."""
+    """Newest keyframes whose poses are solved for; a loop may need more."""
     least_shift_m: float = 2e-4
-    """Smaller corrections are left out, m."""
+    """Ignore smaller corrections, m."""
 
     def __post_init__(self) -> None:
         group = "pose_graph"

@@ -18,7 +18,7 @@ from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """All parameters of the algorithm; see `hsslam_node.presets`."""
+    """All parameters of the algorithm; `hsslam_node.presets` has complete sets of them."""
 
     field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
     sampling: SamplingPattern = dataclasses.field(default_factory=SamplingPattern)

@@ -13,68 +13,70 @@ from hsslam_node.config.checks import (
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """How a frame is tracked: by dense alignment to the map and to the last keyframe (algorithm notes,
-    section 7), or by rendering (`RenderingTrackerConfig`). Both are judged by the points' distance to
-    the SDF."""
+    """Tracking of a frame.
+
+    A frame is aligned to the map and to the reference keyframe, or tracked by rendering
+    (`RenderingTrackerConfig`). The distance of its depth points to the SDF decides whether the pose is good.
+    """
 
     method: Literal["alignment", "rendering"] = "rendering"
-    """alignment: Gauss-Newton on distances and grey levels; rendering: descent on the rendering losses."""
+    """alignment: Gauss-Newton on distances and grey values; rendering: Adam on the rendering losses."""
     points: int = 2000
-    """Depth points aligned to the SDF."""
+    """Depth points that are aligned to the SDF."""
     border_px: int = 8
-    """Image border that gives no points."""
+    """Image border without points, px."""
     max_depth_m: float = 6.0
-    """Farther measurements are not aligned, m."""
+    """Ignore depth beyond this, m."""
     iterations: int = 4
-    """Most Gauss-Newton steps at each level of the image pyramid."""
+    """Largest number of Gauss-Newton steps per level of the image pyramid."""
     stop_step: float = 2e-4
-    """A step below this (m, rad) ends the alignment."""
+    """Stop the alignment at a smaller step, m and rad."""
     sdf_huber_m: float = 0.02
     """Huber threshold of the SDF residual, m."""
     sdf_sigma_m: float = 0.005
     """Standard deviation of the SDF residual at 1 m, m."""
     sdf_sigma_slope: float = 0.0019
-    """Growth of that deviation with (z - 0.4 m)^2, 1/m."""
+    """Growth of this standard deviation with (z - 0.4 m)^2, 1/m."""
     photometric_pixels: int = 1500
-    """High-gradient pixels of the last keyframe; 0 leaves the photometric term out."""
+    """High-gradient pixels of the reference keyframe; 0 turns the photometric term off."""
     photometric_sigma: float = 8.0
-    """Standard deviation of a grey-level difference, 0..255."""
+    """Standard deviation of a grey value difference, 0 to 255."""
     photometric_huber: float = 10.0
-    """Huber threshold of a grey-level difference, 0..255."""
+    """Huber threshold of a grey value difference, 0 to 255."""
     surface_weight: float = 1.0
-    """Weight of the depth points' distance to the keyframe's surface; 0 leaves it out."""
+    """Weight of the points' distance to the keyframe's surface; 0 turns it off."""
     surface_sigma_m: float = 0.001
-    """Standard deviation of that distance without depth noise, m."""
+    """Standard deviation of this distance without depth noise, m."""
     surface_noise: float = 0.5
-    """Share of the depth's deviation, as measured on the keyframe, that is added to it for the weight."""
+    """Share of the keyframe's measured depth noise that is added to this standard deviation."""
     surface_kernel: float = 4.0
-    """Distances of more deviations than that, with all of the depth's, hardly count."""
+    """Distances of more standard deviations, depth noise included, lose weight."""
     surface_gate_m: float = 0.05
-    """Points farther than this from the keyframe's surface do not meet it, m."""
+    """Points farther from the keyframe's surface do not overlap it, m."""
     reference_overlap: float = 0.7
-    """A new reference keyframe is taken when a smaller share of its pixels is in view."""
+    """Change the reference keyframe if a smaller share of its pixels is in view, 0 to 1."""
     reference_coverage: float = 0.6
-    """Or, at once, when the depth points that meet its surface are a smaller share of what they were."""
+    """Change it at once if the overlap with its surface falls below this share of the first one, 0 to 1."""
     reference_surface_agreement: float = 0.55
-    """Or when a smaller share of the depth points fits its surface."""
+    """Change it if a smaller share of the depth points fits its surface, 0 to 1."""
     reference_image_agreement: float = 0.35
-    """Or when a smaller share of its pixels fits the image."""
+    """Change it if a smaller share of its pixels fits the image, 0 to 1."""
     weak_direction_m: float = 0.005
-    """Directions that the data tell worse than this follow the prediction, m."""
+    """Directions with a larger standard deviation follow the prediction, m."""
     min_inlier_ratio: float = 0.7
-    """Fewer SDF inliers than this: the frame is lost."""
+    """A frame with a smaller share of SDF inliers is lost, 0 to 1."""
     longest_gap_s: float = 0.5
-    """After a longer gap, and when lost, a pose must also fit the reference keyframe, s."""
+    """After a longer gap, or if lost, a pose must also fit the reference keyframe, s."""
     relocalisation_coverage: float = 0.3
-    """Then this share of the depth points must meet the keyframe's surface."""
+    """Share of the depth points that must then overlap the keyframe's surface, 0 to 1."""
     localise_coverage: float = 0.12
-    """In a saved map that stays as it is, a camera with a smaller share of its points on the keyframe's
-    surface has left the map and is lost."""
+    """With --localise-only, a frame with a smaller share of its points on the keyframe's surface is lost,
+    0 to 1."""
     lag_coverage: float = 0.5
-    """Where the map does not fit, as it lags behind, a pose that fits the reference keyframe is good
-    if this share of the depth points meets the keyframe's surface."""
+    """If the map lags behind and does not fit, a pose that fits the reference keyframe is good if this share
+    of the depth points overlaps the keyframe's surface, 0 to 1."""
     max_step_m: float = 0.15
-    """A frame that moves farther than this against the prediction is lost, m."""
+    """A frame that is farther from the prediction is lost, m."""
     max_step_rad: float = 0.2
     """The same for rotation, rad."""
 
@@ -98,24 +100,24 @@ class TrackerConfig:
 
 @dataclass(frozen=True)
 class RenderingTrackerConfig:
-    """Descent of the rendering losses by the pose of a frame; samples along rays as in mapping."""
+    """Tracking by rendering: Adam on the rendering losses; samples along rays as in mapping."""
 
     pixels: int = 2000
-    """Pixels of one iteration."""
+    """Pixels per iteration."""
     iterations: int = 8
-    """Steps of Adam."""
+    """Adam steps."""
     translation_rate: float = 2e-3
-    """Adam step of the camera centre, m."""
+    """Adam learning rate of the camera centre, m."""
     rotation_rate: float = 2e-3
-    """Adam step of the rotation vector, rad (half of it on a quaternion's components)."""
+    """Adam learning rate of the rotation vector, rad (half of it for a quaternion)."""
     adam_beta1: float = 0.5
-    """Decay of Adam's first moment."""
+    """Decay of the first moment of Adam."""
     fresh_pixels: bool = True
-    """New pixels in every iteration; else those of the first."""
+    """Draw new pixels in every iteration."""
     border: float = 0.0625
-    """Image border that gives no pixels, share of the width (75 of 1200 px)."""
+    """Image border without pixels, as a share of the width."""
     outlier_factor: float = 10.0
-    """Rays whose depth error exceeds the median by this factor count for nothing; 0: all count."""
+    """Ignore rays whose depth error exceeds the median by this factor; 0 uses all rays."""
     color: float = 5.0
     """Weight of the colour loss."""
     depth: float = 1.0

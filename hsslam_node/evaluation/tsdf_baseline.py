@@ -17,16 +17,16 @@ _LEAST_COMPONENT_FACES = 50  # as the mesher leaves out
 
 @dataclass(frozen=True)
 class TsdfOptions:
-    """Parameters of the volume; those with the best scores on house with noise are the defaults."""
+    """Parameters of the TSDF; the defaults have the best scores on house with noise."""
 
     voxel_m: float = 0.02
-    """Side of a voxel, m."""
+    """Voxel size, m."""
     truncation_m: float = 0.06
-    """Distance at which the field is cut off, m."""
+    """Truncation distance, m."""
     max_depth_m: float = 10.0
-    """Depth beyond which a pixel is not used, m."""
+    """Ignore depth beyond this, m."""
     least_weight: float = 3.0
-    """Frames that must have seen a voxel for it to be surface."""
+    """Frames that must observe a voxel of the surface."""
 
     def __post_init__(self) -> None:
         for name in ("voxel_m", "truncation_m", "max_depth_m", "least_weight"):

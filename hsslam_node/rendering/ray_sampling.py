@@ -9,16 +9,16 @@ from hsslam_node.errors import UserError
 
 @dataclass(frozen=True)
 class SamplingPattern:
-    """How many samples a ray gets and where; the paper's numbers for Replica."""
+    """Samples along a ray; defaults of the paper for Replica."""
 
     free_samples: int = 32
     """Stratified samples from the camera to beyond the surface."""
     surface_samples: int = 8
     """Stratified samples around the measured surface."""
     free_reach: float = 1.2
-    """End of the stratified samples, times the measured depth."""
+    """End of the free samples, times the measured depth."""
     surface_reach: float = 1.5
-    """Half width of the surface samples, times the truncation."""
+    """Half width of the surface samples, times the truncation distance."""
 
     def __post_init__(self) -> None:
         if self.free_samples < 0 or self.surface_samples < 0 or self.count == 0:

@@ -24,6 +24,11 @@ _EXAMPLES = (
 )
 
 
+def source_examples() -> tuple[str, ...]:
+    """The sources that need no path: synth:room, tum:fr1/desk, ros2:/camera, ..."""
+    return tuple(example for example in _EXAMPLES if "<" not in example)
+
+
 def open_source(spec: str, options: SourceOptions | None = None) -> Source:
     """The source that `spec` names: `synth:<scene>`, `tum:<name or folder>`, `replica:<folder>`,
     `scannet:<folder or .sens>` or `record:<folder>`.

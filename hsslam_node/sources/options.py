@@ -14,23 +14,23 @@ from hsslam_node.geometry.camera import LensModel, expect_lens
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """The camera of a plain folder of images; what is given here goes before its camera.json."""
+    """Camera of record:FOLDER; overrides its camera.json."""
 
     fx: float | None = None
     """Focal length along x, pixels."""
     fy: float | None = None
-    """Focal length along y, pixels (none: as fx)."""
+    """Focal length along y, pixels (none: same as fx)."""
     cx: float | None = None
-    """Principal point, pixels from the centre of the leftmost column (none: the middle)."""
+    """Principal point from the centre of the first column, pixels (none: middle)."""
     cy: float | None = None
-    """Principal point, pixels from the centre of the topmost row (none: the middle)."""
+    """Principal point from the centre of the first row, pixels (none: middle)."""
     distortion: tuple[float, ...] = ()
     """Lens distortion in OpenCV's order, 4, 5, 8, 12 or 14 numbers: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
     tx ty; 4 of an equidistant (fisheye) lens: k1 k2 k3 k4."""
     distortion_model: LensModel | None = None
     """Lens model of these numbers (none: opencv)."""
     depth_scale: float | None = None
-    """Units of the depth images per metre: 1000 for millimetres."""
+    """Depth image units per metre, 1000 for millimetres."""
 
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "depth_scale"):
@@ -46,7 +46,7 @@ class CameraOptions:
             expect_lens("--camera.distortion", self.distortion, self.distortion_model or "opencv")
 
     def given(self) -> dict[str, object]:
-        """What was given, named as in a camera.json."""
+        """The values that are set, named as in a camera.json."""
         numbers = ("fx", "fy", "cx", "cy", "depth_scale")
         fields: dict[str, object] = {name: getattr(self, name) for name in numbers}
         fields["distortion"] = list(self.distortion) or None
@@ -56,12 +56,12 @@ class CameraOptions:
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """A plain folder of images, `record:FOLDER`."""
+    """Images of record:FOLDER."""
 
     rate_hz: float = 30.0
-    """Frames per second of a folder without stamps, Hz."""
+    """Frame rate if file names carry no time stamps, Hz."""
     max_dt_ms: float = 20.0
-    """Colour and depth with stamps in their names belong together within so much, ms."""
+    """Largest time between a colour image and its depth image, ms."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 1000):
@@ -72,22 +72,22 @@ class RecordOptions:
 
 @dataclass(frozen=True)
 class Ros2Options:
-    """A camera in ROS 2 under rmw_zenoh, `ros2:/camera`. Topics without / at their beginning are below it."""
+    """Topics of ros2:/camera; a name without a leading / is below /camera."""
 
     color: str = "color/image_raw"
-    """Topic of the colour images; with /compressed at its end as JPEG or PNG."""
+    """Colour images; a name ending in /compressed is JPEG or PNG."""
     depth: str = "aligned_depth_to_color/image_raw"
-    """Topic of the depth images, registered to colour."""
+    """Depth images, registered to colour."""
     info: str = ""
-    """Topic of the intrinsics (empty: camera_info beside the colour images)."""
+    """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0
-    """ROS_DOMAIN_ID."""
+    """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = "tcp/127.0.0.1:7447"
-    """Zenoh router of the ROS nodes: rmw_zenohd, or this service's own."""
+    """Zenoh router of the ROS nodes: rmw_zenohd or this service."""
     max_dt_ms: float = 15.0
-    """Colour and depth belong together within so much, ms."""
+    """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
-    """Wait so long for the first images, s."""
+    """Longest wait for the first images, s."""
 
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info"):
@@ -122,16 +122,16 @@ def _below(name: str, topic: str) -> str:
 
 @dataclass(frozen=True)
 class RealsenseOptions:
-    """An Intel RealSense camera on USB, `realsense`."""
+    """Camera of source realsense."""
 
     serial: str = ""
-    """Serial number (empty: the first that is there)."""
+    """Serial number (empty: the first camera found)."""
     width_px: int = 640
     """Image width, pixels."""
     height_px: int = 480
     """Image height, pixels."""
     rate_hz: int = 30
-    """Frames per second."""
+    """Frame rate, Hz."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -148,20 +148,20 @@ class RealsenseOptions:
 
 @dataclass(frozen=True)
 class SynthOptions:
-    """The built-in procedural scenes, `synth:room` and others."""
+    """Built-in scenes, synth:room and others."""
 
     size_m: tuple[float, float, float] = (5.6, 4.6, 2.6)
-    """Length, width and height of the room, m (the other scenes have their own)."""
+    """Length, width and height of synth:room, m; other scenes have fixed sizes."""
     length: int | None = None
-    """Frames of the camera's way through the scene (none: the scene's own, 600 for the room)."""
+    """Number of frames (none: that of the scene, 600 for synth:room)."""
     seed: int = 0
-    """Seed of the furniture's colours, the pictures and the hand-held motion."""
+    """Seed of colours, pictures and hand-held motion."""
     width_px: int = 640
     """Image width, pixels."""
     height_px: int = 480
     """Image height, pixels."""
     rate_hz: float = 30.0
-    """Frames per second."""
+    """Frame rate, Hz."""
 
     def __post_init__(self) -> None:
         limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))

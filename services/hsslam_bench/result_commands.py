@@ -1,26 +1,25 @@
 """`compare`, `plots` and `keep`: what can be done with result files."""
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
 from rich.console import Console
 
+from hsslam_bench.options import CompareOptions, KeepOptions, PlotsOptions
 from hsslam_bench.results.compare import circumstances, comparison
 from hsslam_bench.results.newest_rows import keep
 from hsslam_bench.results.report import read_report
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import parse_options
 
 
 def _compare(args: Sequence[str]) -> None:
     """Print B as ratios of A."""
-    parser = argparse.ArgumentParser(
-        prog="bench compare", description="Two results side by side: ratios of B over A."
-    )
-    parser.add_argument("before", type=Path, metavar="A.json")
-    parser.add_argument("after", type=Path, metavar="B.json")
-    arguments = parser.parse_args(args)
-    before, after = read_report(arguments.before), read_report(arguments.after)
+    options = parse_options(CompareOptions, "hsslam-bench compare", args)
+    if Path() in (options.before, options.after):
+        raise UserError("compare: missing file: expected hsslam-bench compare A.json B.json")
+    before, after = read_report(options.before), read_report(options.after)
     console = Console(emoji=False, highlight=False, markup=False)
     console.print(comparison(before, after))
     for line in circumstances(before, after):
@@ -29,29 +28,25 @@ def _compare(args: Sequence[str]) -> None:
 
 def _plots(args: Sequence[str]) -> None:
     """Draw the runs of the files; of a run that several have, the last."""
-    parser = argparse.ArgumentParser(
-        prog="bench plots", description="Pictures of core time, latency and growth."
-    )
-    parser.add_argument("results", type=Path, nargs="+", metavar="FILE.json")
-    parser.add_argument("--to", type=Path, default=Path("docs/plots"), help="(%(default)s)")
-    arguments = parser.parse_args(args)
+    options = parse_options(PlotsOptions, "hsslam-bench plots", args)
+    _expect_files("plots", options.results)
     from hsslam_bench.results.plots import draw  # matplotlib takes its time
 
-    for path in draw([read_report(result) for result in arguments.results], arguments.to):
+    for path in draw([read_report(result) for result in options.results], options.to):
         print(path)
 
 
 def _keep(args: Sequence[str]) -> None:
     """Take the files' rows in among the figures that the documents show."""
-    parser = argparse.ArgumentParser(
-        prog="bench keep",
-        description="Keep the newest of every row, without the runs, for the tables of the documents.",
-    )
-    parser.add_argument("results", type=Path, nargs="+", metavar="FILE.json")
-    parser.add_argument("--to", type=Path, default=Path("docs/figures"), help="(%(default)s)")
-    arguments = parser.parse_args(args)
-    for path in keep(arguments.to, arguments.results):
+    options = parse_options(KeepOptions, "hsslam-bench keep", args)
+    _expect_files("keep", options.results)
+    for path in keep(options.to, list(options.results)):
         print(path)
+
+
+def _expect_files(command: str, results: Sequence[Path]) -> None:
+    if not results:
+        raise UserError(f"{command}: missing file: expected hsslam-bench {command} FILE...")
 
 
 RESULT_COMMANDS: Mapping[str, Callable[[Sequence[str]], None]] = MappingProxyType(

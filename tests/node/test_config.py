@@ -112,7 +112,7 @@ def test_limits(group, name, bad, good):
 
 def test_a_field_needs_planes_or_hash_grid():
     _with("field", "plane_channels", 0)
-    with pytest.raises(UserError, match=r"^field\.hash_levels = 0: expected 1 or more where"):
+    with pytest.raises(UserError, match=r"^field\.hash_levels = 0: expected 1 or more if"):
         replace(SlamConfig().field, plane_channels=0, hash_levels=0)
 
 

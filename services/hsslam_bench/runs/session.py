@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hsslam_node.kernels.cache_folder import warm_stamp
-from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
+from hsslam_bench.runs.viewers import AttachedViewer
+from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 

@@ -1,4 +1,4 @@
-"""What a user can ask of `hsslam-bench ablation|replica|tum|scannet`.
+"""The options of `hsslam-bench ablation|replica|tum|scannet`.
 
 Changes to a configuration by name: `field.plane_channels` = 16.
 """
@@ -6,9 +6,9 @@ Changes to a configuration by name: `field.plane_channels` = 16.
 import dataclasses
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import msgspec
 
@@ -18,7 +18,10 @@ from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PresetName
 
 
-def _data() -> Path:
+def data_folder(given: Path | None) -> Path:
+    """The folder of the sequences: the given one, that of the environment, or the default."""
+    if given is not None:
+        return given
     for name in ("HSSLAM_DATA", "HSSLAM_TEST_DATA"):
         if os.environ.get(name):
             return Path(os.environ[name])
@@ -27,45 +30,53 @@ def _data() -> Path:
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Measure a table of the paper: mean and standard deviation over the seeds beside its numbers.
+    """Measures a table of the paper: mean and standard deviation over the seeds, beside the paper's numbers.
 
-    What is not on disk is skipped and told. Results that the file has for this commit and
-    configuration are not measured again. Exit code 0: done; 1: a run failed, or interrupted; 2: bad
-    input.
+    Sequences that are not on disk are skipped and reported. Results in the file for this commit and
+    configuration are not measured again.
+
+    Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
+    bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    data: Path = field(default_factory=_data)
-    """Folder of the sequences."""
+    VALUES: ClassVar = {
+        "data": "FOLDER",
+        "rows": "NAME...",
+        "sequences": "NAME...",
+        "set": "GROUP.FIELD=VALUE...",
+    }
+
+    data: Path | None = None
+    """Folder of the sequences (none: $HSSLAM_DATA, $HSSLAM_TEST_DATA, else ../shared/data)."""
     preset: PresetName = "paper"
-    """Configuration that the rows change; eslam and co-slam are the methods it is compared with."""
+    """Configuration that the rows change; eslam and co-slam are the methods of comparison."""
     seeds: tuple[int, ...] = (0, 1, 2)
-    """Seeds of everything random."""
+    """Seeds of all random numbers."""
     rows: tuple[str, ...] = ()
-    """Rows of the table, as full A B, or room0 room1 (none: all)."""
+    """Rows of the table, such as full A B, or room0 room1 (none: all)."""
     sequences: tuple[str, ...] = ()
-    """For the ablation: sequences of every row, as house, room0, fr1/desk or room, which is built in
-    (none: house)."""
+    """For the ablation: sequences of every row, such as house, room0, fr1/desk, room (none: house)."""
     frames: int | None = None
-    """Use at most so many frames of each sequence (none: all)."""
+    """Use at most N frames of each sequence (none: all)."""
     stride: int = 1
-    """Use every n-th frame."""
+    """Use every N-th frame."""
     noise: Literal["none", "kinect"] = "none"
-    """Depth noise added to exact sequences."""
+    """Depth noise added to sequences without noise."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
-    """Where the scene model is computed."""
+    """Where the map is computed; auto: an NVIDIA GPU if one works."""
     set: tuple[str, ...] = ()
-    """Changes to the preset for all rows, as mapper.rays=500 (none: the preset as it is)."""
+    """Changes to the preset for all rows, such as mapper.rays=500."""
     out: Path | None = None
-    """Result file; beside it the table as .md and a folder of the runs (none: runs/tables/TABLE.json)."""
+    """Result file, JSON, beside the table (.md) and a folder of the runs (none: runs/tables/TABLE.json)."""
     show: bool = False
-    """Run nothing: the table of what the file has, of whatever commit."""
+    """Run nothing: show the table of the results in the file, of any commit."""
     rescore: bool = False
-    """Run nothing: score the trajectories and meshes of the runs that the file has again."""
+    """Run nothing: score the trajectories and meshes of the runs in the file again."""
     docs: tuple[Path, ...] = ()
-    """Documents that get the table, between their lines <!-- table:TABLE --> and <!-- table:end -->."""
+    """Documents to write the table into, between <!-- table:TABLE --> and <!-- table:end -->."""
 
     def __post_init__(self) -> None:
         if not self.seeds or any(seed < 0 for seed in self.seeds):

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from hsslam_bench.tables.options import TableOptions, parsed_overrides, with_overrides
+from hsslam_bench.tables.options import TableOptions, data_folder, parsed_overrides, with_overrides
 from hsslam_bench.tables.paper_tables import PaperRow, PaperTable, TableName
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError, did_you_mean
@@ -137,9 +137,9 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
     for seed in options.seeds:
         for row in rows:
             for sequence in options.sequences or table.sequences or (row.name,):
-                source = find_sequence(options.data, sequence)
+                source = find_sequence(data_folder(options.data), sequence)
                 if source is None and not options.show:
-                    place = expected_place(options.data, sequence)
+                    place = expected_place(data_folder(options.data), sequence)
                     skipped[sequence] = f"skipped {sequence}: {place} is not on disk"
                     continue
                 jobs.append(

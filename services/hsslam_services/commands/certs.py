@@ -1,7 +1,4 @@
-"""`hsslam-certs`: a CA and a certificate for each role, in folders that `--security` takes.
-
-What a user can ask of `hsslam-certs`: one frozen dataclass; every field is an option.
-"""
+"""`hsslam-certs`: a CA and a certificate for each role, in folders for `--security`."""
 
 import os
 import re
@@ -10,9 +7,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import ClassVar
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -27,27 +23,32 @@ _HOST = r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,252}[A-Za-z0-9])?|::1?"
 
 @dataclass(frozen=True)
 class CertsOptions:
-    """Makes throw-away certificates for a service that is reached from other machines.
+    """Makes certificates for a service that other machines connect to.
 
-    $ hsslam-certs certs --host 10.0.0.7 robot.local
-    $ hsslam-serve --bind 0.0.0.0 --security certs/router
-    $ hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
+    Examples:
+      hsslam-certs certs --host 10.0.0.7 robot.local
+      hsslam-serve --bind 0.0.0.0 --security certs/router
+      hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
 
-    DIR gets a folder for the CA, one for the router, and one for each role: camera, viewer, operator. Each
-    is complete: copy it to the machine that needs it, and no other. Keys can be read by their owner alone.
+    DIR gets one folder each for the certificate authority (CA), the router and the roles camera, viewer and
+    operator. Each folder is complete: copy it to the machine that needs it and to no other. Only the owner
+    of the files can read the keys.
 
-    Exit code 0: made; 2: bad input, told in one line.
+    Exit codes: 0 if the certificates are made, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    folder: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")] = ""
+    POSITIONALS: ClassVar = ("folder",)
+    VALUES: ClassVar = {"folder": "DIR", "host": "HOST..."}
+
+    folder: str = ""
     """New folder for the certificates."""
     host: tuple[str, ...] = ()
-    """Names and addresses by which clients reach the router, beside this machine's name and loopback."""
+    """Names and addresses that clients use for the router, besides this machine's name and loopback."""
     days: int = 90
-    """How long all of them are valid, days."""
+    """Validity of all certificates, days."""
 
     def __post_init__(self) -> None:
         for host in self.host:
@@ -62,24 +63,24 @@ _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: made; 2: bad input."""
+    """Run the command; exit code 0 or 2, see `CertsOptions`."""
     given = sys.argv[1:] if args is None else args
     if code := exit_code(lambda: _certs(parse_options(CertsOptions, _PROG, given))):
         sys.exit(code)
 
 
 def make_certificates(folder: Path, hosts: Sequence[str], days: int) -> list[str]:
-    """Make them all, in a folder that is new or empty; returns the hosts of the router's certificate.
+    """Make all certificates in a new or empty folder; returns the hosts of the router's certificate.
 
     Raises:
-        UserError: there is something already, or it cannot be written.
+        UserError: the folder is not empty, or cannot be written.
     """
     authority = CertificateAuthority(days)
     every = list(dict.fromkeys((*_LOOPBACK, socket.gethostname(), *hosts)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
-            raise UserError(f"{folder}: holds something already: expected a new folder")
+            raise UserError(f"{folder}: is not empty: expected a new folder")
         _write(folder / "ca", {CA_FILE: authority.certificate_pem, KEY_FILE: authority.key_pem})
         for name in (ROUTER, *(role.name for role in ROLES)):
             certificate, key = authority.issue(name, every if name == ROUTER else ())
@@ -102,7 +103,7 @@ def _certs(options: CertsOptions) -> None:
     folder = Path(options.folder)
     hosts = make_certificates(folder, options.host, options.days)
     table = Table("folder", "for")
-    table.add_row(f"{folder}/ca", "nobody: with its key more certificates can be made")
+    table.add_row(f"{folder}/ca", "no machine: keep it safe, its key makes more certificates")
     table.add_row(f"{folder}/{ROUTER}", "hsslam-serve --security")
     for role in ROLES:
         table.add_row(f"{folder}/{role.name}", role.purpose)
@@ -111,7 +112,7 @@ def _certs(options: CertsOptions) -> None:
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files that only their owner can read, in a folder that only he can enter."""
+    """Write files that only their owner can read, in a folder that only the owner can enter."""
     folder.mkdir(mode=0o700)
     for name, data in files.items():
         fd = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

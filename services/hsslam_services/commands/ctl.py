@@ -1,7 +1,4 @@
-"""`hsslam-ctl`: asks a running service, on this machine or another.
-
-The answer to `status` for people.
-"""
+"""`hsslam-ctl`: controls a running service on this machine or another."""
 
 import sys
 from collections.abc import Sequence
@@ -76,7 +73,7 @@ _DEFAULT_ROBOT = "robot"
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: done; 1: nobody there, refused, no answer; 2: bad input."""
+    """Run the command; exit code 0, 1 or 2, see `CtlOptions`."""
     given = sys.argv[1:] if args is None else args
     if code := exit_code(lambda: _asked(given)):
         sys.exit(code)

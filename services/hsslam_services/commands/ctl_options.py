@@ -1,12 +1,10 @@
-"""What a user can ask of `hsslam-ctl`: one frozen dataclass; every field is an option."""
+"""The options of `hsslam-ctl`: one frozen dataclass, one field an option."""
 
 import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, get_args
-
-import tyro
+from typing import ClassVar, get_args
 
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_proto.request_messages import Mode
@@ -19,48 +17,65 @@ _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 @dataclass(frozen=True)
 class CtlOptions:
-    """Asks a running service: status | mesh | trajectory | save NAME | pause | resume |
-    set-mode mapping|localise-only | reset | stop.
+    """Controls a running service.
 
-    $ hsslam-ctl status
-    $ hsslam-ctl mesh --out room.ply
-    $ hsslam-ctl save kitchen
-    $ hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
-    $ hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
+    Requests:
+      status                             frames, rate, latency, tracking, processes
+      mesh                               the newest mesh as a PLY file (m, world frame)
+      trajectory                         refined poses in TUM format (s, m, unit quaternion; camera to world)
+      save NAME                          save the map in the maps folder of the service
+      pause, resume                      stop and restart the camera
+      set-mode mapping|localise-only     change the map, or only track the camera in it
+      reset                              discard the map; the next frame starts a new one, in a new frame
+      stop                               end the run and save everything
 
-    status: frames, rate, latency, tracking, processes. mesh: the newest, as a PLY file (m, world).
-    trajectory: poses as refined, in TUM format (s, m, unit quaternion; camera to world). save: keeps the
-    map in the maps folder of the service. pause holds the camera, resume lets it go on; set-mode
-    localise-only: the map stays as it is from now on, mapping: it goes on. reset throws the map away
-    and starts a new one with the next frame, in a coordinate frame of its own. stop ends the run in
-    order. What is at work on this machine is found by itself.
+    Examples:
+      hsslam-ctl status
+      hsslam-ctl mesh --out room.ply
+      hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
+      hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
 
-    Exit code 0: done; 1: nobody there, refused, or no answer in time; 2: bad input. One line tells.
+    Without --connect and --run the command finds the run on this machine.
+
+    Exit codes: 0 if the service did it, 1 if there is no service, it refused or it did not answer in time,
+    2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    request: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="REQUEST")] = ""
-    """What is asked, as above."""
-    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]")] = ""
-    """Of the map, for save: letters, digits, _ and -; the mode, for set-mode."""
+    POSITIONALS: ClassVar = ("request", "name")
+    VALUES: ClassVar = {
+        "request": "REQUEST",
+        "name": "[NAME]",
+        "connect": "ENDPOINT",
+        "security": "FOLDER",
+        "run": "FOLDER",
+        "robot": "NAME",
+    }
+    ALIASES: ClassVar = {"out": "-o"}
+    WORDS: ClassVar = {"request": tuple(request.name for request in REQUESTS), "name": _MODES}
+
+    request: str = ""
+    """One of the requests above."""
+    name: str = ""
+    """Name of the map for save (letters, digits, _ and -), or the mode for set-mode."""
     connect: str = ""
-    """Where the service listens, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
+    """Router of the service, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
     security: str = ""
-    """Folder of your certificate (hsslam-certs), for --connect tls/HOST:PORT."""
+    """Folder of your certificate from hsslam-certs, for --connect tls/HOST:PORT."""
     run: Path | None = None
-    """Folder of the run that is meant, where several go on here."""
+    """Run folder, if several runs are active on this machine."""
     robot: str = ""
-    """Its name in the zenoh keys (empty: that of the run on this machine, else robot)."""
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File for mesh (none: mesh.ply) or trajectory (none: printed)."""
+    """Name of the robot in the zenoh keys (empty: that of the run, else robot)."""
+    out: Path | None = None
+    """Output file of mesh (none: mesh.ply) or trajectory (none: printed)."""
     replace: bool = False
-    """For save: a map of this name may be there already."""
+    """For save: overwrite a map of the same name."""
     timeout_s: float | None = None
-    """Wait so long for the answer, s (none: by the request, 5 to 60)."""
+    """Longest wait for the answer, s (none: 5 to 60, by request)."""
     json: bool = False
-    """For status: print it as JSON."""
+    """Print status as JSON."""
 
     def __post_init__(self) -> None:
         if self.connect and not re.fullmatch(_ENDPOINT, self.connect):
@@ -77,7 +92,7 @@ class CtlOptions:
             raise UserError(f"--security {self.security}: expected with --connect tls/HOST:PORT")
 
     def expect_request(self) -> None:
-        """UserError where the request is none, or has not what it needs."""
+        """UserError if the request is unknown, or its argument is missing."""
         names = [request.name for request in REQUESTS]
         if self.request not in names:
             what = f"{self.request}: unknown request" if self.request else "nothing asked"
@@ -96,4 +111,4 @@ class CtlOptions:
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in a folder that is there")
+            raise UserError(f"--out {self.out}: expected a file in a folder that exists")

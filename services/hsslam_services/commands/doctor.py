@@ -1,13 +1,12 @@
-"""`hsslam-doctor`: looks at a source before a run and says in plain words what is wrong with it."""
+"""`hsslam-doctor`: checks a source before a run and reports in plain words what is wrong with it."""
 
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import ClassVar, Literal
 
 import msgspec
-import tyro
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -27,6 +26,7 @@ from hsslam_node.sources.options import (
 )
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import write_atomically
 
 _PROG = "hsslam-doctor"
@@ -35,28 +35,40 @@ _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
 
 @dataclass(frozen=True)
 class DoctorOptions:
-    """Looks at a source before a run: stamps, association, depth, intrinsics, registration, motion.
+    """Checks a camera or a recording before a run: time stamps, association of colour and depth, depth,
+    intrinsics, registration, motion.
 
-    $ hsslam-doctor tum:my_recording --json findings.json
+    Examples:
+      hsslam-doctor tum:my_recording --json findings.json
+      hsslam-doctor realsense
 
-    Sources are those of hsslam-serve, without zenoh:. A few frames are read, in runs of three spread over
-    the sequence (of a live camera its first ones), and all stamps of a TUM folder or a log. No ground truth
-    is looked at.
+    Sources are those of hsslam-serve, except zenoh:. The command reads a few frames in runs of three, spread
+    over the sequence (the first frames of a live camera), and all time stamps of a TUM folder or a log. It
+    does not use ground truth.
 
-    Exit code 0: no fault; 1: faults; 2: bad input, told in one line.
+    Exit codes: 0 if there is no fault, 1 if there are faults, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    source: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")] = ""
-    """What to look at, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, mcap:LOG, synth:room."""
+    POSITIONALS: ClassVar = ("source",)
+    BASIC: ClassVar = (
+        *("source", "sample_frames", "json", "noise", "camera", "record", "ros2.color"),
+        *("ros2.depth", "ros2.info", "ros2.domain", "ros2.connect", "realsense.serial"),
+    )
+    VALUES: ClassVar = {
+        name: value for name, value in ServeOptions.VALUES.items() if "." in name
+    } | {"source": "SOURCE"}
+
+    source: str = ""
+    """What to check, as in hsslam-serve --source: tum:FOLDER, record:FOLDER, mcap:FILE, ..."""
     sample_frames: int = 60
-    """So many frames are looked at, at most."""
+    """Check at most N frames."""
     json: Path | None = None
-    """File for all findings."""
+    """Output file of all findings, JSON."""
     noise: Literal["none", "kinect"] = "none"
-    """Depth noise added to an exact source."""
+    """Depth noise added to a source without noise."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
@@ -69,7 +81,7 @@ class DoctorOptions:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: no fault; 1: faults, or interrupted; 2: bad input."""
+    """Run the command; exit code 0, 1 or 2, see `DoctorOptions`."""
     given = sys.argv[1:] if args is None else args
     sys.exit(exit_code(lambda: 1 if _look(_options(given)) else 0))
 
@@ -77,7 +89,7 @@ def main(args: Sequence[str] | None = None) -> None:
 def _options(args: Sequence[str]) -> DoctorOptions:
     options = parse_options(DoctorOptions, _PROG, args)
     if not options.source:
-        raise UserError("SOURCE: missing: expected what to look at, as tum:FOLDER")
+        raise UserError("SOURCE: missing: expected what to check, as tum:FOLDER")
     return options
 
 

@@ -1,4 +1,4 @@
-"""`hsslam`: tells the version and the commands there are; `hsslam NAME ...` is `hsslam-NAME ...`."""
+"""`hsslam`: lists the commands and completes them; `hsslam NAME ...` is `hsslam-NAME ...`."""
 
 import importlib
 import sys
@@ -12,28 +12,29 @@ from hsslam_node.errors import UserError, did_you_mean
 from hsslam_services.commands.cli import exit_code
 
 _PROG = "hsslam"
+_COMPLETION = "completion"
 COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
-    "serve": ("hsslam_services.commands.serve", "tracks a camera, grows a mesh, logs everything"),
+    "serve": ("hsslam_services.commands.serve", "tracks a camera, builds a mesh, logs everything"),
     "ctl": (
         "hsslam_services.commands.ctl",
-        "asks a running service: status, mesh, save, pause, stop, ...",
+        "controls a running service: status, mesh, save, pause, stop, ...",
     ),
-    "doctor": ("hsslam_services.commands.doctor", "looks at a camera or a recording before a run"),
-    "log": ("hsslam_services.commands.log.command", "logs: info, recover, trim, export"),
+    "doctor": ("hsslam_services.commands.doctor", "checks a camera or a recording before a run"),
+    "log": ("hsslam_services.commands.log.command", "shows, recovers, trims and exports logs"),
     "replay": ("hsslam_services.commands.log.replay", "publishes a log again"),
-    "mesh": ("hsslam_services.commands.maps.mesh", "a finer mesh of a saved map"),
-    "render": ("hsslam_services.commands.maps.render", "new views of a saved map"),
+    "mesh": ("hsslam_services.commands.maps.mesh", "makes a mesh of a saved map"),
+    "render": ("hsslam_services.commands.maps.render", "renders images of a saved map"),
     "eval": (
         "hsslam_services.commands.evaluate.command",
         "scores a run, or a trajectory and a mesh",
     ),
-    "certs": ("hsslam_services.commands.certs", "certificates for other machines"),
-    "bench": ("hsslam_bench.__main__", "measures what the README claims"),
+    "certs": ("hsslam_services.commands.certs", "makes certificates for other machines"),
+    "bench": ("hsslam_bench.__main__", "measures the figures of the README"),
 }
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Exit code 0: told; 2: no such command; otherwise that of the command."""
+    """Run the command; the exit code is that of the command, 2 if there is no such command."""
     return exit_code(lambda: _hsslam(sys.argv[1:] if args is None else args))
 
 
@@ -43,10 +44,14 @@ def _hsslam(args: Sequence[str]) -> int | None:
         print(f"{_PROG} {__version__}")
     elif name in ("-h", "--help"):
         _show_commands()
+    elif name == _COMPLETION:
+        from hsslam_services.commands.completion.command import completion_command
+
+        completion_command(args[1:])
     elif name.removeprefix("hsslam-") in COMMANDS:
         return _run(name.removeprefix("hsslam-"), args[1:])
     else:
-        known = list(COMMANDS)
+        known = [*COMMANDS, _COMPLETION]
         raise UserError(f"{name}: expected one of {', '.join(known)}{did_you_mean(name, known)}")
     return None
 
@@ -62,6 +67,9 @@ def _show_commands() -> None:
     table = Table.grid(padding=(0, 2))
     for name, (_, purpose) in COMMANDS.items():
         table.add_row(f"hsslam-{name}", purpose)
+    table.add_row(
+        f"{_PROG} {_COMPLETION}", "prints a script that completes the commands in your shell"
+    )
     Console(highlight=False).print(table)
 
 

@@ -1,10 +1,10 @@
-"""`hsslam-serve`: the command that runs everything."""
+"""`hsslam-serve`: runs the service."""
 
 import sys
 
 
 def main() -> None:
-    """Parse the command line, run, exit: 0 done, 1 failed, 2 bad input (told in one line)."""
+    """Run the command; exit code 0 if the run is complete, 1 if it failed, 2 on bad input."""
     try:
         from hsslam_services.commands.cli import exit_code
 
@@ -20,9 +20,11 @@ def _serve() -> int:
 
             return warm_up_command(sys.argv[2:])
         from hsslam_services.commands.serve_command_line import parse_command_line
-        from hsslam_services.supervisor.supervisor import Supervisor
 
-        return Supervisor(parse_command_line(sys.argv[1:])).run()
+        options = parse_command_line(sys.argv[1:])
+        from hsslam_services.supervisor.supervisor import Supervisor  # --help is quicker without
+
+        return Supervisor(options).run()
     except KeyboardInterrupt:  # before there was anything to save
         return 0
 

@@ -1,11 +1,13 @@
-"""The command line of `hsslam-serve`: the preset gives the defaults, every mistake is one line."""
+"""The command line of `hsslam-serve`: a preset gives the defaults, files of options go over it."""
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from hsslam_node.errors import UserError, did_you_mean
-from hsslam_node.presets import PRESETS, PresetName
-from hsslam_services.commands.cli import parse_options
+from hsslam_node.errors import UserError
+from hsslam_node.presets import PRESETS
+from hsslam_services.commands.cli import QUESTIONS, answer_questions
+from hsslam_services.commands.options.layers import Layer, merged
+from hsslam_services.commands.options.parser import parsed
 from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-serve"
@@ -14,24 +16,43 @@ _PROG = "hsslam-serve"
 def parse_command_line(args: Sequence[str]) -> ServeOptions:
     """The options of this command line; `--help` and `--version` print and exit with code 0.
 
+    The command line wins over files (`--config`, the last one first), files win over the preset.
+
     Raises:
         UserError: an unknown option or preset (the nearest is suggested), or a bad value.
     """
-    preset = _preset(args)
+    given = parsed(ServeOptions, _PROG, [arg for arg in args if arg not in QUESTIONS])
+    if given.get("config") == ():
+        raise UserError("--config: missing value: expected --config FILE...")
+    layers = _layers(given.get("config", ()))
+    preset = _preset(given, layers)
     default = ServeOptions(preset=preset, slam=PRESETS[preset])
-    return parse_options(ServeOptions, _PROG, args, default)
+    answer_questions(ServeOptions, _PROG, args, default)
+    return merged(default, layers, given)
 
 
-def _preset(args: Sequence[str]) -> PresetName:
-    """The preset named on the command line, read before everything else; the last one counts."""
-    name = "realtime"
-    for arg, following in itertools.zip_longest(args, args[1:], fillvalue=""):
-        if arg == "--preset":
-            name = following
-        elif arg.startswith("--preset="):
-            name = arg.partition("=")[2]
-    for known in PRESETS:
-        if name == known:
-            return known
-    expected = f"expected {' or '.join(PRESETS)}"
-    raise UserError(f"--preset {name}: {expected}{did_you_mean(name, list(PRESETS))}")
+def _layers(places: Sequence[str]) -> list[Layer]:
+    if not places:
+        return []
+    from hsslam_services.commands.options.config_file import read_layer  # most runs start without
+    from hsslam_services.commands.options.option_table import option_table
+
+    table = option_table(ServeOptions)
+    return [read_layer(place, table) for place in places]
+
+
+def _preset(given: Mapping[str, Any], layers: Sequence[Layer]) -> Any:
+    """The preset that gives the defaults.
+
+    A file that names its preset, as that of a run does, holds values for it: another preset on the command
+    line would change nothing but the name.
+    """
+    named = [layer for layer in layers if "preset" in layer.values]
+    of_files = named[-1].values["preset"] if named else "realtime"
+    preset = given.get("preset", of_files)
+    if named and preset != of_files:
+        raise UserError(
+            f"--preset {preset}: {named[-1].place} is for preset {of_files}: expected this preset, "
+            "or a file without one"
+        )
+    return preset

@@ -1,4 +1,4 @@
-"""`hsslam-serve warm-up`: compile all kernels now, so that no run has to."""
+"""`hsslam-serve warm-up`: compiles all kernels before the first run."""
 
 import os
 import time
@@ -11,10 +11,12 @@ from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_services.launch.process_table import environment_of_threads
 from hsslam_services.launch.warm_up import warm_up
 
-_HELP = """usage: hsslam-serve warm-up
+WARM_UP_HELP = """usage: hsslam-serve warm-up
 
-Compile all kernels for this machine into the cache (about 40 s) and make the
-pictures of the built-in room; does nothing where that has been done."""
+Compiles all kernels for this machine into the cache (about 40 s) and makes the textures of the
+built-in room. Does nothing if that is done already.
+
+Exit codes: 0 if the kernels are compiled, 2 if the input is bad."""
 
 
 def warm_up_command(args: Sequence[str]) -> int:
@@ -24,7 +26,7 @@ def warm_up_command(args: Sequence[str]) -> int:
         UserError: an argument, or a cache folder that cannot be written.
     """
     if args and args[0] in ("-h", "--help"):
-        print(_HELP)
+        print(WARM_UP_HELP)
         return 0
     if args:
         raise UserError(f"warm-up {args[0]}: expected no arguments")

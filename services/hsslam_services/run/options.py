@@ -1,11 +1,11 @@
-"""What a user can ask of `hsslam-serve`: one frozen dataclass; every field is an option."""
+"""The options of `hsslam-serve`: one frozen dataclass, one field an option."""
 
 import math
 import os
 import re
 import sys
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
@@ -24,86 +24,112 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 
 @dataclass(frozen=True)
 class ServeOptions:
-    """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
+    """Dense RGB-D SLAM as a service: tracks a camera, builds a mesh, logs everything.
 
-    Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
-    not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
-    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on USB) | mcap:FILE
-    or mcap:RUN (the frames of a log) | zenoh: (frames that somebody else publishes).
+    Sources:
+      synth:room, synth:apartment, synth:corridor, synth:person   built-in scenes
+      tum:fr1/desk, tum:fr2/xyz, tum:fr3/office                   downloaded if not on disk
+      tum:FOLDER, replica:FOLDER, scannet:FOLDER or FILE.sens     datasets
+      record:FOLDER                                               images in color/ and depth/
+      mcap:FILE or mcap:RUN                                       the frames of a log
+      ros2:/camera                                                a ROS 2 camera, over rmw_zenoh
+      realsense                                                   an Intel RealSense camera on USB
+      zenoh:                                                      frames that another program publishes
 
-    $ hsslam-serve --source tum:my_recording --viewer web --out runs/mine
-    $ hsslam-serve warm-up
+    Examples:
+      hsslam-serve --source tum:my_recording --viewer web --out runs/mine
+      hsslam-serve --config runs/mine --seed 1     repeat a run with another seed
+      hsslam-serve warm-up                         compile the CPU kernels before the first run
 
-    Ctrl-C ends a run in order, with everything saved. warm-up compiles the CPU kernels ahead of the first
-    run.
+    Ctrl-C ends a run and saves everything.
 
-    Exit code 0: all done; 1: a process could not be kept running; 2: bad input, told in one line.
+    Exit codes: 0 if the run is complete, 1 if a process could not be kept running, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
+    BASIC: ClassVar = (
+        *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
+        *("localise_only", "seed", "noise", "exposure", "rate_hz", "start", "stride", "frames"),
+        *("downscale", "log_color", "log_part_mb", "evaluate", "robot", "zenoh_port", "bind"),
+        *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
+        *("ros2.domain", "ros2.connect", "realsense.serial"),
+    )
+    VALUES: ClassVar = {
+        "source": "SOURCE",
+        "config": "FILE...",
+        "viewer": "auto|none|web|spawn|connect:URL",
+        "out": "FOLDER",
+        "maps": "FOLDER",
+        "map": "FILE",
+        "security": "FOLDER",
+        "robot": "NAME",
+        "bind": "ADDRESS",
+        "ros2.color": "TOPIC",
+        "ros2.depth": "TOPIC",
+        "ros2.info": "TOPIC",
+        "ros2.connect": "ENDPOINT",
+        "realsense.serial": "NUMBER",
+    }
+
     source: str = "synth:room"
-    """Where frames come from."""
-    pace: Literal["realtime", "lockstep"] = "realtime"
-    """realtime: the sensor's clock rules, late frames are dropped; lockstep: every frame is tracked
-    and mapped before the next is sent, which is reproducible bit for bit."""
+    """Where frames come from, as above."""
+    config: tuple[str, ...] = ()
+    """Options from a TOML file, a run folder, or camera:NAME; the last file wins."""
     preset: Literal["realtime", "paper", "eslam", "co-slam"] = "realtime"
-    """Defaults of all --slam options: for 30 Hz on two CPU cores; the paper's; those of the methods it is
-    compared with."""
+    """Defaults of all --slam options: for two CPU cores, or as published."""
+    pace: Literal["realtime", "lockstep"] = "realtime"
+    """realtime drops late frames; lockstep uses all and is reproducible."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where the scene model is computed (auto: an NVIDIA GPU if one works, else the CPU; the reason is
-    told)."""
+    """Where the map is computed; auto: an NVIDIA GPU if one works."""
     viewer: str = "auto"
-    """auto | none | web | spawn | connect:URL (auto: spawn where there is a display, else none)."""
+    """Live viewer; auto is spawn if there is a display, else none."""
     out: str = ""
-    """Folder of the results (empty: runs/SOURCE-TIME)."""
+    """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
     """Folder of saved maps, NAME.safetensors each."""
     map: str = ""
-    """Saved map to go on in, wherever the camera is: its NAME in the maps folder, or a file (empty: a new
-    map)."""
+    """Saved map to continue in: a NAME in --maps or a file (empty: a new map)."""
     localise_only: bool = False
-    """With --map: only tell where the camera is in it; the map stays as it is."""
+    """With --map: track the camera and leave the map as it is."""
     seed: int = 0
-    """Seed of everything random."""
+    """Seed of all random numbers."""
     noise: Literal["none", "kinect"] = "none"
-    """Depth noise added to an exact source."""
+    """Depth noise added to a source without noise."""
     exposure: Literal["none", "drift"] = "none"
-    """Changes of brightness added to the images: smooth drift and jumps of 20 to 30 %."""
+    """Brightness drift and jumps of 20 to 30 % added to the images."""
     rate_hz: float | None = None
-    """Frames per second of the sensor clock, Hz (none: the source's own)."""
+    """Frame rate of the sensor clock, Hz (none: the rate of the source)."""
     start: int = 0
-    """Leave out so many frames at the beginning of the source."""
+    """Skip the first N frames of the source."""
     stride: int = 1
-    """Use every n-th frame of the source."""
+    """Use every N-th frame of the source."""
     frames: int | None = None
-    """Use at most so many frames (none: all)."""
+    """Use at most N frames (none: all)."""
     downscale: int = 1
-    """Make images so many times smaller along each side."""
+    """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
-    """Colour in the log: jpeg (quality 90), or png (lossless, 7 times as large: replays give the same
-    poses)."""
+    """Colour in the log; png is lossless and 7 times as large."""
     log_part_mb: int | None = None
-    """Begin a new part of the log (run.1.mcap, ...) after so many MB (none: one file)."""
+    """Start a new log file (run.1.mcap, ...) after N MB (none: one file)."""
     evaluate: bool = True
-    """Compare with ground truth at the end, where the source has it."""
+    """Compare with ground truth at the end of the run, if the source has it."""
     robot: str = "robot"
-    """Name of this robot in the zenoh keys hsslam/ROBOT/..."""
+    """Name of this robot in the zenoh keys hsslam/NAME/..."""
     zenoh_port: int = 7447
-    """TCP port that the zenoh router listens on."""
+    """TCP port of the zenoh router."""
     bind: str = "127.0.0.1"
-    """Address that the zenoh router listens on; other than loopback lets other machines in."""
+    """Address of the zenoh router; 0.0.0.0 lets other machines in."""
     security: str = ""
-    """Folder of the router's certificate, from hsslam-certs: the port then takes TLS with a certificate
-    of the same CA only, and each may do what its role may (empty: the port is open)."""
+    """Router certificate of hsslam-certs; clients need TLS (empty: open)."""
     metrics_port: int | None = None
-    """TCP port on loopback for /metrics (Prometheus) and /healthz (none: off)."""
+    """Loopback TCP port of /metrics (Prometheus) and /healthz (none: off)."""
     slam: SlamConfig = field(default_factory=SlamConfig)
 
     def __post_init__(self) -> None:
@@ -122,8 +148,8 @@ class ServeOptions:
             raise UserError("--localise-only: expected with --map NAME")
         if self.map and self.slam.tracker.method != "alignment":
             raise UserError(
-                f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot find its "
-                "place in a saved map: expected alignment, as in preset realtime"
+                f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot relocalise "
+                "in a saved map: expected alignment, as in --preset realtime"
             )
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
@@ -140,7 +166,7 @@ class ServeOptions:
 
     @property
     def source_options(self) -> SourceOptions:
-        """What `open_source` and `open_ground_truth` take."""
+        """The options of the source alone, for `open_source` and `open_ground_truth`."""
         return SourceOptions(
             noise=self.noise,
             exposure=self.exposure,
@@ -158,12 +184,12 @@ class ServeOptions:
 
     @property
     def has_camera_process(self) -> bool:
-        """Whether frames are read here, not published by somebody else."""
+        """Whether the service reads frames itself; with zenoh: another program publishes them."""
         return self.source != ZENOH_SOURCE
 
     @property
     def resolved_viewer(self) -> str:
-        """`viewer` with auto decided: spawn where there is a display, else none."""
+        """`viewer`, with auto replaced by spawn if there is a display and by none otherwise."""
         if self.viewer != "auto":
             return self.viewer
         has_display = sys.platform == "darwin" or any(

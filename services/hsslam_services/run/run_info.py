@@ -1,4 +1,4 @@
-"""What every process of a run knows from the start: `run.json` in the run folder."""
+"""The names, places and options of a run, for all its processes: `run.json` in the run folder."""
 
 import os
 from dataclasses import dataclass
@@ -31,8 +31,14 @@ class RunInfo:
         return Path(self.run_dir)
 
     def write(self) -> None:
-        """Write run.json in one step; OSError where the folder does not allow it."""
+        """Write run.json and config.toml, each in one step; OSError if the folder does not allow it."""
+        from hsslam_services.run.config_file import (  # TOML: the writer's only
+            CONFIG_FILE,
+            config_text,
+        )
+
         write_atomically(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
+        write_atomically(self.path / CONFIG_FILE, config_text(self.options).encode())
 
     @staticmethod
     def read(run_dir: Path) -> "RunInfo":

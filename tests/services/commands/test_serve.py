@@ -131,6 +131,26 @@ def test_lockstep_is_reproducible_bit_for_bit(serve):
     assert alone.summary()["rejected"] == {}
 
 
+def test_a_run_is_repeated_from_its_folder(serve):
+    options = (*SMALL_ROOM, "--pace", "lockstep", "--frames", "12", "--noise", "kinect")
+    first = serve(*options, "--seed", "5")
+    assert first.finish(timeout_s=150) == 0, first.stderr
+    before = (first.out / "config.toml").read_bytes()
+    second = serve("--config", str(first.out))
+    assert second.finish(timeout_s=150) == 0, second.stderr
+    assert second.summary()["frames"]["in"] == 12
+    for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
+        assert (first.out / name).read_bytes() == (second.out / name).read_bytes()
+    assert (first.out / "config.toml").read_bytes() == before
+    ports = [line for run in (first, second) for line in _config_lines(run) if "zenoh_port" in line]
+    assert len(ports) == 2
+    assert set(_config_lines(first)) ^ set(_config_lines(second)) <= set(ports)
+
+
+def _config_lines(run) -> list[str]:
+    return (run.out / "config.toml").read_text().splitlines()
+
+
 def _messages_per_topic(path) -> dict[str, int]:
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()

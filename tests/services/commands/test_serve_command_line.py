@@ -43,7 +43,13 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--synth.rate-hz often", "--synth.rate-hz often: expected a number"),
         ("--wholly-unheard-of 3", "--wholly-unheard-of: unknown option; see hsslam-serve --help"),
         ("--slam.tracker.points -5", "tracker.points = -5: expected"),
-        ("--frames", "Missing value for argument '--frames'"),
+        ("--frames", "--frames: missing value: expected --frames N"),
+        ("--config", "--config: missing value: expected --config FILE..."),
+        ("--synth.size-m 5", "--synth.size-m: missing value: expected --synth.size-m X X X"),
+        (
+            "--slam.field.plane-channels 17",
+            "--slam.field.plane-channels 17: expected 0 or 16 or 32",
+        ),
         ("--viewer vlc", "--viewer vlc: expected auto, none, web, spawn or connect:URL"),
         ("--robot a/b", "--robot 'a/b': expected letters"),
         ("--zenoh-port 99999", "--zenoh-port 99999: expected 1 to 65535"),
@@ -63,9 +69,12 @@ def test_the_command_prints_help_and_version_and_exits_with_2_on_a_mistake():
         command = [sys.executable, "-m", "hsslam_services.commands.serve", *args]
         return subprocess.run(command, capture_output=True, text=True)
 
-    shown = run("--help")
-    assert shown.returncode == 0
-    assert "--slam.tracker.points" in shown.stdout
+    shown, everything = run("--help"), run("--help-all")
+    assert shown.returncode == everything.returncode == 0
+    assert "--source SOURCE" in shown.stdout and "--camera.fx" in shown.stdout
+    assert "--slam" not in shown.stdout.replace("all --slam options", "")
+    assert "--slam.tracker.points N" in everything.stdout and "[paper]" not in everything.stdout
+    assert "[2000]" in run("--preset", "paper", "--help-all").stdout
     assert run("--version").stdout.startswith("hsslam-serve 0.")
     wrong = run("--preset", "fast")
     assert wrong.returncode == 2

@@ -60,5 +60,5 @@ def test_nothing_is_overwritten(tmp_path, capsys):
     before = (tmp_path / "certs" / "ca" / "key.pem").read_bytes()
     with pytest.raises(SystemExit):
         main([str(tmp_path / "certs")])
-    assert "holds something already" in capsys.readouterr().err
+    assert "is not empty: expected a new folder" in capsys.readouterr().err
     assert (tmp_path / "certs" / "ca" / "key.pem").read_bytes() == before

@@ -28,7 +28,7 @@ _VIEWS_FILE = "virtual_views.txt"
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: scored; 1: interrupted; 2: bad input."""
+    """Run the command; exit code 0, 1 or 2, see `EvalOptions`."""
     given = sys.argv[1:] if args is None else args
     if code := exit_code(lambda: _evaluate(_options(given))):
         sys.exit(code)

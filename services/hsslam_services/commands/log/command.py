@@ -1,4 +1,4 @@
-"""`hsslam-log info|recover|trim|export`: what is in a log, and what it becomes."""
+"""`hsslam-log info|recover|trim|export`: shows, repairs, copies and exports logs."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -19,21 +19,27 @@ from hsslam_services.commands.log.options import (
 from hsslam_services.log.reader import log_parts
 
 _PROG = "hsslam-log"
+_EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Exit code 0: done; 1: interrupted; 2: bad input, told in one line."""
+    """Run the command; exit code 0, 1 on interruption, 2 on bad input, reported in one line."""
     return exit_code(lambda: _command(sys.argv[1:] if args is None else args))
 
 
 def _command(args: Sequence[str]) -> None:
     name, rest = (args[0] if args else "--help"), args[1:]
     if name in ("-h", "--help"):
-        print(f"usage: {_PROG} {'|'.join(_COMMANDS)} ...; each has its own --help\n{__doc__}")
+        print(
+            f"usage: {_PROG} {'|'.join(_COMMANDS)} ...\n\nShows, repairs, copies and exports logs."
+        )
+        for command, (_, purpose) in _COMMANDS.items():
+            print(f"  {_PROG} {command:<10}{purpose}")
+        print(f"\n{_EXIT_CODES}\nEach command has its own --help.")
     elif name == "--version":
         print(f"{_PROG} {__version__}")
     elif name in _COMMANDS:
-        _COMMANDS[name](rest)
+        _COMMANDS[name][0](rest)
     else:
         known = list(_COMMANDS)
         raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
@@ -91,11 +97,11 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-_COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
-    "info": _info,
-    "recover": _recover,
-    "trim": _trim,
-    "export": _export,
+_COMMANDS: dict[str, tuple[Callable[[Sequence[str]], None], str]] = {
+    "info": (_info, "shows what logs contain"),
+    "recover": (_recover, "makes the log of a killed run readable"),
+    "trim": (_trim, "copies a part of a log"),
+    "export": (_export, "writes trajectory, mesh, frames and a rerun recording"),
 }
 
 

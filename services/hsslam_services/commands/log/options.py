@@ -1,10 +1,8 @@
-"""What a user can ask of `hsslam-log`: one frozen dataclass a command; every field is an option."""
+"""The options of `hsslam-log`: one frozen dataclass a command, one field an option."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-import tyro
+from typing import ClassVar, Literal
 
 from hsslam_node.errors import UserError
 
@@ -14,45 +12,56 @@ PARTS: tuple[Part, ...] = ("trajectory", "mesh", "frames", "rrd")
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """What is in logs: messages of each topic and their rate while it was there (Hz), duration (s), the run
-    and its options.
+    """Shows what logs contain: messages per topic and their rate (Hz), duration (s), the run and its options.
 
-    $ hsslam-log info runs/desk/run.mcap
+    Example:
+      hsslam-log info runs/desk/run.mcap
     """
 
-    files: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE...")] = ()
-    """Logs, or run folders with all their parts."""
+    POSITIONALS: ClassVar = ("files",)
+    VALUES: ClassVar = {"files": "FILE..."}
+
+    files: tuple[str, ...] = ()
+    """Logs, or run folders (all parts of the log)."""
 
 
 @dataclass(frozen=True)
 class RecoverOptions:
-    """Makes an unfinished log (of a run that was killed) readable again, in place.
+    """Makes the unfinished log of a killed run readable, in place.
 
-    $ hsslam-log recover runs/desk/run.mcap
+    Example:
+      hsslam-log recover runs/desk/run.mcap
     """
 
-    file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
-    """The log, or a run folder with all its parts."""
+    POSITIONALS: ClassVar = ("file",)
+    VALUES: ClassVar = {"file": "FILE"}
+
+    file: str = ""
+    """The log, or a run folder (all parts of the log)."""
 
 
 @dataclass(frozen=True)
 class TrimOptions:
-    """Copies a stretch of a log, all topics as they are.
+    """Copies a part of a log, all topics unchanged.
 
-    $ hsslam-log trim run.mcap short.mcap --start 5 --end 12.5
+    Example:
+      hsslam-log trim run.mcap short.mcap --start 5 --end 12.5
 
     Raises:
-        UserError: the times leave nothing.
+        UserError: the end is not after the start.
     """
 
-    log: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="IN")] = ""
-    """The log, or a run folder with all its parts."""
-    out: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")] = ""
-    """The new log."""
+    POSITIONALS: ClassVar = ("log", "out")
+    VALUES: ClassVar = {"log": "IN", "out": "OUT"}
+
+    log: str = ""
+    """The log, or a run folder (all parts of the log)."""
+    out: str = ""
+    """File of the new log."""
     start: float = 0.0
-    """Seconds after the first message, from which on messages are copied."""
+    """Start of the copy, s after the first message."""
     end: float | None = None
-    """Seconds after the first message, up to which messages are copied (none: to the end)."""
+    """End of the copy, s after the first message (none: the end of the log)."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < float("inf"):
@@ -63,19 +72,25 @@ class TrimOptions:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Writes what a log holds as files that other programs read.
+    """Writes the contents of a log as files for other programs.
 
-    $ hsslam-log export run.mcap --only trajectory mesh
+    Example:
+      hsslam-log export run.mcap --only trajectory mesh
 
-    trajectory_online.txt (TUM: s, m, unit quaternion xyzw, camera to world) and trajectory_online.csv: as
-    published; trajectory.txt and keyframes.txt: as refined later; mesh.ply (world as ours: y down, z forward)
-    and mesh.glb (y up, as glTF wants it); frames/ in TUM layout, which --source tum:FOLDER opens; run.rrd
-    for the rerun viewer.
+    Files:
+      trajectory_online.txt, .csv     poses as published (TUM: s, m, unit quaternion xyzw, camera to world)
+      trajectory.txt, keyframes.txt   poses as refined later
+      mesh.ply, mesh.glb              the mesh; PLY with y down and z forward, glTF with y up
+      frames/                         images in TUM layout, for --source tum:FOLDER
+      run.rrd                         a recording for the rerun viewer
     """
 
-    file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
-    """The log, or a run folder with all its parts."""
+    POSITIONALS: ClassVar = ("file",)
+    VALUES: ClassVar = {"file": "FILE", "out": "FOLDER"}
+
+    file: str = ""
+    """The log, or a run folder (all parts of the log)."""
     out: Path | None = None
-    """Folder of the files (none: FILE without its suffix, and -export)."""
+    """Output folder (none: FILE-export, FILE without its suffix)."""
     only: tuple[Part, ...] = PARTS
-    """Which of trajectory, mesh, frames and rrd."""
+    """What to export."""

@@ -1,7 +1,4 @@
-"""`hsslam-replay`: the bus layer of a log on a zenoh router again.
-
-What a user can ask of `hsslam-replay`: one frozen dataclass; every field is an option.
-"""
+"""`hsslam-replay`: the bus layer of a log on a zenoh router again."""
 
 import contextlib
 import math
@@ -11,9 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import ClassVar
 
-import tyro
 import zenoh
 from rich.console import Console
 from rich.table import Table
@@ -33,36 +29,47 @@ from hsslam_services.log.reader import Logged, bus_messages, log_parts
 class ReplayOptions:
     """Publishes a log again: the same payloads on the same zenoh keys, in the order of the log.
 
-    $ hsslam-replay run.mcap --rate 2
-    $ hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
+    Examples:
+      hsslam-replay run.mcap --rate 2
+      hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
 
-    Without --connect it is the router itself, for viewers and tools that connect to it. With --connect
-    and --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) frame by frame, each when
-    the last is done with, so that a lossless log gives the same poses each time.
+    Without --connect the command is the zenoh router that viewers and tools connect to. With --connect and
+    --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) one frame at a time and waits
+    until the service has processed it, so a lossless log gives the same poses each time.
+
+    Exit codes: 0 if the log is replayed, 1 if the command is interrupted, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    log: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = ""
-    """The log, or a run folder with all its parts."""
+    POSITIONALS: ClassVar = ("log",)
+    VALUES: ClassVar = {
+        "log": "FILE",
+        "only": "KEY...",
+        "connect": "ENDPOINT",
+        "security": "FOLDER",
+        "bind": "ADDRESS",
+    }
+
+    log: str = ""
+    """The log, or a run folder (all parts of the log)."""
     rate: float = 1.0
-    """How many times as fast as it was recorded."""
+    """Speed, times that of the recording."""
     step: bool = False
-    """Frames one by one, each when the service has tracked the last (and mapped it, in lockstep)."""
+    """Publish a frame once the service has tracked the last one (and mapped it, in lockstep)."""
     only: tuple[str, ...] = ()
-    """Keys below hsslam/ROBOT/ that are published, such as in/** or out/** (none: all but those of sys;
-    with --step: in/**)."""
+    """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --step in/**)."""
     connect: str = ""
     """Router to connect to, as tcp/HOST:PORT (empty: be the router)."""
     security: str = ""
-    """Folder of your certificate (hsslam-certs), for --connect tls/HOST:PORT."""
+    """Folder of your certificate from hsslam-certs, for --connect tls/HOST:PORT."""
     zenoh_port: int = 7447
-    """TCP port to listen on as the router."""
+    """TCP port of the router, without --connect."""
     bind: str = "127.0.0.1"
-    """Address to listen on as the router."""
+    """Address of the router, without --connect."""
     delay: float = 2.0
-    """Seconds before the first message, for others to connect."""
+    """Wait before the first message so that others can connect, s."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate) and self.rate > 0):

@@ -1,7 +1,4 @@
-"""`hsslam-mesh`: the mesh of a saved map.
-
-What a user can ask of `hsslam-mesh`: one frozen dataclass; every field is an option.
-"""
+"""`hsslam-mesh`: the mesh of a saved map."""
 
 import math
 import sys
@@ -9,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Literal
-
-import tyro
+from typing import ClassVar, Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
@@ -24,28 +19,34 @@ _FORMATS = (".ply", ".glb", ".obj", ".stl")
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """Mesh of a saved map, without the service.
+    """Makes a mesh of a saved map, without the service.
 
-    $ hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
+    Example:
+      hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
 
-    Coloured triangles (m, world) of the surface that the keyframes of the map have seen: with --voxel as its
-    --slam.mesher.final-voxel-m (0.03), the mesh.ply of the run that left the map. A map of before version 3
-    holds no depth of its keyframes: of that, what its own surface shows to them counts as seen.
+    The mesh has coloured triangles (m, world frame) of the surface that the keyframes observed. With --voxel
+    equal to --slam.mesher.final-voxel-m (0.03) it is the mesh.ply of the run that saved the map. Maps saved
+    before version 3 contain no keyframe depth; for them, all surface visible from a keyframe counts as
+    observed.
 
-    Exit code 0: written; 1: interrupted; 2: bad input, told in one line.
+    Exit codes: 0 if the mesh is written, 1 if the command is interrupted, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    map: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MAP")] = ""
-    """File of a saved map, as a run leaves it: map.safetensors."""
+    POSITIONALS: ClassVar = ("map",)
+    VALUES: ClassVar = {"map": "MAP"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    map: str = ""
+    """File of a saved map, such as map.safetensors of a run."""
     voxel: float = 0.02
-    """Cell of marching cubes, m."""
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("mesh.ply")
-    """File of the mesh: .ply, .glb, .obj or .stl."""
+    """Voxel size of marching cubes, m."""
+    out: Path = Path("mesh.ply")
+    """Output file: .ply, .glb, .obj or .stl."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where the map is asked (auto: an NVIDIA GPU if one works, else the CPU)."""
+    """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.voxel) and 0.001 <= self.voxel <= 1):
@@ -54,11 +55,11 @@ class MeshOptions:
             raise UserError(f"--out {self.out}: expected a file {', '.join(_FORMATS)}")
 
     def expect_map(self) -> None:
-        """UserError where no map is named, or the mesh has no folder to lie in."""
+        """UserError if no map is named, or the folder of the mesh does not exist."""
         if not self.map:
             raise UserError("no map: expected hsslam-mesh MAP, as map.safetensors")
         if not self.out.absolute().parent.is_dir():
-            raise UserError(f"--out {self.out}: expected a file in a folder that is there")
+            raise UserError(f"--out {self.out}: expected a file in a folder that exists")
 
 
 _PROG = "hsslam-mesh"
@@ -66,7 +67,7 @@ _VIEW_PX = 320  # width of the views of maps without images
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: written; 1: interrupted; 2: bad input."""
+    """Run the command; exit code 0, 1 or 2, see `MeshOptions`."""
     given = sys.argv[1:] if args is None else args
     if code := exit_code(lambda: _mesh(_options(given))):
         sys.exit(code)
@@ -85,11 +86,15 @@ def _mesh(options: MeshOptions) -> None:
     queries = saved.queries
     mesh = extract_mesh(queries.sdf, queries.color, bound, camera, views, options.voxel)
     if len(mesh.faces) == 0:
-        raise UserError(f"{options.map}: no surface is seen from its {len(views)} keyframes")
+        raise UserError(
+            f"{options.map}: its {len(views)} keyframes see no surface: expected a map with a surface"
+        )
     try:
         mesh.export(options.out)
     except OSError as error:
-        raise UserError(f"--out {options.out}: {error.strerror}: expected to write there") from None
+        raise UserError(
+            f"--out {options.out}: {error.strerror}: expected a file that can be written"
+        ) from None
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
 
 

@@ -1,18 +1,14 @@
-"""`hsslam-render`: images of a saved map along a trajectory.
-
-What a user can ask of `hsslam-render`: one frozen dataclass; every field is an option.
-"""
+"""`hsslam-render`: images of a saved map along a trajectory."""
 
 import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import ClassVar, Literal
 
 import cv2
 import numpy as np
-import tyro
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
@@ -26,36 +22,41 @@ from hsslam_services.commands.maps.saved_map import SavedMap
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """Images of a saved map from any poses, without the service.
+    """Renders images of a saved map along a trajectory, without the service.
 
-    $ hsslam-render map.safetensors --trajectory poses.txt --video flight.mp4
+    Example:
+      hsslam-render map.safetensors --trajectory poses.txt --video flight.mp4
 
-    One PNG a pose, 000000.png and so on, drawn by the field itself; black where the map has no surface.
+    The command writes one PNG a pose: 000000.png, 000001.png, ... Pixels without surface are black.
 
-    Exit code 0: written; 1: interrupted; 2: bad input, told in one line.
+    Exit codes: 0 if the images are written, 1 if the command is interrupted, 2 if the input is bad.
 
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
-    map: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="MAP")] = ""
-    """File of a saved map, as a run leaves it: map.safetensors."""
+    POSITIONALS: ClassVar = ("map",)
+    VALUES: ClassVar = {"map": "MAP", "out": "FOLDER"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    map: str = ""
+    """File of a saved map, such as map.safetensors of a run."""
     trajectory: Path | None = None
-    """Poses in TUM format (s, m, unit quaternion; camera to world) in the world of the map."""
-    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("views")
-    """Folder of the images; made if it is not there."""
+    """Poses in TUM format (s, m, unit quaternion; camera to world), in the world frame of the map."""
+    out: Path = Path("views")
+    """Output folder of the images; created if it does not exist."""
     every: int = 1
-    """Draw every n-th pose."""
+    """Render every N-th pose."""
     downscale: float = 1.0
-    """Make images so many times smaller along each side than those of the map's camera."""
+    """Divide the image width and height of the map's camera by X."""
     fov_deg: float | None = None
     """Horizontal field of view, degrees (none: that of the map's camera)."""
     video: Path | None = None
-    """Video of the images as well: .mp4 or .avi."""
+    """Output file of a video of the images: .mp4 or .avi (none: no video)."""
     rate_hz: float = 30.0
-    """Images per second of the video, Hz."""
+    """Frame rate of the video, Hz."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where surfaces are searched (auto: an NVIDIA GPU if one works, else the CPU)."""
+    """Where surfaces are searched; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -70,7 +71,7 @@ class RenderOptions:
             raise UserError(f"--video {self.video}: expected a file .mp4 or .avi")
 
     def expect_inputs(self) -> Path:
-        """The trajectory; UserError where map or trajectory are not named."""
+        """The trajectory; UserError if the map or the trajectory is missing."""
         if not self.map:
             raise UserError("no map: expected hsslam-render MAP --trajectory FILE")
         if self.trajectory is None:
@@ -83,7 +84,7 @@ _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Exit code 0: written; 1: interrupted; 2: bad input."""
+    """Run the command; exit code 0, 1 or 2, see `RenderOptions`."""
     given = sys.argv[1:] if args is None else args
     if code := exit_code(lambda: _render(parse_options(RenderOptions, _PROG, given))):
         sys.exit(code)
@@ -110,7 +111,9 @@ def _render(options: RenderOptions) -> None:
                 image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
                 path = options.out / f"{k:06d}.png"
                 if not cv2.imwrite(str(path), image):
-                    raise UserError(f"{path}: cannot be written: expected room and permission")
+                    raise UserError(
+                        f"{path}: cannot be written: expected free space and permission"
+                    )
                 if video is not None:
                     video.write(image)
     finally:

@@ -1,0 +1,88 @@
+"""The options of `hsslam-bench` and its commands on result files: one frozen dataclass each."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """Measures the figures of the README and stores them as JSON.
+
+    Examples:
+      hsslam-bench --quick --only first-pose memory
+      hsslam-bench --docs README.md docs/results.md --from docs/figures/bench.json
+      hsslam-bench -- --slam.mapper.rays 500
+
+    Options after -- are added to every hsslam-serve; the figures then differ from those of the protocol.
+    With --docs the command writes tables into documents and measures nothing.
+
+    Exit codes: 0 if all bounds are met, 1 if a bound is not met or the command is interrupted, 2 if the input
+    is bad.
+
+    Raises:
+        UserError: options that do not belong together.
+    """
+
+    VALUES: ClassVar = {"only": "NAME...", "data": "FOLDER", "results": "JSON..."}
+    ALIASES: ClassVar = {"results": "--from"}
+
+    only: tuple[str, ...] = ()
+    """Measure only these rows or groups (none: all)."""
+    quick: bool = False
+    """Use one seed and few frames, to try the bench out."""
+    list: bool = False
+    """Print the names of the rows and exit."""
+    data: Path | None = None
+    """Folder of the sequences (none: $HSSLAM_TEST_DATA, else ../shared/data)."""
+    out: Path | None = None
+    """Result file, JSON (none: runs/bench/TIME.json)."""
+    docs: tuple[Path, ...] = ()
+    """Documents whose tables are written from the files of --from."""
+    results: tuple[Path, ...] = ()
+    """Result files for --docs, JSON."""
+
+    def __post_init__(self) -> None:
+        if bool(self.docs) != bool(self.results):
+            raise UserError("--docs: expected with --from, and --from with --docs")
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """Shows two results side by side, as ratios of B over A."""
+
+    POSITIONALS: ClassVar = ("before", "after")
+    VALUES: ClassVar = {"before": "A.json", "after": "B.json"}
+
+    before: Path = Path()
+    """Result file to compare with."""
+    after: Path = Path()
+    """Result file that is compared."""
+
+
+@dataclass(frozen=True)
+class PlotsOptions:
+    """Draws core time, latency and growth of the runs in result files; a later file wins."""
+
+    POSITIONALS: ClassVar = ("results",)
+    VALUES: ClassVar = {"results": "FILE...", "to": "FOLDER"}
+
+    results: tuple[Path, ...] = ()
+    """Result files, JSON."""
+    to: Path = Path("docs/plots")
+    """Output folder of the pictures."""
+
+
+@dataclass(frozen=True)
+class KeepOptions:
+    """Keeps the newest of every row, without the runs, for the tables of the documents."""
+
+    POSITIONALS: ClassVar = ("results",)
+    VALUES: ClassVar = {"results": "FILE...", "to": "FOLDER"}
+
+    results: tuple[Path, ...] = ()
+    """Result files, JSON."""
+    to: Path = Path("docs/figures")
+    """Output folder of the rows."""

@@ -1,0 +1,60 @@
+"""The dataclass of options of every command, for what describes them all: completion and the reference."""
+
+import importlib
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from hsslam_services.commands.options.option_table import Option, option_table
+
+_ROOM = "hsslam_services.commands"
+_TABLE = "hsslam_bench.tables.options:TableOptions"
+_RESULTS = "hsslam_bench.options"
+OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" without options
+    {
+        "hsslam": "",
+        "hsslam completion": f"{_ROOM}.completion.options:CompletionOptions",
+        "hsslam-serve": "hsslam_services.run.options:ServeOptions",
+        "hsslam-serve warm-up": "",
+        "hsslam-ctl": f"{_ROOM}.ctl_options:CtlOptions",
+        "hsslam-doctor": f"{_ROOM}.doctor:DoctorOptions",
+        "hsslam-log": "",
+        "hsslam-log info": f"{_ROOM}.log.options:InfoOptions",
+        "hsslam-log recover": f"{_ROOM}.log.options:RecoverOptions",
+        "hsslam-log trim": f"{_ROOM}.log.options:TrimOptions",
+        "hsslam-log export": f"{_ROOM}.log.options:ExportOptions",
+        "hsslam-replay": f"{_ROOM}.log.replay:ReplayOptions",
+        "hsslam-mesh": f"{_ROOM}.maps.mesh:MeshOptions",
+        "hsslam-render": f"{_ROOM}.maps.render:RenderOptions",
+        "hsslam-eval": f"{_ROOM}.evaluate.options:EvalOptions",
+        "hsslam-certs": f"{_ROOM}.certs:CertsOptions",
+        "hsslam-bench": f"{_RESULTS}:BenchOptions",
+        "hsslam-bench compare": f"{_RESULTS}:CompareOptions",
+        "hsslam-bench plots": f"{_RESULTS}:PlotsOptions",
+        "hsslam-bench keep": f"{_RESULTS}:KeepOptions",
+        "hsslam-bench ablation": _TABLE,
+        "hsslam-bench replica": _TABLE,
+        "hsslam-bench tum": _TABLE,
+        "hsslam-bench scannet": _TABLE,
+    }
+)
+
+
+def options_class(command: str) -> type | None:
+    """The dataclass of this command (`hsslam-log info`); None if it has no options of its own."""
+    module, _, name = OPTIONS[command].partition(":")
+    return getattr(importlib.import_module(module), name) if module else None
+
+
+def options_of(command: str) -> list[Option]:
+    """The options of this command."""
+    cls = options_class(command)
+    return [] if cls is None else option_table(cls)
+
+
+def subcommands(command: str) -> list[str]:
+    """The words that may follow the command first: info, recover, ... for hsslam-log."""
+    start = f"{command} "
+    found = [name.removeprefix(start) for name in OPTIONS if name.startswith(start)]
+    if command == "hsslam":
+        found += [name.removeprefix("hsslam-") for name in OPTIONS if name.count(" ") == 0][1:]
+    return found

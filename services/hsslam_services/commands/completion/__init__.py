@@ -1,0 +1,1 @@
+"""`hsslam completion SHELL`: one script that completes all hsslam commands."""

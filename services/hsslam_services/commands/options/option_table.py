@@ -1,0 +1,187 @@
+"""The options of a command as rows, read from its frozen dataclass: one field, one row.
+
+A dataclass of options may say more in class variables, beside its fields:
+
+- `POSITIONALS`: fields given without a name, in this order;
+- `BASIC`: options and groups of options that `--help` shows; without it `--help` shows all;
+- `VALUES`: what the value of an option is called: `FILE`, `FOLDER` or `SOURCE` (a shell completes these),
+  `a|b|c` for words, any other word. Without it the type says so;
+- `ALIASES`: short names;
+- `WORDS`: values that a shell proposes besides those in `VALUES` and the type.
+"""
+
+import ast
+import dataclasses
+import inspect
+import re
+import textwrap
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+_TYPE_WORDS = {int: "N", float: "X", str: "TEXT", Path: "FILE", bool: ""}
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a command."""
+
+    name: str  # as in Python, groups with dots: slam.tracker.points
+    kind: Any  # its type, without None
+    can_be_none: bool
+    default: Any
+    help: str  # on one line
+    value: str  # what the value is called, "" for a switch
+    is_positional: bool
+    is_basic: bool
+    alias: str  # such as -o, "" without one
+    known_words: tuple[str, ...] = ()  # values it may have, among others
+
+    @property
+    def flag(self) -> str:
+        """As a user writes it: --slam.tracker.points."""
+        return f"--{self.name.replace('_', '-')}"
+
+    @property
+    def off_flag(self) -> str:
+        """What turns a switch off: --no-evaluate, --slam.ba.no-enabled."""
+        group, dot, leaf = self.name.replace("_", "-").rpartition(".")
+        return f"--{group}{dot}no-{leaf}"
+
+    @property
+    def group(self) -> str:
+        """slam.tracker for slam.tracker.points; "" without a group."""
+        return self.name.rpartition(".")[0]
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it takes no value."""
+        return self.kind is bool
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it takes several values."""
+        return typing.get_origin(self.kind) is tuple
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The values that are known; a word that ends in : is the beginning of one."""
+        found = self.known_words or tuple(map(str, _literals(self.kind)))
+        if found or "|" not in self.value:
+            return found
+        return tuple(re.sub("[A-Z]+$", "", word) for word in self.value.split("|"))
+
+    def default_text(self) -> str:
+        """The default as a user writes it; "" for none, and for what is empty or off."""
+        value = self.default
+        if value is None or value is False or value == () or value == "":
+            return ""
+        if value is True:
+            return "on"
+        return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def option_table(cls: type, default: Any = None) -> list[Option]:
+    """All options of this dataclass, groups included, with the values of `default` (none: `cls()`)."""
+    shown = getattr(cls, "BASIC", None)
+    start = cls() if default is None else default
+    return [
+        dataclasses.replace(option, is_basic=shown is None or _is_named(option.name, shown))
+        for option in _options(cls, start, "", getattr(cls, "VALUES", {}))
+    ]
+
+
+def group_purposes(cls: type, prefix: str = "") -> dict[str, str]:
+    """The first sentence of each group's docstring, by the name of the group."""
+    found: dict[str, str] = {}
+    for name, (kind, _) in _fields(cls).items():
+        if _is_group(kind):
+            text = " ".join(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0].split())
+            found[prefix + name] = text.rstrip(".")
+            found |= group_purposes(kind, f"{prefix}{name}.")
+    return found
+
+
+def purpose(cls: type) -> str:
+    """The docstring of a dataclass of options as users read it: without `Raises`."""
+    return inspect.cleandoc(cls.__doc__ or "").partition("\n\nRaises:")[0]
+
+
+def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> Iterator[Option]:
+    helps = _attribute_docstrings(cls)
+    positionals = getattr(cls, "POSITIONALS", ())
+    for name, (kind, can_be_none) in _fields(cls).items():
+        if _is_group(kind):
+            yield from _options(kind, getattr(start, name), f"{prefix}{name}.", values)
+            continue
+        yield Option(
+            name=prefix + name,
+            kind=kind,
+            can_be_none=can_be_none,
+            default=getattr(start, name),
+            help=helps.get(name, ""),
+            value=values.get(prefix + name) or _value_word(kind),
+            is_positional=not prefix and name in positionals,
+            is_basic=True,
+            alias=getattr(cls, "ALIASES", {}).get(name, ""),
+            known_words=getattr(cls, "WORDS", {}).get(name, ()),
+        )
+
+
+@cache
+def _fields(cls: type) -> dict[str, tuple[Any, bool]]:
+    """Type of each field, without None, and whether it can be None."""
+    hints = typing.get_type_hints(cls)
+    return {field.name: _without_none(hints[field.name]) for field in dataclasses.fields(cls)}
+
+
+def _without_none(kind: Any) -> tuple[Any, bool]:
+    if typing.get_origin(kind) in (typing.Union, types.UnionType):
+        (left,) = (part for part in typing.get_args(kind) if part is not type(None))
+        return left, True
+    return kind, False
+
+
+def _is_group(kind: Any) -> bool:
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+def _is_named(name: str, names: typing.Iterable[str]) -> bool:
+    """Whether the option, or a group that it is in, is among the names."""
+    return any(name == one or name.startswith(f"{one}.") for one in names)
+
+
+def _literals(kind: Any) -> tuple[Any, ...]:
+    if typing.get_origin(kind) is tuple:
+        kind = typing.get_args(kind)[0]
+    return typing.get_args(kind) if typing.get_origin(kind) is Literal else ()
+
+
+def _value_word(kind: Any) -> str:
+    if typing.get_origin(kind) is tuple:
+        one, *more = typing.get_args(kind)
+        word = _value_word(one)
+        return f"{word}..." if more == [Ellipsis] else " ".join([word] * (1 + len(more)))
+    if literals := _literals(kind):
+        return "|".join(map(str, literals))
+    return _TYPE_WORDS[kind]
+
+
+@cache
+def _attribute_docstrings(cls: type) -> dict[str, str]:
+    """The string below each field, on one line."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
+    (definition,) = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    found = {}
+    for field, text in zip(definition.body, definition.body[1:], strict=False):
+        match field, text:
+            case (
+                ast.AnnAssign(target=ast.Name(id=name)),
+                ast.Expr(value=ast.Constant(value=str(help_text))),
+            ):
+                found[name] = " ".join(help_text.split())
+    return found

@@ -1,0 +1,131 @@
+"""docs/cli.md, all commands and options: `python -m hsslam_services.commands.reference [--check] FILE`
+
+The file is written from the dataclasses of options, as `--help-all` is.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hsslam_services.commands.all_options import OPTIONS, options_class, options_of, subcommands
+from hsslam_services.commands.hsslam import COMMANDS
+from hsslam_services.commands.options.config_file import camera_names
+from hsslam_services.commands.options.help_text import names_of, own_options, usage
+from hsslam_services.commands.options.option_table import Option, group_purposes, purpose
+from hsslam_services.commands.warm_up import WARM_UP_HELP
+
+_HEAD = """# Commands and options
+
+*Generated from the commands by `python -m hsslam_services.commands.reference docs/cli.md`.*
+
+Every command has `--help` and `--version`. `hsslam NAME` is the same as `hsslam-NAME`. A command reports a
+wrong option or value in one line and exits with code 2. `hsslam completion bash|zsh|fish` prints a script
+that completes commands, options and values.
+
+## Files of options
+
+`hsslam-serve --config FILE.toml` reads options from a file. The names are those of the command line, with `_`
+for `-` and a table for each group:
+
+```toml
+source = "record:desk"
+pace = "lockstep"
+
+[camera]
+fx = 525.0
+depth_scale = 1000.0
+
+[slam.tracker]
+points = 1500
+```
+
+Every run writes its effective options to `config.toml` in the run folder. `--config runs/desk` (or
+`--config runs/desk/config.toml`) repeats the run. The file does not contain `out`, so a repeated run gets a
+new folder and never overwrites the old one. It does not contain `config` either, and options without a value
+are left out. Relative paths in a file start at the working folder.
+
+Options on the command line win over files, a later file wins over an earlier one, files win over the preset.
+A file that names its preset cannot be combined with another `--preset`.
+
+`--config camera:NAME` reads the published calibration of a camera for `record:FOLDER`: {cameras}.
+`--config camera:kinect-v1 --camera.depth-scale 5000` changes one value of it.
+
+"""
+
+
+def reference() -> str:
+    """The whole document."""
+    cameras = ", ".join(f"`camera:{name}`" for name in camera_names())
+    parts = [
+        _HEAD.format(cameras=cameras),
+        "## hsslam\n\n| command | what it does |\n| --- | --- |\n",
+    ]
+    parts += [
+        f"| [`hsslam-{name}`](#hsslam-{name}) | {text} |\n" for name, (_, text) in COMMANDS.items()
+    ]
+    for command in list(OPTIONS)[1:]:
+        parts.append("\n".join(_section(command)) + "\n")
+    return "".join(parts).rstrip("\n") + "\n"
+
+
+def main() -> int:
+    """Command line; exit code 1 if --check finds an old file, 2 on bad input."""
+    parser = argparse.ArgumentParser(prog="reference", description=__doc__)
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("--check", action="store_true", help="report an old file, change nothing")
+    arguments = parser.parse_args()
+    path = arguments.file
+    try:
+        if arguments.check:
+            if path.read_text() != reference():
+                print(f"{path}: is old: run python -m hsslam_services.commands.reference {path}")
+                return 1
+        else:
+            path.write_text(reference())
+    except OSError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _section(command: str) -> Iterator[str]:
+    yield from ("", f"{'###' if ' ' in command else '##'} {command}", "")
+    cls = options_class(command)
+    if cls is None:
+        below = " | ".join(subcommands(command))
+        yield from (
+            "```text",
+            WARM_UP_HELP if not below else f"usage: {command} {below} ...",
+            "```",
+        )
+        return
+    table = options_of(command)
+    yield from ("```text", usage(command, table), "", purpose(cls), "```", "")
+    purposes = group_purposes(cls)
+    groups: dict[str, list[Option]] = {"": []}
+    for option in table:
+        groups.setdefault(option.group, []).append(option)
+    for group, options in groups.items():
+        if group:
+            yield from ("", f"**`--{group}`**: {_cell(purposes[group])}", "")
+        own = () if group else own_options(table)
+        yield from _rows(options, own)
+
+
+def _rows(options: Sequence[Option], own: Sequence[tuple[str, str]]) -> Iterator[str]:
+    yield from ("| option | | default |", "| --- | --- | --- |")
+    for option in options:
+        default = option.default_text()
+        yield f"| `{_cell(names_of(option))}` | {_cell(option.help)} | {f'`{default}`' if default else ''} |"
+    for names, text in own:
+        yield f"| `{names}` | {text} | |"
+
+
+def _cell(text: str) -> str:
+    """As a cell of a table."""
+    return text.replace("|", "\\|").replace("<", "&lt;")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
