@@ -68,7 +68,7 @@ def _plain_source(spec: str, options: SourceOptions) -> Source:
     """Imports what this one source needs: the supervisor opens it, too, to see that it is there."""
     kind, colon, rest = spec.partition(":")
     if kind == "synth" and spec in _EXAMPLES:
-        from hsslam_node.sources.synth.synth_source import SynthSource
+        from hsslam_node.sources.synth import SynthSource
 
         return SynthSource(rest, options)
     if kind == "tum" and rest:

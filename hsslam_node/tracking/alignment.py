@@ -170,7 +170,7 @@ class _Problem:
     ) -> None:
         self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
         self._levels = levels
-        self._sdf_term = _open_sdf_term(view, self._points, config) if view else None
+        self._sdf_term = open_sdf_term(view, self._points, config) if view else None
         self._reference = reference
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
@@ -223,7 +223,7 @@ def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else float("nan")
 
 
-def _open_sdf_term(
+def open_sdf_term(
     view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
 ) -> SdfTerm:
     """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""

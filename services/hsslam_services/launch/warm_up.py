@@ -86,9 +86,9 @@ def _compile_the_rest() -> Iterator[str]:
     from hsslam_node.sources.open_source import open_source
     from hsslam_node.sources.options import SourceOptions, SynthOptions
     from hsslam_node.sources.source import Frame
-    from hsslam_node.sources.synth.atlas import build_atlas
-    from hsslam_node.sources.synth.room import build_room
-    from hsslam_node.sources.synth.scene import Scene, Zone
+    from hsslam_node.synth.scenes.room import build_room
+    from hsslam_node.synth.scenes.scene import Scene, Zone
+    from hsslam_node.synth.textures.atlas import build_atlas
 
     room = build_room(SynthOptions().size_m, 0)
     build_atlas(Scene(room.shell, [Zone([], room.zones[0].lamps_m)]), 0, 4.0)

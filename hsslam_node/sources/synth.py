@@ -1,0 +1,69 @@
+"""The built-in sources, `synth:room` and others: frames of the scenes of `hsslam_node.synth`."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
+from hsslam_node.synth.scenes.scenes import SCENES
+
+if TYPE_CHECKING:
+    import trimesh
+
+_UNITS_PER_M = 5000.0
+_FOCAL_PER_WIDTH = 525.0 / 640.0  # the field of view of a Kinect
+
+
+class SynthSource:
+    """A built-in scene of `SCENES`, rendered on the fly; frame n is stamped n / rate."""
+
+    def __init__(self, name: str, options: SourceOptions) -> None:
+        synth = options.synth
+        trajectory, self._rows = _trajectory(name, options)
+        self._stamps_ns, self._poses = trajectory.stamps_ns, trajectory.T_world_cam
+        self._scene = SCENES[name].build(synth)
+        self._seed = synth.seed
+        self.name = f"synth:{name}"
+        self.camera = _camera(synth)
+        self.rate_hz = synth.rate_hz / options.stride
+        self.frame_count: int | None = len(self._poses)
+        self.depth_units_per_m = _UNITS_PER_M
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Every frame; the first call builds the textures (seconds) unless they are in the cache."""
+        from hsslam_node.synth.rendering.renderer import Renderer  # imports numba and OpenCV
+
+        renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
+        for index, row in enumerate(self._rows):
+            color, depth = renderer.render(self._poses[index], row)
+            stamp_ns = int(self._stamps_ns[index])
+            yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M)
+
+
+def synth_truth(
+    name: str, options: SourceOptions
+) -> tuple[Trajectory, "Callable[[], trimesh.Trimesh]"]:
+    """Exact trajectory of the frames of `SynthSource(name, options)`, and the mesh of what stands still."""
+    from hsslam_node.synth.rendering.scene_mesh import scene_mesh  # imports trimesh
+
+    trajectory, _ = _trajectory(name, options)
+    return trajectory, lambda: scene_mesh(SCENES[name].build(options.synth).still_parts)
+
+
+def _trajectory(name: str, options: SourceOptions) -> tuple[Trajectory, Sequence[int]]:
+    """Of the frames that are used, and which those are."""
+    poses = SCENES[name].poses(options.synth)
+    rows = options.selected(len(poses))
+    stamps_ns = np.round(np.arange(len(poses)) * (1e9 / options.synth.rate_hz)).astype(np.int64)
+    return Trajectory(stamps_ns[list(rows)], poses[list(rows)]), rows
+
+
+def _camera(synth: SynthOptions) -> Camera:
+    focal = _FOCAL_PER_WIDTH * synth.width_px
+    cx, cy = (synth.width_px - 1) / 2, (synth.height_px - 1) / 2
+    return Camera(synth.width_px, synth.height_px, focal, focal, cx, cy)

@@ -1,0 +1,1 @@
+"""Colour and depth images, and the true mesh, of a scene."""

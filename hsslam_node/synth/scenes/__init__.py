@@ -1,0 +1,1 @@
+"""The built-in scenes and the way of the camera through each."""

@@ -1,0 +1,1 @@
+"""How surfaces look: materials, light, and the atlas that holds both."""

@@ -1,0 +1,23 @@
+"""How far what a camera saw lies from the true mesh."""
+
+import numpy as np
+import trimesh
+from scipy.spatial import KDTree
+
+from hsslam_node.evaluation.mesh_metrics import distances
+from hsslam_node.frame import Frame
+from tests.node.synth.back_projection import back_projected
+
+
+def depth_errors_m(frame: Frame, T_world_cam: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Distance from the mesh [N], m, of every 23rd pixel's point."""
+    points = back_projected(frame)[::23] @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    return distances(points, mesh.vertices, mesh.faces)
+
+
+def clearance_m(positions: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
+    """Distance of camera positions [N, 3] from the nearest vertex, m; faces are 5 cm grids."""
+    vertices = np.asarray(mesh.vertices)
+    level = np.abs(vertices[:, 2] - positions[:, 2].mean()) < 0.6
+    offsets, _ = KDTree(vertices[level]).query(positions)
+    return offsets
