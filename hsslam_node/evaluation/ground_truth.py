@@ -9,9 +9,9 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
+from hsslam_node.sources.files.scannet_scene import ScanNetScene
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.replica import ReplicaFolder
-from hsslam_node.sources.scannet_scene import ScanNetScene
 from hsslam_node.sources.synth.scenes import SCENES
 from hsslam_node.sources.synth.synth_source import synth_truth
 from hsslam_node.sources.tum import MAX_DT_NS, TumFolder, associate

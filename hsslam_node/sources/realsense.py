@@ -10,10 +10,10 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.undistortion import Undistortion
 
 _WAIT_MS = 200
 _SILENCE_S = 5.0

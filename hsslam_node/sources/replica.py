@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.camera_file import read_replica_camera
-from hsslam_node.sources.image_pairs import ImagePairSource
+from hsslam_node.sources.files.camera_file import read_replica_camera
+from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.options import SourceOptions
 
 RATE_HZ = 30.0  # the layout has no stamps

@@ -9,9 +9,14 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError, decode_color, read_any_color, read_depth
+from hsslam_node.sources.files.image_files import (
+    BadImageError,
+    decode_color,
+    read_any_color,
+    read_depth,
+)
+from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.source import BadFrame
 
 _CROP_PX = 10  # colour has a black border

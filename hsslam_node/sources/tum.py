@@ -10,10 +10,10 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import parse_stamp_ns
-from hsslam_node.sources.camera_file import read_tum_camera
-from hsslam_node.sources.image_pairs import ImagePairSource
+from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
+from hsslam_node.sources.files.camera_file import read_tum_camera
+from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.tum_archive import TumArchive, data_folders
 
 MAX_DT_NS = 20_000_000
 _DEPTH_SCALE = 5000.0

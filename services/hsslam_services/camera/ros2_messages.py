@@ -10,7 +10,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.ros2.raw_image import RawImage
 
 _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.sens_file import SensFile
+from hsslam_node.sources.files.sens_file import SensFile
 
 DEPTH_UNITS_PER_M = 1000.0  # of exported depth images
 _EXPECTED = "expected one with color/, depth/, pose/ and intrinsic/"
