@@ -98,6 +98,18 @@ class RealsenseSource:
             return BadFrame(0, stamp_ns, str(error))
 
 
+def open_realsense(
+    name: str, options: SourceOptions, should_stop: Callable[[], bool]
+) -> RealsenseSource:
+    """The camera of `--realsense.serial`; its name is always empty."""
+    return RealsenseSource(options, should_stop)
+
+
+def check_realsense(name: str, options: SourceOptions) -> None:
+    """Raises UserError if the package or the camera is missing."""
+    expect_realsense(options.realsense.serial)
+
+
 def expect_realsense(serial: str) -> Any:
     """The module pyrealsense2, if it and a camera (of this serial number) are there.
 

@@ -17,8 +17,8 @@ from hsslam_node.sources.options import (
     SourceOptions,
     SynthOptions,
 )
+from hsslam_services.run.source_table import comes_over_bus
 
-ZENOH_SOURCE = "zenoh:"
 _VIEWERS = ("auto", "none", "web", "spawn")
 
 
@@ -141,25 +141,12 @@ class ServeOptions:
     @property
     def source_options(self) -> SourceOptions:
         """What `open_source` and `open_ground_truth` take."""
-        return SourceOptions(
-            noise=self.noise,
-            exposure=self.exposure,
-            seed=self.seed,
-            start=self.start,
-            stride=self.stride,
-            frames=self.frames,
-            downscale=self.downscale,
-            synth=self.synth,
-            camera=self.camera,
-            record=self.record,
-            ros2=self.ros2,
-            realsense=self.realsense,
-        )
+        return SourceOptions.among(self)
 
     @property
     def has_camera_process(self) -> bool:
         """Whether frames are read here, not published by somebody else."""
-        return self.source != ZENOH_SOURCE
+        return not comes_over_bus(self.source)
 
     @property
     def resolved_viewer(self) -> str:
