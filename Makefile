@@ -31,6 +31,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m hsslam_proto.topic_table --check docs/architecture.md
 	$(BIN)/python -m hsslam_proto.wire_doc --check docs/wire.md
+	$(BIN)/python docs/site/source_table.py --check docs/cameras.md
 
 # without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
 docs: $(VENV)/.installed-docs

@@ -85,9 +85,8 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 def _look(options: DoctorOptions) -> int:
     """The number of faults."""
     wanted = SourceOptions.among(options)
-    stamps = recorded_stamps(
-        options.source, ALL_SOURCES
-    )  # may have to be fetched, which shows a bar of its own
+    # a sequence that is fetched shows a bar of its own
+    stamps = recorded_stamps(options.source, ALL_SOURCES)
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
         sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
         findings = list(examine(sample, stamps))

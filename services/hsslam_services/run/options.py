@@ -27,9 +27,9 @@ class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, grows a mesh, logs everything.
 
     Sources: synth:room | synth:apartment | synth:corridor | synth:person | tum:fr1/desk (fetched if it is
-    not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | record:FOLDER (plain images
-    in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on USB) | mcap:FILE
-    or mcap:RUN (the frames of a log) | zenoh: (frames that somebody else publishes).
+    not on disk) | tum:FOLDER | replica:FOLDER | scannet:FOLDER or FILE.sens | 7scenes:FOLDER | record:FOLDER
+    (plain images in color/ and depth/) | ros2:/camera (a camera of ROS 2, over rmw_zenoh) | realsense (on
+    USB) | mcap:FILE or mcap:RUN (the frames of a log) | zenoh: (frames that somebody else publishes).
 
     $ hsslam-serve --source tum:my_recording --viewer web --out runs/mine
     $ hsslam-serve warm-up

@@ -100,7 +100,7 @@ def test_what_is_wrong_is_one_line(sequence):
 
 
 def test_frames_of_the_real_kitchen_come_back_as_they_were(test_data, tmp_path):
-    """The kitchen is a part of 7-Scenes RedKitchen, registered to colour; its depth has 5000 units a metre."""
+    """The kitchen is a part of RedKitchen, registered to colour; its depth has 5000 units a metre."""
     kitchen, used = f"tum:{test_data / 'kitchen'}", SourceOptions(frames=3)
     truth = open_ground_truth(kitchen, used)
     source = open_source(kitchen, used)
