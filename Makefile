@@ -37,6 +37,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/cog --check $(GENERATED)
+	$(BIN)/python docs/site/source_table.py --check docs/cameras.md
 
 # without --quiet, which hides warnings from --strict; NO_MKDOCS_2_WARNING: no advertisement of the theme
 docs: $(VENV)/.installed-dev

@@ -1,11 +1,14 @@
 """Checks of stamps: their rate, order, gaps and jitter, and whether colour has its depth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hsslam_node.doctor.finding import Check, Finding
-from hsslam_node.sources.tum import MAX_DT_NS, TumFolder
+from hsslam_node.sources.registry import SOURCES
+from hsslam_node.sources.source_row import SourceRow, find_row, imported, source_name
+from hsslam_node.sources.tum import MAX_DT_NS
 
 
 @dataclass(frozen=True)
@@ -17,19 +20,16 @@ class RecordedStamps:
     max_dt_ns: int = MAX_DT_NS  # further apart, colour and depth are not put together
 
 
-def recorded_stamps(spec: str) -> RecordedStamps | None:
-    """All stamps of a sequence in TUM layout, from its lists; None of a source that has no lists.
+def recorded_stamps(spec: str, rows: Sequence[SourceRow] = SOURCES) -> RecordedStamps | None:
+    """All stamps of a recording that lists them, such as a TUM folder; None of any other source.
 
     Raises:
-        UserError: the folder or its lists are missing or malformed.
+        UserError: the recording or its lists are missing or malformed.
     """
-    kind, _, name = spec.partition(":")
-    if kind != "tum" or not name:
+    row = find_row(spec, rows)
+    if row is None or row.stamps is None:
         return None
-    folder = TumFolder.find(name)
-    return RecordedStamps(
-        folder.listed_stamps("rgb.txt"), folder.listed_stamps("depth.txt"), MAX_DT_NS
-    )
+    return RecordedStamps(*imported(row.stamps)(source_name(spec)))
 
 
 _FAULT_BELOW_HZ = 5.0

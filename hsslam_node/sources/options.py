@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 import numpy as np
@@ -213,6 +213,12 @@ class SourceOptions:
         _expect_range("downscale", self.downscale, 1, 16)
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
+
+    @classmethod
+    def among(cls, options: object) -> "SourceOptions":
+        """The options of a command that are options of a source: its fields of the same names."""
+        given = [option.name for option in fields(SourceOptions) if hasattr(options, option.name)]
+        return cls(**{name: getattr(options, name) for name in given})
 
     def selected(self, count: int) -> Sequence[int]:
         """Which of `count` frames are used; ground truth and source select alike."""

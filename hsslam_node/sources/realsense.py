@@ -10,10 +10,10 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.undistortion import Undistortion
 
 _WAIT_MS = 200
 _SILENCE_S = 5.0
@@ -96,6 +96,18 @@ class RealsenseSource:
             )
         except UserError as error:
             return BadFrame(0, stamp_ns, str(error))
+
+
+def open_realsense(
+    name: str, options: SourceOptions, should_stop: Callable[[], bool]
+) -> RealsenseSource:
+    """The camera of `--realsense.serial`; its name is always empty."""
+    return RealsenseSource(options, should_stop)
+
+
+def check_realsense(name: str, options: SourceOptions) -> None:
+    """Raises UserError if the package or the camera is missing."""
+    expect_realsense(options.realsense.serial)
 
 
 def expect_realsense(serial: str) -> Any:

@@ -1,11 +1,11 @@
 """Plain folders of images: `record:FOLDER`."""
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.camera_file import read_record_camera
-from hsslam_node.sources.image_files import BadImageError, read_any_color, read_any_depth
-from hsslam_node.sources.image_pairs import ImagePairSource
+from hsslam_node.sources.files.camera_file import read_record_camera
+from hsslam_node.sources.files.image_files import BadImageError, read_any_color, read_any_depth
+from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.record_folder import RecordFolder
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.record_folder import RecordFolder
 
 
 class RecordSource(ImagePairSource):

@@ -6,10 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.camera_file import read_replica_camera
-from hsslam_node.sources.image_pairs import ImagePairSource
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.files.camera_file import read_replica_camera
+from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.truth_files import Truth, mesh_loader, read_matrices
 from hsslam_node.sources.options import SourceOptions
 
 RATE_HZ = 30.0  # the layout has no stamps
@@ -130,3 +134,17 @@ class ReplicaSource(ImagePairSource):
         camera, units_per_m = folder.camera()
         super().__init__(f"replica:{name}", folder.pairs, camera, units_per_m, options)
         self.rate_hz = RATE_HZ / options.stride
+
+
+def replica_truth(name: str, options: SourceOptions) -> Truth | None:
+    """Poses and mesh; None without a file of poses. For the evaluator only."""
+    folder = ReplicaFolder.find(name)
+    path = folder.trajectory_file
+    if not path.exists():
+        return None
+    poses = read_matrices(path)
+    if len(poses) < len(folder.pairs):
+        raise UserError(f"{path}: {len(poses)} poses: expected {len(folder.pairs)}, one a frame")
+    rows = list(options.selected(len(folder.pairs)))
+    stamps = np.array([folder.pairs[i][0] for i in rows], np.int64)
+    return Trajectory(stamps, poses[rows]), mesh_loader(folder.mesh_file)

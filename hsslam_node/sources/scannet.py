@@ -9,9 +9,16 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError, decode_color, read_any_color, read_depth
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.files.image_files import (
+    BadImageError,
+    decode_color,
+    read_any_color,
+    read_depth,
+)
+from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
+from hsslam_node.sources.files.truth_files import Truth, mesh_loader
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.source import BadFrame
 
 _CROP_PX = 10  # colour has a black border
@@ -141,3 +148,16 @@ def _depth_size(scene: ScanNetScene) -> tuple[int, int]:
         if image is not None:
             return image.shape[1], image.shape[0]
     raise UserError(f"{scene.path}/depth: no image can be read: expected 0.png and so on")
+
+
+def scannet_truth(name: str, options: SourceOptions) -> Truth | None:
+    """Poses and mesh. A frame whose pose the scene's authors do not know (-inf) has no truth; None if no
+    frame has. For the evaluator only.
+    """
+    scene = ScanNetScene.find(name)
+    rows = np.array(options.selected(len(scene.numbers())), np.int64)
+    poses = scene.T_world_cam()[rows]
+    known = np.isfinite(poses).all(axis=(1, 2))
+    if not known.any():
+        return None
+    return Trajectory(scene.stamps_ns()[rows][known], poses[known]), mesh_loader(scene.mesh_file)

@@ -9,11 +9,12 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.trajectory import parse_stamp_ns
-from hsslam_node.sources.camera_file import read_tum_camera
-from hsslam_node.sources.image_pairs import ImagePairSource
+from hsslam_node.geometry.trajectory import Trajectory, parse_stamp_ns, read_tum
+from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
+from hsslam_node.sources.files.camera_file import read_tum_camera
+from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.truth_files import Truth
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.tum_archive import TumArchive, data_folders
 
 MAX_DT_NS = 20_000_000
 _DEPTH_SCALE = 5000.0
@@ -157,3 +158,24 @@ class TumSource(ImagePairSource):
     def __init__(self, name: str, options: SourceOptions) -> None:
         folder = TumFolder.find(name)
         super().__init__(f"tum:{name}", folder.pairs, *folder.camera(), options)
+
+
+def tum_truth(name: str, options: SourceOptions) -> Truth | None:
+    """Poses of `groundtruth.txt` within 20 ms of a frame; None without the file. For the evaluator only."""
+    folder = TumFolder.find(name)
+    path = folder.path / "groundtruth.txt"
+    if not path.exists():
+        return None
+    truth = read_tum(path)
+    frames = np.array([folder.pairs[i][0] for i in options.selected(len(folder.pairs))])
+    pairs = associate(frames, truth.stamps_ns, MAX_DT_NS)
+    if not pairs:
+        raise UserError(f"{path}: no pose within 20 ms of a frame of rgb.txt")
+    frame_rows, truth_rows = map(list, zip(*pairs, strict=True))
+    return Trajectory(frames[frame_rows], truth.T_world_cam[truth_rows]), None
+
+
+def tum_stamps(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """All stamps of `rgb.txt` and of `depth.txt` in the order of their lines, int64 ns."""
+    folder = TumFolder.find(name)
+    return folder.listed_stamps("rgb.txt"), folder.listed_stamps("depth.txt")

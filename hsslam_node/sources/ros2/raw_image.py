@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hsslam_node.sources.image_files import BadImageError, decode_color, decode_depth
+from hsslam_node.sources.files.image_files import BadImageError, decode_color, decode_depth
 
 FLOAT_UNITS_PER_M = 5000.0  # of depth that comes as metres in floats: up to 13.1 m
 MILLIMETRES_PER_M = 1000.0  # of depth in whole numbers, REP 118

@@ -53,15 +53,15 @@ def shared_memory_settings() -> dict[str, object]:
     return {f"{_SHARED}/enabled": is_roomy, _POOL: _POOL_BYTES, _FROM: _LARGE_BYTES}
 
 
-def shared_memory_of_run(source: str, sends_frames: bool) -> dict[str, object]:
+def shared_memory_of_run(has_camera: bool, sends_frames: bool) -> dict[str, object]:
     """Of a process of a run, or its router: where there is little room, it is the camera's alone.
 
-    `sends_frames`: of the first camera; the pool of one that died still counts. Frames that come from
-    outside (`zenoh:`) may be in any pool: then they come through sockets.
+    `sends_frames`: of the first camera; the pool of one that died still counts. `has_camera`: whether a
+    process of the run sends the frames. Those of another program may be in any pool, so sockets carry them.
     """
     lockable = lockable_bytes()
     pool = min(lockable - _BESIDE_POOL_BYTES, _POOL_BYTES)
-    if lockable >= _ALL_POOLS_BYTES or pool < _LEAST_POOL_BYTES or source.startswith("zenoh:"):
+    if lockable >= _ALL_POOLS_BYTES or pool < _LEAST_POOL_BYTES or not has_camera:
         return {}
     threshold = _LARGE_BYTES if sends_frames else _NEVER
     return {f"{_SHARED}/enabled": True, _POOL: pool, _FROM: threshold}

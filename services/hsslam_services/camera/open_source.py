@@ -1,63 +1,15 @@
-"""From the text after `--source` to a source, those that need the wire or the log included.
-
-Cameras that deliver when they deliver, as opposed to recordings.
-
-Whether the source of a run is there, asked before anything is started.
-"""
+"""From the text after `--source` to a source, of the library or of the service; and whether it is there."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.open_source import open_source, unknown_source, with_effects
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import Source
+from hsslam_node.sources.source_row import find_row, imported, source_name
 from hsslam_services.run.options import ServeOptions
-
-
-def is_live(spec: str) -> bool:
-    """Whether frames come on the camera's own clock, and those that are not taken are gone."""
-    return spec.partition(":")[0] in ("ros2", "realsense")
-
-
-def open_live_source(
-    spec: str, options: SourceOptions, should_stop: Callable[[], bool] = lambda: False
-) -> Source:
-    """The camera that `spec` names, `ros2:<namespace>` or `realsense`; its frames end when `should_stop`.
-
-    Raises:
-        UserError: no such camera, a package is missing, or no image comes.
-    """
-    kind, _, name = spec.partition(":")
-    if kind == "ros2":
-        from hsslam_services.camera.ros2_source import Ros2Source
-
-        return Ros2Source(name, options, should_stop)
-    if spec == "realsense":
-        from hsslam_node.sources.realsense import RealsenseSource
-
-        return RealsenseSource(options, should_stop)
-    raise unknown_source(spec)
-
-
-def expect_live_source(spec: str, options: SourceOptions) -> None:
-    """What can be told of a camera without opening it: names, packages, whether it is plugged in.
-
-    Raises:
-        UserError: as `open_live_source`.
-    """
-    kind, _, name = spec.partition(":")
-    if kind == "ros2":
-        from hsslam_services.camera.ros2_messages import CdrMessages
-
-        options.ros2.topics_under(name)
-        CdrMessages()
-    elif spec == "realsense":
-        from hsslam_node.sources.realsense import expect_realsense
-
-        expect_realsense(options.realsense.serial)
-    else:
-        raise unknown_source(spec)
+from hsslam_services.run.source_table import ALL_SOURCES
 
 
 def open_any_source(
@@ -65,21 +17,12 @@ def open_any_source(
     options: SourceOptions | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Source:
-    """As `open_source`, which knows neither logs nor messages; besides `mcap:<file or run folder>` and live
-    cameras, whose frames end when `should_stop`.
+    """As `open_source`, and besides the sources of the service: logs and ROS 2 cameras.
 
     Raises:
         UserError: no such source, its files are not there, or its camera makes no sense.
     """
-    options = options or SourceOptions()
-    kind, _, rest = spec.partition(":")
-    if kind == "mcap" and rest:
-        from hsslam_services.log.source import McapSource
-
-        return with_effects(McapSource(rest, options), options)
-    if is_live(spec):
-        return with_effects(open_live_source(spec, options, should_stop), options)
-    return open_source(spec, options)
+    return open_source(spec, options, should_stop, ALL_SOURCES)
 
 
 def expect_source(options: ServeOptions) -> None:
@@ -90,8 +33,10 @@ def expect_source(options: ServeOptions) -> None:
     Raises:
         UserError: no such source, or its files or camera are missing or wrong.
     """
-    if is_live(options.source):
-        expect_live_source(options.source, options.source_options)
+    row = find_row(options.source, ALL_SOURCES)
+    if row is not None and row.is_live:
+        if row.check is not None:
+            imported(row.check)(source_name(options.source), options.source_options)
     elif options.has_camera_process:
         source = open_any_source(options.source, replace(options.source_options, noise="none"))
         if source.frame_count == 0:

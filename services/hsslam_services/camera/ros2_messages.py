@@ -10,7 +10,8 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 
 _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -20,6 +21,12 @@ _LENSES: dict[str, tuple[LensModel, int]] = {  # by ROS's names, and the coeffic
     "rational_polynomial": ("opencv", 5),  # further ones only if they are not all 0
     "equidistant": ("equidistant", 4),
 }
+
+
+def check_ros2(name: str, options: SourceOptions) -> None:
+    """Raises UserError if `name` is no ROS 2 namespace, or if rosbags is missing."""
+    options.ros2.topics_under(name)
+    CdrMessages()
 
 
 class CdrMessages:

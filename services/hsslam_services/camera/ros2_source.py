@@ -8,13 +8,13 @@ import zenoh
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.undistortion import Undistortion
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,

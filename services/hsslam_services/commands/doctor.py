@@ -14,7 +14,7 @@ from rich.text import Text
 from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.finding import Finding
 from hsslam_node.doctor.sample import Sample, take_sample
-from hsslam_node.doctor.stamps import RecordedStamps, recorded_stamps
+from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options import (
     CameraOptions,
@@ -28,6 +28,7 @@ from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import write_atomically
+from hsslam_services.run.source_table import ALL_SOURCES
 
 _PROG = "hsslam-doctor"
 _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
@@ -95,15 +96,9 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 
 def _look(options: DoctorOptions) -> int:
     """The number of faults."""
-    wanted = SourceOptions(
-        noise=options.noise,
-        synth=options.synth,
-        camera=options.camera,
-        record=options.record,
-        ros2=options.ros2,
-        realsense=options.realsense,
-    )
-    stamps = _stamps(options.source)  # may have to be fetched, which shows a bar of its own
+    wanted = SourceOptions.among(options)
+    # a sequence that is fetched shows a bar of its own
+    stamps = recorded_stamps(options.source, ALL_SOURCES)
     with Console(stderr=True, markup=False).status(f"looking at {options.source}"):
         sample = take_sample(options.source, wanted, options.sample_frames, open_any_source)
         findings = list(examine(sample, stamps))
@@ -118,15 +113,6 @@ def _look(options: DoctorOptions) -> int:
     notes = sum(finding.severity == "note" for finding in findings)
     console.print(f"{_counted(faults, 'fault')}, {_counted(notes, 'note')}")
     return faults
-
-
-def _stamps(spec: str) -> RecordedStamps | None:
-    kind, _, place = spec.partition(":")
-    if kind == "mcap" and place:
-        from hsslam_services.log.source import McapSource
-
-        return RecordedStamps(McapSource(place, SourceOptions()).stamps_ns)
-    return recorded_stamps(spec)
 
 
 def _counted(count: int, what: str) -> str:

@@ -55,7 +55,9 @@ class Worker:
         self.run = run
         self.options = run.options
         first_camera = name == "camera" and not CameraProgress.exists(Path(run.arena_dir))
-        shared_memory = shared_memory_of_run(run.options.source, sends_frames=first_camera)
+        shared_memory = shared_memory_of_run(
+            run.options.has_camera_process, sends_frames=first_camera
+        )
         self.bus = Bus(run.endpoint, run.robot, name, settings=shared_memory)
         self.counters: dict[str, int] = {}
         self.stage_ms: dict[str, float] = {}

@@ -19,6 +19,7 @@ from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.messages import Message
 from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.recovery import MAGIC, is_finished, parts, recover
+from hsslam_services.run.source_table import log_place
 
 _TORN = (
     *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
@@ -105,7 +106,7 @@ def log_parts(place: str | Path, say: Say) -> list[Path]:
 
 def is_log(place: str) -> bool:
     """Whether a log is named, not a run folder with all its files."""
-    return place.startswith("mcap:") or place.endswith(".mcap")
+    return bool(log_place(place)) or place.endswith(".mcap")
 
 
 def make_readable(path: Path, say: Say) -> bool:

@@ -22,6 +22,7 @@ from hsslam_proto.topics import FRAME
 from hsslam_services.log.mcap_writer import RUN_METADATA
 from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.source_table import log_place
 
 _RATE_FRAMES = 30  # the rate is told from the stamps of so many
 _MOST_LOGS = 8  # a run from the log of a run from the log of ...
@@ -88,6 +89,11 @@ class McapSource:
                 yield message
 
 
+def log_stamps(place: str) -> tuple[np.ndarray, None]:
+    """Stamps of all frames of a log, [N] int64 ns; colour and depth share one."""
+    return McapSource(place, SourceOptions()).stamps_ns, None
+
+
 @dataclass(frozen=True)
 class RecordedSource:
     """A source as `open_source` takes it."""
@@ -103,8 +109,8 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
         UserError: a log is not there, cannot be read or does not tell.
     """
     for _ in range(_MOST_LOGS):
-        kind, _, place = spec.partition(":")
-        if kind != "mcap":
+        place = log_place(spec)
+        if not place:
             return RecordedSource(spec, options)
         run = logged_options(log_parts(place, say))
         if run is None:

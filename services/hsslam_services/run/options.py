@@ -17,8 +17,8 @@ from hsslam_node.sources.options import (
     SourceOptions,
     SynthOptions,
 )
+from hsslam_services.run.source_table import comes_over_bus
 
-ZENOH_SOURCE = "zenoh:"
 _VIEWERS = ("auto", "none", "web", "spawn")
 
 
@@ -30,6 +30,7 @@ class ServeOptions:
       synth:room, synth:apartment, synth:corridor, synth:person   built-in scenes
       tum:fr1/desk, tum:fr2/xyz, tum:fr3/office                   downloaded if not on disk
       tum:FOLDER, replica:FOLDER, scannet:FOLDER or FILE.sens     datasets
+      7scenes:FOLDER                                              a sequence of 7-Scenes
       record:FOLDER                                               images in color/ and depth/
       mcap:FILE or mcap:RUN                                       the frames of a log
       ros2:/camera                                                a ROS 2 camera, over rmw_zenoh
@@ -167,25 +168,12 @@ class ServeOptions:
     @property
     def source_options(self) -> SourceOptions:
         """The options of the source alone, for `open_source` and `open_ground_truth`."""
-        return SourceOptions(
-            noise=self.noise,
-            exposure=self.exposure,
-            seed=self.seed,
-            start=self.start,
-            stride=self.stride,
-            frames=self.frames,
-            downscale=self.downscale,
-            synth=self.synth,
-            camera=self.camera,
-            record=self.record,
-            ros2=self.ros2,
-            realsense=self.realsense,
-        )
+        return SourceOptions.among(self)
 
     @property
     def has_camera_process(self) -> bool:
         """Whether the service reads frames itself; with zenoh: another program publishes them."""
-        return self.source != ZENOH_SOURCE
+        return not comes_over_bus(self.source)
 
     @property
     def resolved_viewer(self) -> str:

@@ -17,6 +17,7 @@ from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.source_table import log_place
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 
 _OLD_RESULTS = (
@@ -102,9 +103,9 @@ def _run_folder(options: ServeOptions) -> Path:
 
 def _expect_source_elsewhere(source: str, run_dir: Path) -> None:
     """The results of an earlier run are removed: a log that is replayed must not be among them."""
-    kind, _, place = source.partition(":")
+    place = log_place(source)
     log = Path(place).expanduser().resolve()
-    if kind == "mcap" and run_dir.resolve() in (log, log.parent):
+    if place and run_dir.resolve() in (log, log.parent):
         raise UserError(
             f"--out {run_dir}: holds the log that is the source: expected another folder"
         )

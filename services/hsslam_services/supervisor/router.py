@@ -27,7 +27,7 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
         UserError: the port is taken, or the certificate cannot be used.
         OutOfMemoryError: /dev/shm is full.
     """
-    shared_memory = shared_memory_of_run(options.source, sends_frames=False)
+    shared_memory = shared_memory_of_run(options.has_camera_process, sends_frames=False)
     if not options.security:
         session = open_router(f"tcp/{options.bind}:{options.zenoh_port}", settings=shared_memory)
         local = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind

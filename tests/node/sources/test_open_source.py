@@ -24,7 +24,6 @@ def test_noise_wraps_the_source(replica_folder):
         ("synt:room", "synth:room"),
         ("synth:rom", "synth:room"),
         ("tum:", "tum:"),
-        ("zenoh", "zenoh:"),
     ],
 )
 def test_a_wrong_spec_suggests_the_nearest(spec, suggestion):

@@ -59,8 +59,8 @@ def test_what_may_be_locked():
 def test_with_little_room_the_first_camera_alone_sends_through_shared_memory():
     code = (
         "import json; from hsslam_services.bus.zenoh_session import *\n"
-        "print(json.dumps([shared_memory_settings(), shared_memory_of_run('zenoh:', True),"
-        " shared_memory_of_run('synth:room', True), shared_memory_of_run('synth:room', False)]))"
+        "print(json.dumps([shared_memory_settings(), shared_memory_of_run(False, True),"
+        " shared_memory_of_run(True, True), shared_memory_of_run(True, False)]))"
     )
     outside, relayed, camera, other = json.loads(_limited(code).communicate(timeout=30)[0])
     enabled, pool, threshold = (

@@ -8,7 +8,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_services.camera.ros2_messages import CdrMessages
 from tests.services.camera.ros_camera import CompressedImage, camera_info, header, image
 

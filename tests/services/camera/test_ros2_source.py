@@ -139,7 +139,7 @@ def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):
     ("spec", "words"),
     [
         ("ros2:camera", "expected the camera's namespace"),
-        ("ros2:", "expected the camera's namespace"),
+        ("ros2:", "did you mean ros2:/camera"),
     ],
 )
 def test_wrong_names(spec, words):

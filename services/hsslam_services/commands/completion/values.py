@@ -4,15 +4,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from hsslam_node.sources.open_source import source_examples
+from hsslam_node.sources.source_row import source_examples
 from hsslam_services.commands.all_options import options_of, subcommands
 from hsslam_services.commands.options.config_file import camera_names
 from hsslam_services.commands.options.help_text import own_options
 from hsslam_services.commands.options.option_table import Option
+from hsslam_services.run.source_table import ALL_SOURCES
 
 _FOLDERS = ("FOLDER", "DIR")
 _FILES = ("FILE", "MAP", "IN", "OUT", "[RUN]", "JSON")
-PATH_KINDS = ("tum", "replica", "scannet", "record", "mcap")  # sources that a path follows
+_PLACES = ("FOLDER", "FILE", "FILE.sens", "RUN")  # in an example, for a path
+_EXAMPLES = source_examples(ALL_SOURCES)
+PATH_KINDS = tuple(  # sources that a path follows
+    dict.fromkeys(
+        kind for kind, _, place in (e.partition(":") for e in _EXAMPLES) if place in _PLACES
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,8 @@ def _values(option: Option) -> Values | None:
     paths = "folder" if word in _FOLDERS else "file" if word in _FILES else "none"
     words: Sequence[str] = option.words
     if word == "SOURCE":
-        words = [*source_examples(), *(f"{kind}:" for kind in PATH_KINDS)]
+        named = [example for example in _EXAMPLES if example.partition(":")[2] not in _PLACES]
+        words = [*named, *(f"{kind}:" for kind in PATH_KINDS)]
     if option.name == "config":
         words = [f"camera:{name}" for name in camera_names()]
     return Values(paths, tuple(words), option.is_list)

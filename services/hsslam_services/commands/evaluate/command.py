@@ -77,7 +77,9 @@ def _evaluate(options: EvalOptions) -> None:
 def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     """What is judged, and what is said of it beside the figures."""
     about: dict[str, Any] = {"commit": source_commit(), "evaluation_seed": options.seed}
-    source = RecordedSource(options.source, _source_options(options)) if options.source else None
+    source = (
+        RecordedSource(options.source, SourceOptions.among(options)) if options.source else None
+    )
     if options.run:
         subject, of_run = run_subject(options.run, source, _say)
         return subject, about | of_run
@@ -86,17 +88,6 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
     about |= {"source": options.source, "noise": options.noise}
     return Subject(source.spec, source.options, trajectories, options.mesh), about
-
-
-def _source_options(options: EvalOptions) -> SourceOptions:
-    return SourceOptions(
-        noise=options.noise,
-        seed=options.seed,
-        start=options.start,
-        stride=options.stride,
-        frames=options.frames,
-        synth=options.synth,
-    )
 
 
 def _own_folder(run: str) -> Path | None:

@@ -13,12 +13,13 @@ from hsslam_node.evaluation.evaluate_run import run_trajectories
 from hsslam_node.sources.options import SourceOptions
 from hsslam_proto import messages
 from hsslam_proto.topics import FRAME
-from hsslam_services.camera.open_source import is_live, open_any_source
+from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.poses import LoggedPoses, logged_poses, newest_mesh
 from hsslam_services.log.reader import Say, bus_messages, is_log, log_parts
 from hsslam_services.log.recovery import parts
 from hsslam_services.log.source import RecordedSource, logged_options, recorded_source
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.source_table import comes_over_bus, is_live, log_place
 from hsslam_services.run.summary import read_summary
 
 
@@ -42,7 +43,7 @@ def log_subject(
     if source is None and run is None:
         raise UserError(f"{place}: does not tell what it was recorded from: expected --source too")
     if source is None and run is not None:
-        if is_live(run.source) or run.source == "zenoh:":
+        if is_live(run.source) or comes_over_bus(run.source):
             source = RecordedSource(f"mcap:{place}", SourceOptions())
         else:
             first, count = _stretch(files, found)
@@ -94,7 +95,7 @@ def run_subject(
     """
     folder = Path(place)
     if is_log(place):
-        return log_subject(place.removeprefix("mcap:"), given, say)
+        return log_subject(log_place(place) or place, given, say)
     if folder.is_dir() and parts(folder) and not (folder / "trajectory.txt").exists():
         say(f"{place}: no trajectory.txt: what its log has is scored")
         return log_subject(place, given, say)

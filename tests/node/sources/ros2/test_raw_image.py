@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.ros2.raw_image import RawImage
 
 RGB = np.random.default_rng(0).integers(0, 256, (6, 5, 3)).astype(np.uint8)

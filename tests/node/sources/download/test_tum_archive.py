@@ -9,8 +9,8 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.download import resumed_file
+from hsslam_node.sources.download.tum_archive import TumArchive
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.tum_archive import TumArchive
 
 DESK = "rgbd_dataset_freiburg1_desk"
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.sens_file import SensFile
+from hsslam_node.sources.files.sens_file import SensFile
+from hsslam_node.sources.files.truth_files import read_matrix
 
 DEPTH_UNITS_PER_M = 1000.0  # of exported depth images
 _EXPECTED = "expected one with color/, depth/, pose/ and intrinsic/"
@@ -44,7 +45,9 @@ class ScanNetFolder:
     def intrinsics(self) -> tuple[np.ndarray, np.ndarray]:
         """K of colour and of depth, [3, 3] each."""
         folder = self.path / "intrinsic"
-        color, depth = (_matrix(folder / f"intrinsic_{kind}.txt") for kind in ("color", "depth"))
+        color, depth = (
+            read_matrix(folder / f"intrinsic_{kind}.txt") for kind in ("color", "depth")
+        )
         for name, K in (("color", color), ("depth", depth)):
             if not np.isfinite(K).all() or K[0, 0] <= 0 or K[1, 1] <= 0:
                 raise UserError(f"{folder}/intrinsic_{name}.txt: expected a camera's 4x4 matrix")
@@ -54,7 +57,7 @@ class ScanNetFolder:
         """Camera to world of every frame, [N, 4, 4]; not finite where it is not known or not there."""
         unknown = np.full((4, 4), -np.inf)
         paths = [self.path / f"pose/{n}.txt" for n, _, _ in self.files]
-        return np.array([_matrix(path) if path.exists() else unknown for path in paths])
+        return np.array([read_matrix(path) if path.exists() else unknown for path in paths])
 
     def _numbered(self, kind: str, endings: str) -> dict[int, Path]:
         folder = self.path / kind
@@ -64,18 +67,6 @@ class ScanNetFolder:
             if match:
                 found[int(match[1])] = file
         return found
-
-
-def _matrix(path: Path) -> np.ndarray:
-    try:
-        matrix = np.loadtxt(path, dtype=np.float64, ndmin=2)
-    except (OSError, ValueError) as error:
-        text = " ".join(str(error).split())
-        raise UserError(f"{path}: {text}: expected four lines of four numbers") from None
-    if matrix.shape != (4, 4):
-        shape = "x".join(map(str, matrix.shape))
-        raise UserError(f"{path}: {shape} numbers: expected four lines of four")
-    return matrix
 
 
 RATE_HZ = 30.0  # exported frames have no stamps: frame n is stamped n / 30 s, in both

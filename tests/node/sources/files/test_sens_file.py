@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sources.files.sens_file import SensFile
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.sens_file import SensFile
 from hsslam_node.sources.source import BadFrame
 from tests.node.sources.scannet_files import HEIGHT, WIDTH, Sens, images
 

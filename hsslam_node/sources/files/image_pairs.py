@@ -7,10 +7,10 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.undistortion import Undistortion
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 

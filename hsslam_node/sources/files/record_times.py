@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import parse_stamp_ns
-from hsslam_node.sources.name_stamp import whole_stamp_ns
+from hsslam_node.sources.files.name_stamp import whole_stamp_ns
 
 _NAMES = ("times.txt", "times.csv", "timestamps.txt", "timestamps.csv")
 

@@ -19,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.image_files import BadImageError
+from hsslam_node.sources.files.image_files import BadImageError
 
 _VERSION = 4
 _JPEG, _ZLIB_USHORT = 2, 1

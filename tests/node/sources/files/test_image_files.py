@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 RNG = np.random.default_rng(0)

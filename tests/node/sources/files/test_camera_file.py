@@ -5,7 +5,7 @@ import json
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.camera_file import read_replica_camera, read_tum_camera
+from hsslam_node.sources.files.camera_file import read_replica_camera, read_tum_camera
 from tests.sequence_folders import write_tum_camera
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.undistortion import Undistortion
+from hsslam_node.sources.files.undistortion import Undistortion
 
 LENS = (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
 RATIONAL = (

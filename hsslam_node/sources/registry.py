@@ -1,0 +1,66 @@
+"""The sources that the library opens: one row a kind. A new source is a module and a row."""
+
+from hsslam_node.sources.source_row import SourceRow, either, has_names, has_suffix
+
+SOURCES = (
+    SourceRow(
+        kind="synth",
+        examples=("synth:room", "synth:apartment", "synth:corridor", "synth:person"),
+        about="built-in [scenes](#built-in-scenes), rendered on the fly with exact depth, poses and mesh",
+        opener="hsslam_node.sources.synth:SynthSource",
+        only_examples=True,
+        ground_truth="hsslam_node.sources.synth:synth_truth",
+    ),
+    SourceRow(
+        kind="tum",
+        examples=("tum:fr1/desk", "tum:fr2/xyz", "tum:fr3/office", "tum:FOLDER"),
+        about="a [TUM RGB-D](#tum-rgb-d-sequences) sequence, downloaded if it is not on disk, or your own "
+        "recording in its layout with a `camera.json`",
+        opener="hsslam_node.sources.tum:TumSource",
+        looks_like=has_names(("rgb.txt", "depth.txt")),
+        ground_truth="hsslam_node.sources.tum:tum_truth",
+        stamps="hsslam_node.sources.tum:tum_stamps",
+    ),
+    SourceRow(
+        kind="replica",
+        examples=("replica:FOLDER",),
+        about="Replica, from NICE-SLAM (`cam_params.json`, `results/`) or from vMAP (`room_0/imap/00`)",
+        opener="hsslam_node.sources.replica:ReplicaSource",
+        looks_like=has_names(("traj.txt", "results"), ("traj_w_c.txt", "rgb", "depth")),
+        ground_truth="hsslam_node.sources.replica:replica_truth",
+    ),
+    SourceRow(
+        kind="scannet",
+        examples=("scannet:FOLDER", "scannet:FILE.sens"),
+        about="a ScanNet scene, exported (`color/`, `depth/`, `pose/`, `intrinsic/`) or as recorded; the "
+        "`.sens` file is read frame by frame",
+        opener="hsslam_node.sources.scannet:ScanNetSource",
+        looks_like=either(has_names(("color", "depth", "intrinsic")), has_suffix(".sens")),
+        ground_truth="hsslam_node.sources.scannet:scannet_truth",
+    ),
+    SourceRow(
+        kind="7scenes",
+        examples=("7scenes:FOLDER",),
+        about="a sequence of [7-Scenes](#7-scenes), such as `redkitchen/seq-01` (`frame-000000.color.png`, "
+        "`.depth.png`, `.pose.txt`)",
+        opener="hsslam_node.sources.seven_scenes:SevenScenesSource",
+        looks_like=has_names(("frame-000000.color.png", "frame-000000.depth.png")),
+        ground_truth="hsslam_node.sources.seven_scenes:seven_scenes_truth",
+    ),
+    SourceRow(
+        kind="record",
+        examples=("record:FOLDER",),
+        about="[two plain folders of images](#a-plain-folder-of-images)",
+        opener="hsslam_node.sources.record:RecordSource",
+        looks_like=has_names(("color", "depth"), ("rgb", "depth")),
+    ),
+    SourceRow(
+        kind="realsense",
+        examples=("realsense",),
+        about="[an Intel RealSense](#intel-realsense) on USB",
+        opener="hsslam_node.sources.realsense:open_realsense",
+        only_examples=True,
+        is_live=True,
+        check="hsslam_node.sources.realsense:check_realsense",
+    ),
+)

@@ -1,0 +1,102 @@
+"""One kind of source as a row of a table, and what is read from such a table: find, guess, suggest."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.errors import UserError, did_you_mean
+
+
+@dataclass(frozen=True)
+class SourceRow:
+    """One kind of source. Import paths are `module:name`; they are imported when a source is opened.
+
+    `name` is the text after the colon.
+    """
+
+    kind: str
+    """The text before the colon."""
+    examples: tuple[str, ...]
+    """What a user types; shown in errors."""
+    about: str
+    """What it is, in one line of markdown; shown in docs/cameras.md."""
+    opener: str | None
+    """Import path of `(name, options) -> Source`, of a live camera `(name, options, should_stop)`. None:
+    frames come over the bus, there is nothing to open."""
+    only_examples: bool = False
+    """True: nothing but the examples; False: any name after the colon."""
+    is_live: bool = False
+    """True: frames come on the camera's own clock, and a frame that is not taken is gone."""
+    check: str | None = None
+    """Import path of `(name, options)`; raises UserError if a live camera cannot be there. Opens nothing."""
+    looks_like: Callable[[Path], bool] = lambda path: False
+    """Whether a file or folder is of this kind, to suggest it in errors."""
+    ground_truth: str | None = None
+    """Import path of `(name, options) -> Truth | None`, read by the evaluator alone."""
+    stamps: str | None = None
+    """Import path of `(name) -> (colour, depth or None)`: all stamps in the order of the recording, [N]
+    int64 ns, for the doctor."""
+
+    def matches(self, spec: str) -> bool:
+        """Whether `spec` is a source of this kind."""
+        kind, _, name = spec.partition(":")
+        return spec in self.examples if self.only_examples else kind == self.kind and bool(name)
+
+
+def find_row(spec: str, rows: Sequence[SourceRow]) -> SourceRow | None:
+    """The row of the source that `spec` names; None if there is none."""
+    return next((row for row in rows if row.matches(spec)), None)
+
+
+def source_name(spec: str) -> str:
+    """The text after the colon."""
+    return spec.partition(":")[2]
+
+
+def imported(path: str) -> Callable[..., Any]:
+    """What an import path `module:name` of a row names."""
+    module, _, name = path.partition(":")
+    return getattr(import_module(module), name)
+
+
+def guess_source(place: str, rows: Sequence[SourceRow]) -> str:
+    """The source that would open this file or folder, as `tum:PLACE`; empty if nothing fits."""
+    path = Path(place).expanduser()
+    try:
+        if place and path.exists():
+            for row in rows:
+                if row.looks_like(path):
+                    return f"{row.kind}:{place}"
+    except OSError:  # no permission, or too long for a file name
+        return ""
+    return ""
+
+
+def source_examples(rows: Sequence[SourceRow]) -> tuple[str, ...]:
+    """What a user may type, of all kinds."""
+    return tuple(example for row in rows for example in row.examples)
+
+
+def unknown_source(spec: str, rows: Sequence[SourceRow]) -> UserError:
+    """The error for a spec that names no source, with the nearest one that exists."""
+    examples = source_examples(rows)
+    found = guess_source(spec, rows)
+    hint = f"; did you mean {found}?" if found else did_you_mean(spec, examples, cutoff=0.4)
+    return UserError(f"source {spec!r}: expected one of {', '.join(examples)}{hint}")
+
+
+def has_names(*choices: tuple[str, ...]) -> Callable[[Path], bool]:
+    """For `looks_like`: a folder that holds all names of one of the choices."""
+    return lambda path: any(all((path / name).exists() for name in names) for names in choices)
+
+
+def has_suffix(suffix: str) -> Callable[[Path], bool]:
+    """For `looks_like`: a file whose name ends so."""
+    return lambda path: path.is_file() and path.suffix == suffix
+
+
+def either(*signs: Callable[[Path], bool]) -> Callable[[Path], bool]:
+    """For `looks_like`: one of these holds."""
+    return lambda path: any(sign(path) for sign in signs)

@@ -1,0 +1,56 @@
+"""All sources of a run: those of the library, and those that need the bus or a log; one row a kind."""
+
+from hsslam_node.sources.registry import SOURCES
+from hsslam_node.sources.source_row import (
+    SourceRow,
+    either,
+    find_row,
+    has_names,
+    has_suffix,
+    source_name,
+)
+
+_LOG = SourceRow(
+    kind="mcap",
+    examples=("mcap:RUN", "mcap:FILE"),
+    about="the frames of a [log](logs.md#replay-a-log)",
+    opener="hsslam_services.log.source:McapSource",
+    looks_like=either(has_names(("run.mcap",)), has_suffix(".mcap")),
+    stamps="hsslam_services.log.source:log_stamps",
+)
+SERVICE_SOURCES = (
+    _LOG,
+    SourceRow(
+        kind="ros2",
+        examples=("ros2:/camera",),
+        about="[a camera in ROS 2](#ros-2-cameras) over rmw_zenoh",
+        opener="hsslam_services.camera.ros2_source:Ros2Source",
+        is_live=True,
+        check="hsslam_services.camera.ros2_messages:check_ros2",
+    ),
+    SourceRow(
+        kind="zenoh",
+        examples=("zenoh:",),
+        about="[frames that another program publishes](#a-camera-driver-of-your-own)",
+        opener=None,
+        only_examples=True,
+    ),
+)
+ALL_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
+
+
+def is_live(spec: str) -> bool:
+    """Whether frames come on the camera's own clock, and a frame that is not taken is gone."""
+    row = find_row(spec, ALL_SOURCES)
+    return row is not None and row.is_live
+
+
+def comes_over_bus(spec: str) -> bool:
+    """Whether another program publishes the frames, and there is no camera process."""
+    row = find_row(spec, ALL_SOURCES)
+    return row is not None and row.opener is None
+
+
+def log_place(spec: str) -> str:
+    """The file or run folder of a log source `mcap:PLACE`; empty for any other source."""
+    return source_name(spec) if _LOG.matches(spec) else ""
