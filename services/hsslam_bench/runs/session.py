@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hsslam_node.kernels.cache_folder import warm_stamp
-from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
+from hsslam_bench.runs.viewers import AttachedViewer
+from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 
@@ -198,7 +198,7 @@ class Session:
 def _python(module: str, *arguments: str) -> str:
     """Output of a module, run with one numeric thread and the cache of kernels."""
     result = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, "-P", "-m", module, *arguments],
         env=child_environment(),
         capture_output=True,
         text=True,

@@ -3,19 +3,17 @@
 A viewer that is frozen for a while, together with what serves it.
 """
 
-import os
-import subprocess
-from pathlib import Path
-from urllib.parse import parse_qs, urlparse
-import psutil
-import rerun_cli
 import contextlib
+import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 from typing import Any
-import psutil
+from urllib.parse import parse_qs, urlparse
 
+import psutil
+import rerun_cli
 
 _TOLD = "viewer: open "  # in the log of the process that serves the page
 _END_S = 5.0
@@ -81,8 +79,6 @@ def _written_bytes(pid: int) -> int:
         return int(psutil.Process(pid).io_counters().write_chars)
     except (psutil.Error, OSError):
         return 0
-
-
 
 
 class FrozenViewer(AttachedViewer):

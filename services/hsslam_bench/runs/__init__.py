@@ -1,0 +1,1 @@
+"""Runs of the service that the benchmark measures, and what it reads of them."""
