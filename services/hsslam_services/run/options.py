@@ -56,6 +56,9 @@ class ServeOptions:
     told)."""
     viewer: str = "auto"
     """auto | none | web | spawn | connect:URL (auto: spawn where there is a display, else none)."""
+    viewer_memory_gb: float = 2.0
+    """Memory of the viewer that is started (spawn), or of the server of the web viewer (web), GB; beyond it
+    the oldest data goes."""
     out: str = ""
     """Folder of the results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
@@ -110,6 +113,9 @@ class ServeOptions:
         if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
             expected = "auto, none, web, spawn or connect:URL"
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
+        if not (math.isfinite(self.viewer_memory_gb) and self.viewer_memory_gb >= 0.1):
+            expected = "expected GB, 0.1 or more"
+            raise UserError(f"--viewer-memory-gb {self.viewer_memory_gb}: {expected}")
         if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
         if not 1 <= self.zenoh_port <= 65535:
