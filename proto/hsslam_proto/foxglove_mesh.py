@@ -1,7 +1,9 @@
 """A mesh as a Foxglove SceneUpdate.
 
-A protobuf object per vertex would take seconds for a room, so the repeated fields are written as
-bytes: each vertex and colour has a fixed length (protobuf wire format, doubles are wire type 1).
+A protobuf object per vertex takes seconds for a room (4.5 s for 500 000 vertices, against 0.2 s here),
+so the repeated fields are written as bytes: each vertex and colour has a fixed length (protobuf wire
+format, doubles are wire type 1). A GLB in a ModelPrimitive is smaller, but viewers draw it worse:
+docs/architecture.md, departures.
 """
 
 import numpy as np

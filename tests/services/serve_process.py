@@ -12,6 +12,7 @@ from typing import Any
 import psutil
 
 from hsslam_proto import topics
+from hsslam_proto.messages import Health
 from hsslam_services.bus.bus import Bus, free_endpoint
 
 SMALL_ROOM = (
@@ -49,6 +50,7 @@ class ServeProcess:
         if self._bus is None:
             self.wait_until(lambda: _port_listens(self.port), 30)
             self._bus = Bus(self.endpoint, "robot", "test")
+            self._health_subscription = self._bus.subscribe(topics.HEALTH, 1024)
             self._pose_subscription = self._bus.subscribe(topics.POSE, 4096, history=True)
         return self._bus
 
@@ -69,6 +71,19 @@ class ServeProcess:
             return len(self.poses) >= wanted
 
         self.wait_until(arrived, timeout_s)
+
+    def heartbeats(self, name: str, count: int = 2) -> list[Health]:
+        """The next heartbeats of a process; what it had at hand when the first was sent is done."""
+        assert self.bus
+        self._health_subscription.drain()
+        found: list[Health] = []
+
+        def arrived() -> bool:
+            found.extend(h for h in self._health_subscription.drain() if h.process == name)
+            return len(found) >= count
+
+        self.wait_until(arrived, 30)
+        return found
 
     def pid_of(self, name: str) -> int | None:
         """Process id of a worker, None while it does not live."""

@@ -24,16 +24,16 @@ _LOCALISE_SEQUENCES = ("livingroom",)
 
 
 def camera_scores(session: Session, script: str, sequence: str, *options: str) -> Scores:
-    """What a script of this folder prints for a sequence such as "house-kinect", one score a seed.
+    """What a script of the benchmark prints for a sequence such as "house-kinect", one score a seed.
 
     Raises:
         Skipped: the sequence is not on disk.
     """
     place, _, noise = sequence.partition("-")
     noisy = ("--noise", noise) if noise else ()
-    module, source = f"{__package__}.{script}", session.source(place)
+    source = session.source(place)
     return [
-        json.loads(session.python(module, source, str(seed), *noisy, *options))
+        json.loads(session.python(script, source, str(seed), *noisy, *options))
         for seed in session.seeds
     ]
 
@@ -62,7 +62,7 @@ def _gap_checks(sequence: str) -> list[Check]:
     frames = ("--frames", _MOST_FRAMES) if sequence.startswith("apartment") else ()
 
     def scored(session: Session) -> Scores:
-        return camera_scores(session, "gap_run", sequence, *frames)
+        return camera_scores(session, "hsslam_bench.scripts.gap_run", sequence, *frames)
 
     def found(session: Session) -> Measured:
         scores = scored(session)
@@ -88,7 +88,7 @@ def kidnapping_checks() -> list[Check]:
 
 def _kidnapping_checks(sequence: str) -> list[Check]:
     def scored(session: Session) -> Scores:
-        return camera_scores(session, "kidnapping_run", sequence)
+        return camera_scores(session, "hsslam_bench.scripts.kidnapping_run", sequence)
 
     def found(session: Session) -> Measured:
         scores = scored(session)
@@ -121,7 +121,7 @@ def localise_checks() -> list[Check]:
 def _check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         source = session.source(sequence)
-        module = f"{__package__}.localise_run"
+        module = "hsslam_bench.scripts.localise_run"
         scores = [json.loads(session.python(module, source, str(s))) for s in session.seeds]
         worst_m = max(score["max_m"] for score in scores)
         worst_deg = max(score["max_deg"] for score in scores)

@@ -16,7 +16,7 @@ _NOISY = "house-kinect"
 _ACCURACY_M, _COMPLETION = 0.008, 0.99
 _DEPTH_M, _ONE_MINUS_NCC = 0.0095, 0.04
 _GAP_FRAMES = 30
-_MODULE = f"{__package__}.run_score"
+_MODULE = "hsslam_bench.runs.run_score"
 
 
 def faithful_checks() -> list[Check]:

@@ -181,5 +181,5 @@ def _found(session: Session, preset: str, frames: int = _FRAMES) -> dict[str, An
     if preset not in PRESETS:
         raise NotMeasured(f"there is no preset {preset}")
     source = session.source(_SEQUENCE)
-    module = f"{__package__}.preset_speed"
+    module = "hsslam_bench.scripts.preset_speed"
     return json.loads(session.python(module, preset, source, str(frames)))

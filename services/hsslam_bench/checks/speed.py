@@ -17,7 +17,6 @@ BATCHES = {"light": (640, 12), "86k": (2000, 43)}  # rays, samples a ray
 CHANNELS = (16, 32)
 _BOUNDS = {"86k": 30.0}  # times as fast
 _US_PER_POINT, _LIGHT_MS = 1.6, 15.0
-_SCRIPTS = "hsslam_bench.scripts"
 _FPS = {"paper": 20.0, "realtime": 60.0}
 _FRAMES = 200
 _TESTS = "tests/node/gpu_kernels"
@@ -58,7 +57,7 @@ def _iteration_checks() -> list[Check]:
 
 def _iteration(session: Session, batch: Sequence[int], **bound: float | None) -> Measured:
     """`bound`: the figure that is judged, by its name in the result, and its limit."""
-    found = json.loads(session.python(f"{_SCRIPTS}.iteration_speed", *map(str, batch)))
+    found = json.loads(session.python("hsslam_bench.scripts.iteration_speed", *map(str, batch)))
     ((name, limit),) = bound.items()
     return Measured(
         f"{found['median_ms']:.1f} ms, {found['us_per_point']:.2f} us a point "
@@ -75,7 +74,7 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
 
     def measure(session: Session) -> Measured:
         arguments = (str(rays), str(samples), str(channels))
-        found = json.loads(session.python(f"{_SCRIPTS}.kernel_speed", *arguments))
+        found = json.loads(session.python("hsslam_bench.scripts.kernel_speed", *arguments))
         return Measured(
             f"{found['kernel_ms']:.1f} ms against {found['reference_ms']:.0f} ms: "
             f"{found['ratio']:.1f} x",
@@ -96,7 +95,7 @@ def _kernel_speed_check(batch: str, channels: int) -> Check:
 
 
 def _tracking(session: Session) -> Measured:
-    found = json.loads(session.python(f"{_SCRIPTS}.tracking_stages"))
+    found = json.loads(session.python("hsslam_bench.scripts.tracking_stages"))
     return Measured(", ".join(f"{stage} {ms:.2f}" for stage, ms in found.items()), None, found)
 
 
@@ -113,7 +112,7 @@ def _gpu_speed_check(preset: str, least: float) -> Check:
     def measure(session: Session) -> Measured:
         _expect_cuda()
         arguments = ("--device", "cuda", preset, session.source("room"), str(_FRAMES))
-        found = json.loads(session.python(f"{__package__}.preset_speed", *arguments))
+        found = json.loads(session.python("hsslam_bench.scripts.preset_speed", *arguments))
         error = "no" if found["rmse_m"] is None else f"{100 * found['rmse_m']:.2f} cm"
         return Measured(
             f"{found['fps']:.1f} frames a second, {error} ATE, {found['lost']} lost; "

@@ -104,7 +104,7 @@ def serve(
     folder.parent.mkdir(parents=True, exist_ok=True)
     port = int(free_endpoint().rpartition(":")[2])
     places = ("--viewer", viewer, "--out", str(folder), "--zenoh-port", str(port))
-    command = [sys.executable, "-m", "hsslam_services.commands.serve", *places, *options]
+    command = [sys.executable, "-P", "-m", "hsslam_services.commands.serve", *places, *options]
     messages = folder.parent / f"{name}.stderr"
     with messages.open("wb") as stderr:
         started_ns = time.time_ns()
@@ -173,7 +173,7 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 
 def _verify_view(path: Path) -> str:
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(path)]
+    command = [sys.executable, "-P", "-m", "rerun", "rrd", "verify", str(path)]
     result = subprocess.run(command, capture_output=True, text=True)
     return "" if result.returncode == 0 else (result.stderr.strip() or "rrd verify failed")
 

@@ -198,7 +198,7 @@ class Session:
 def _python(module: str, *arguments: str) -> str:
     """Output of a module, run with one numeric thread and the cache of kernels."""
     result = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, "-P", "-m", module, *arguments],
         env=child_environment(),
         capture_output=True,
         text=True,

@@ -15,7 +15,7 @@ from hsslam_bench.tables.plan import Job, RunResult
 from hsslam_node.errors import UserError
 from hsslam_services.launch.spawn import child_environment
 
-_MODULE = f"{__package__}.table_run"
+_MODULE = "hsslam_bench.tables.table_run"
 _JOB, _SCORE_JOB, _RESULT, _ERRORS = "job.json", "score.json", "result.json", "stderr.txt"
 
 
@@ -72,7 +72,7 @@ def _run(
     path.write_bytes(msgspec.json.encode(job))
     with (path.parent / _ERRORS).open("wb") as errors:
         process = subprocess.Popen(
-            [sys.executable, "-m", _MODULE, str(path), *options],
+            [sys.executable, "-P", "-m", _MODULE, str(path), *options],
             env=child_environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

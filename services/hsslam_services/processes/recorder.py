@@ -37,6 +37,7 @@ class Recorder:
 
     A restarted recorder makes the unfinished log of its predecessor readable and opens the next
     part; what publishers kept meanwhile is logged once. `tell(level, text)` takes its events.
+    `viewer_memory_gb`: limit of a viewer that is started here (None: rerun's own).
 
     Raises:
         UserError: the run folder cannot be written, or the viewer cannot be started.
@@ -50,6 +51,7 @@ class Recorder:
         viewer: str,
         tell: Report,
         log: LogSettings | None = None,
+        viewer_memory_gb: float | None = None,
     ) -> None:
         self._bus = bus
         self._run_dir = run_dir
@@ -66,7 +68,8 @@ class Recorder:
             raise UserError(
                 f"{run_dir}: {error.strerror}: expected to write the log there"
             ) from None
-        self._view = RerunView(self._log.path.with_suffix(".rrd"), viewer, run_id, tell)
+        rrd = self._log.path.with_suffix(".rrd")
+        self._view = RerunView(rrd, viewer, run_id, tell, viewer_memory_gb)
         self._subscriptions: list[Subscription] = [
             bus.subscribe(
                 topic, _FRAME_DEPTH if topic is FRAME else _DEPTH, history=topic.history > 0
@@ -197,9 +200,15 @@ def record(worker: Worker) -> None:
     """The loop of the recorder process."""
     cv2.setNumThreads(1)
     run = worker.run
-    viewer = run.options.resolved_viewer
-    log = log_settings(run)
-    recorder = Recorder(worker.bus, run.path, run.run_id, viewer, worker.event, log)
+    recorder = Recorder(
+        worker.bus,
+        run.path,
+        run.run_id,
+        run.options.resolved_viewer,
+        worker.event,
+        log_settings(run),
+        run.options.viewer_memory_gb,
+    )
     worker.ready()
     try:
         while not worker.should_stop():

@@ -86,6 +86,8 @@ class ServeOptions:
     """Where the map is computed; auto: an NVIDIA GPU if one works."""
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
+    viewer_memory_gb: float = 2.0
+    """Memory limit of the viewer (spawn) or of the web viewer's server (web), GB; the oldest data goes first."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
@@ -137,6 +139,9 @@ class ServeOptions:
         if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
             expected = "auto, none, web, spawn or connect:URL"
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
+        if not (math.isfinite(self.viewer_memory_gb) and self.viewer_memory_gb >= 0.1):
+            expected = "expected GB, 0.1 or more"
+            raise UserError(f"--viewer-memory-gb {self.viewer_memory_gb}: {expected}")
         if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
         if not 1 <= self.zenoh_port <= 65535:

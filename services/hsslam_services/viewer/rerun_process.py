@@ -16,6 +16,7 @@ from hsslam_node.errors import UserError
 _PORT = 9876
 _WEB_PORT = 9090
 _PR_SET_PDEATHSIG = 1
+_SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
 _LIBC = ctypes.CDLL(None)
 
 
@@ -23,13 +24,14 @@ class ViewerProcess:
     """The native viewer ("spawn") or the server of the web viewer ("web"); `url` takes the data.
 
     The native viewer is the user's window and stays when the run ends; the web server does not.
-    `page` is the address to open in a browser, None for the native viewer.
+    `page` is the address to open in a browser, None for the native viewer. `memory_gb`: what it keeps at
+    most, GB (None: rerun's own limits); it then forgets the oldest data.
 
     Raises:
         UserError: the viewer cannot be started.
     """
 
-    def __init__(self, kind: Literal["spawn", "web"]) -> None:
+    def __init__(self, kind: Literal["spawn", "web"], memory_gb: float | None = None) -> None:
         port = _free_port(_PORT)
         self.kind = kind
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
@@ -42,6 +44,8 @@ class ViewerProcess:
             command += ["--serve-web", "--web-viewer-port", str(web_port)]
         else:
             command += ["--expect-data-soon"]
+        if memory_gb is not None:
+            command += _memory_limits(kind, memory_gb)
         environment = os.environ | {"RUST_LOG": "error"}
         try:
             self._process = subprocess.Popen(
@@ -74,6 +78,13 @@ class ViewerProcess:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+
+
+def _memory_limits(kind: Literal["spawn", "web"], memory_gb: float) -> list[str]:
+    """Options of rerun: the native viewer counts the buffer of the server in its process as its own."""
+    server_mb = round(1000 * memory_gb * (1.0 if kind == "web" else _SERVER_SHARE))
+    viewer = ["--memory-limit", f"{round(1000 * memory_gb)}MB"] if kind == "spawn" else []
+    return [*viewer, "--server-memory-limit", f"{server_mb}MB"]
 
 
 def _free_port(wanted: int) -> int:

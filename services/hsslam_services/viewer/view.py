@@ -39,6 +39,7 @@ _LIVE = _Intervals(images_s=0.0, meshes_s=0.0, poses_s=0.1)
 class RerunView:
     """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
 
+    `memory_gb` is the limit of a viewer that is started here (None: rerun's own).
     `show` never waits: frames push out older frames. A viewer that is closed or does not take data
     is told once through `tell`; the file goes on.
 
@@ -46,9 +47,16 @@ class RerunView:
         UserError: the viewer cannot be started.
     """
 
-    def __init__(self, rrd: Path, viewer: str, recording_id: str, tell: Report) -> None:
+    def __init__(
+        self,
+        rrd: Path,
+        viewer: str,
+        recording_id: str,
+        tell: Report,
+        memory_gb: float | None = None,
+    ) -> None:
         self._process: ViewerProcess | None = None
-        live = None if viewer == "none" else self._open_viewer(viewer, tell)
+        live = None if viewer == "none" else self._open_viewer(viewer, tell, memory_gb)
         self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
         if live is not None:
             watch = _Watch(viewer, tell, self._process)
@@ -73,9 +81,9 @@ class RerunView:
         if self._process is not None:
             self._process.close()
 
-    def _open_viewer(self, viewer: str, tell: Report) -> rr.GrpcSink:
+    def _open_viewer(self, viewer: str, tell: Report, memory_gb: float | None) -> rr.GrpcSink:
         if viewer in ("spawn", "web"):
-            process = ViewerProcess("spawn" if viewer == "spawn" else "web")
+            process = ViewerProcess("spawn" if viewer == "spawn" else "web", memory_gb)
             if process.page is not None:
                 tell("info", f"viewer: open {process.page}")
             self._process = process

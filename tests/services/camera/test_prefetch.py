@@ -1,6 +1,7 @@
 """Running ahead, by a bounded number, with errors handed over."""
 
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -16,10 +17,21 @@ def test_order_is_kept_and_the_lead_is_bounded():
             yield k
 
     ahead = Prefetch(items(), depth=3)
-    time.sleep(0.3)
-    assert len(made) <= 4
-    assert list(ahead) == list(range(20))
+    got = []
+    for item in ahead:
+        got.append(item)
+        if len(got) < 17:  # those behind it are made: three wait, one is held
+            _until(lambda: len(made) >= len(got) + 4)
+        assert len(made) <= len(got) + 4
+    assert got == list(range(20))
     ahead.close()
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
 
 
 def test_error_of_the_items_is_raised_behind_what_came_before():

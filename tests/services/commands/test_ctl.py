@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 
 import pytest
 import trimesh
@@ -22,7 +21,7 @@ from hsslam_services.run.maps_folder import find_map, known_maps, map_path
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.examples.test_wire_client import EXAMPLE
-from tests.services.serve_process import SMALL_ROOM
+from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 _OF_MAP = ("tracker", "mapper", "global_ba", "mesher")
 _OF_RUN = ("camera", "recorder")
@@ -115,9 +114,9 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
 
     assert _expect("pause", *me) == "paused\n"
     assert _expect("pause", *me) == "was paused already\n"
-    held = _frames_when_still(me)
-    time.sleep(1.0)
-    assert _frames(me) == held
+    held = _frames_when_still(run, me)
+    sent = {beat.counters["sent"] for beat in run.heartbeats("camera", 4)}
+    assert len(sent) == 1 and _frames(me) == held
     assert "paused" in _expect("status", *me)
 
     assert f"{maps / 'room.safetensors'}: " in _expect("save", "room", *me)
@@ -239,10 +238,10 @@ def _status(me: tuple[str, ...]) -> dict:
     return json.loads(_expect("status", "--json", *me))
 
 
-def _frames_when_still(me: tuple[str, ...]) -> int:
+def _frames_when_still(run: ServeProcess, me: tuple[str, ...]) -> int:
     """Poses when the last frames that were on their way have been tracked."""
     before, now = -1, _frames(me)
     while now != before:
-        time.sleep(1.0)
+        run.heartbeats("tracker")
         before, now = now, _frames(me)
     return now

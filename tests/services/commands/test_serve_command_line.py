@@ -51,6 +51,8 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
             "--slam.field.plane-channels 17: expected 0 or 16 or 32",
         ),
         ("--viewer vlc", "--viewer vlc: expected auto, none, web, spawn or connect:URL"),
+        ("--viewer-memory-gb 0", "--viewer-memory-gb 0.0: expected GB, 0.1 or more"),
+        ("--viewer-memory-gb nan", "--viewer-memory-gb nan: expected GB, 0.1 or more"),
         ("--robot a/b", "--robot 'a/b': expected letters"),
         ("--zenoh-port 99999", "--zenoh-port 99999: expected 1 to 65535"),
         ("--rate-hz nan", "--rate-hz nan: expected a number above 0"),

@@ -113,11 +113,11 @@ def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
         (nan, encoding),
         (bytes(65 * 2**20), encoding),
     )
-    for payload, sent_as in bad:
+    for count, (payload, sent_as) in enumerate(bad, 1):
         session.put(
             key, payload, encoding=sent_as, congestion_control=zenoh.CongestionControl.BLOCK
         )
-        time.sleep(0.5)
+        _wait_until_rejected(run, count)
     publisher = bus.publisher(topics.FRAME)
     publisher.put(frame_message(frames[0], time.time_ns()))
     run.wait_for_poses(1)
@@ -125,13 +125,22 @@ def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
         publisher.put(frame_message(frame, time.time_ns()))
         run.wait_for_poses(1)
     bus.publisher(topics.SOURCE_END).put(SourceEnd(frame_count=len(frames)))
-    time.sleep(0.3)
     session.close()
     assert run.finish() == 0, run.stderr
     summary = run.summary()
     assert summary["processes"]["tracker"]["topics"]["in/frame"]["rejected"] == 4
     assert "in/frame: version 2: expected 1" in run.stderr
     assert summary["frames"]["tracked"] == len(frames)
+
+
+def _wait_until_rejected(run: ServeProcess, count: int) -> None:
+    """Return when the tracker has refused so many frames."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        missed = run.heartbeats("tracker", 1)[-1].topics.get("in/frame")
+        if missed is not None and missed.rejected >= count:
+            return
+    raise AssertionError(f"{count} frames are not refused: {run.stderr}")
 
 
 def _packed(name: str, value: float) -> bytes:

@@ -8,6 +8,7 @@ import urllib.request
 from pathlib import Path
 
 import msgspec
+import psutil
 import pytest
 import rerun_cli
 
@@ -69,12 +70,48 @@ def test_a_new_world_clears_what_was_drawn_of_the_old(tmp_path):
 
 def test_show_does_not_wait_for_the_drawing(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
-    begin = time.monotonic()
-    for index in range(300):
-        view.show(frame(index, compressed=False, width_px=64, height_px=48))
-    took_s = time.monotonic() - begin
+    large = frame(0, compressed=False, width_px=1920, height_px=1080)
+    shown = 0
+    while not view.dropped:  # only a queue that is filled faster than it is drawn drops
+        view.show(msgspec.structs.replace(large, index=shown, stamp_ns=shown * 10**9))
+        shown += 1
+        assert shown < 10_000
     view.close()
-    assert took_s < 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("web", ["--server-memory-limit", "1500MB"]),
+        ("spawn", ["--memory-limit", "1500MB", "--server-memory-limit", "375MB"]),
+    ],
+)
+def test_the_viewer_is_started_with_its_limit_of_memory(kind, expected):
+    process = ViewerProcess(kind, 1.5)
+    words = psutil.Process(process.pid).cmdline()
+    psutil.Process(process.pid).kill()
+    while not process.has_ended():
+        time.sleep(0.01)
+    assert words[-len(expected) :] == expected
+
+
+def test_the_server_of_the_web_viewer_forgets_what_is_beyond_its_limit(tmp_path):
+    server = ViewerProcess("web", 0.1)
+    view = RerunView(tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *_: None)
+    large = memoryview(os.urandom(1_000_000))
+    picture = msgspec.structs.replace(frame(0, compressed=True), color=large)
+    taken_mb, deadline = 0, time.monotonic() + 60
+    for index in range(100_000):
+        view.show(msgspec.structs.replace(picture, index=index, stamp_ns=index * 10**9))
+        time.sleep(0.005)
+        taken_mb = index - view.dropped
+        if taken_mb > 400:
+            break
+        assert time.monotonic() < deadline, f"took {taken_mb} MB only"
+    memory_mb = psutil.Process(server.pid).memory_info().rss / 1e6
+    view.close()
+    server.close()
+    assert memory_mb < 300, f"{memory_mb:.0f} MB of {taken_mb} MB"
 
 
 def test_a_viewer_that_is_closed_is_one_event(tmp_path):
@@ -85,9 +122,7 @@ def test_a_viewer_that_is_closed_is_one_event(tmp_path):
         tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
     )
     _show_a_run(view)
-    time.sleep(2.5)
-    view.show(pose(200))
-    time.sleep(0.5)
+    _expect_looked_at(view)  # and it was found alive
     assert events == []
     server.close()
     assert server.has_ended()
@@ -109,22 +144,18 @@ def test_a_frozen_viewer_holds_nobody_up_and_goes_on_when_it_thaws(tmp_path):
         tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *event: events.append(event)
     )
     _show_a_run(view)
-    time.sleep(2.1)
-    view.show(pose(200))  # the viewer is looked at for the first time, with patience
-    time.sleep(0.3)
+    _expect_looked_at(view)  # for the first time, with patience
     os.kill(server.pid, signal.SIGSTOP)
     large = memoryview(os.urandom(1_000_000))  # soon nothing on the way takes any more
     picture = msgspec.structs.replace(frame(0, compressed=True), color=large)
-    longest_s, index, deadline = 0.0, 0, time.monotonic() + 20
+    index, deadline = 0, time.monotonic() + 20
     while not (events and view.dropped) and time.monotonic() < deadline:
-        begin = time.monotonic()
         view.show(msgspec.structs.replace(picture, index=index, stamp_ns=time.time_ns()))
-        longest_s = max(longest_s, time.monotonic() - begin)
         index += 1
         time.sleep(0.005)
     assert [level for level, _ in events] == ["warning"]
     assert "takes no data" in events[0][1]
-    assert view.dropped and longest_s < 1.0
+    assert view.dropped  # `show` came back often enough to fill the queue: it does not wait
     os.kill(server.pid, signal.SIGCONT)
     dropped = -1
     while dropped != view.dropped and time.monotonic() < deadline:  # it is drawn to again
@@ -159,6 +190,17 @@ def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
 def test_an_address_that_is_none_is_one_line(tmp_path):
     with pytest.raises(UserError, match="expected connect:HOST:PORT"):
         RerunView(tmp_path / "run.rrd", "connect:gopher://x", "run-1", lambda *_: None)
+
+
+def _expect_looked_at(view: RerunView) -> None:
+    """Draw until the viewer has been looked at."""
+    watch = view._threads[-1]._watch
+    assert watch is not None
+    due_s, deadline = watch._next_s, time.monotonic() + 30
+    while watch._next_s == due_s:
+        assert time.monotonic() < deadline
+        view.show(pose(200))
+        time.sleep(0.05)
 
 
 def _status(page, patience_s=10.0) -> int:
