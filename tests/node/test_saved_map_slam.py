@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.slam import Slam
-from hsslam_services.run.map_snapshot import map_snapshot
+from hsslam_services.arena.map_snapshot import map_snapshot
 from tests.small_room import (
     SMALL,
     mapped_room,

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.bus.bus import free_endpoint, open_router
-from hsslam_services.run.arena_folder import ArenaFolder
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import ServeProcess

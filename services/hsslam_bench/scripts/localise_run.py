@@ -25,7 +25,7 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
-from hsslam_services.run.map_snapshot import map_snapshot
+from hsslam_services.arena.map_snapshot import map_snapshot
 
 _QUICK_FRAMES = 24
 

@@ -11,7 +11,7 @@ import signal
 import time
 from pathlib import Path
 
-from hsslam_services.run.arena_folder import wait_for_owner_death
+from hsslam_services.arena.arena_folder import wait_for_owner_death
 
 _GRACE_S = 4.0  # for the recorder to finalise its file
 _POLL_S = 0.05

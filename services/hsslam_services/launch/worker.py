@@ -33,7 +33,7 @@ from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 
 if TYPE_CHECKING:
-    from hsslam_services.run.arena import Arena
+    from hsslam_services.arena.arena import Arena
 
 _HEARTBEAT_S = 0.5
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
@@ -87,7 +87,7 @@ class Worker:
     @cached_property
     def arena(self) -> "Arena":
         """The shared arrays of the run (imports torch)."""
-        from hsslam_services.run.arena import Arena
+        from hsslam_services.arena.arena import Arena
 
         return Arena(Path(self.run.arena_dir))
 

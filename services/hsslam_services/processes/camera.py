@@ -17,12 +17,12 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_proto import topics
 from hsslam_proto.messages import SourceEnd
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.camera.pacing import Live, Lockstep, Pace, Realtime
 from hsslam_services.camera.prefetch import Prefetch
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.camera_progress import CameraProgress
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1

@@ -12,10 +12,10 @@ from hsslam_node.bundle_adjustment.report import BaReport, BundleAdjustment
 from hsslam_proto import topics
 from hsslam_proto.messages import Correction, Step
 from hsslam_proto.pose_codec import wire_pose
+from hsslam_services.arena.arena import PARAMETERS_LEASE
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.run.arena import PARAMETERS_LEASE
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 
 _POLL_S = 0.1
 

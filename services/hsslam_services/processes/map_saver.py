@@ -8,10 +8,10 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
+from hsslam_services.arena.map_snapshot import map_snapshot
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker
-from hsslam_services.run.map_snapshot import map_snapshot
 from hsslam_services.run.maps_folder import map_path, read_save_request
-from hsslam_services.run.shared_map import MapLink
 
 
 def main() -> None:

@@ -18,10 +18,10 @@ from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion, Step
+from hsslam_services.arena.arena import PARAMETERS_LEASE
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker, tell_device, worker_device
-from hsslam_services.run.arena import PARAMETERS_LEASE
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 
 _POLL_S = 0.05
 _LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time

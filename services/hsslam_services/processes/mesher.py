@@ -22,10 +22,10 @@ from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
 from hsslam_proto.messages import Pose, View
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 
 _WIDTH_PX = 64
 _EVERY_S = 2.5  # 52 ms of one core: 0.7 ms a frame at 30 Hz

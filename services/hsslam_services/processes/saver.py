@@ -15,10 +15,10 @@ from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
 from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
+from hsslam_services.arena.map_snapshot import map_checkpoint
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.run.map_snapshot import map_checkpoint
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 from hsslam_services.run.trajectory_files import save_trajectories
 
 

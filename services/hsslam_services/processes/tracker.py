@@ -21,9 +21,9 @@ from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.pose_codec import wire_pose
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose

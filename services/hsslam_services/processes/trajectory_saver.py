@@ -6,9 +6,9 @@ Arena: reads keyframes, map_state, pose_log
 """
 
 from hsslam_node.errors import UserError
+from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.shared_map import MapLink
 from hsslam_services.launch.worker import Worker, run_worker
-from hsslam_services.run.map_state import RunMode
-from hsslam_services.run.shared_map import MapLink
 from hsslam_services.run.trajectory_files import save_trajectories
 
 

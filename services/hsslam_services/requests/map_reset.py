@@ -8,6 +8,8 @@ from hsslam_node.tracking.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.messages import Event
 from hsslam_proto.request_messages import Done
+from hsslam_services.arena.arena_folder import remove_arrays
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import Asked
 from hsslam_services.health.run_state import RunState
@@ -15,8 +17,6 @@ from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
 from hsslam_services.launch.spawn import Spawn, last_error, process_name
 from hsslam_services.requests.pause_and_mode import Holding
-from hsslam_services.run.arena_folder import remove_arrays
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary

@@ -15,10 +15,10 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world
 from hsslam_proto import topics
 from hsslam_proto.request_messages import TrajectoryRows
+from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import Asked
 from hsslam_services.bus.subscription import Received, Subscription
-from hsslam_services.run.arena_view import ArenaView
 
 _PATIENCE_S = 4.0  # for the mesher to send what it keeps
 

@@ -8,9 +8,9 @@ import time
 from hsslam_proto import topics
 from hsslam_proto.messages import Event, Hold
 from hsslam_proto.request_messages import Done, Mode, SetMode
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import Asked
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.run_info import RunInfo
 
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_services.run.arena_folder import SHM_ROOT, live_arenas
+from hsslam_services.arena.arena_folder import SHM_ROOT, live_arenas
 from hsslam_services.run.run_info import RunInfo
 
 

@@ -87,7 +87,7 @@ class ServeOptions:
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     viewer_memory_gb: float = 2.0
-    """Memory limit of the viewer (spawn) or of the web viewer's server (web), GB; the oldest data goes first."""
+    """Memory of the viewer or of the web viewer's server, GB; beyond it the oldest data goes."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"

@@ -11,9 +11,9 @@ from pathlib import Path
 import psutil
 
 from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.health.http_server import MetricsServer
-from hsslam_services.run.arena_folder import ArenaFolder, remove_dead_arenas
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo

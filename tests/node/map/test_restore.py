@@ -13,7 +13,7 @@ from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
-from hsslam_services.run.map_snapshot import map_snapshot
+from hsslam_services.arena.map_snapshot import map_snapshot
 from tests.small_room import SMALL, MappedRoom, mapped_room
 
 

@@ -13,9 +13,9 @@ import trimesh
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.commands.ctl import main
 from hsslam_services.commands.ctl_options import CtlOptions
-from hsslam_services.run.arena_folder import ArenaFolder
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.maps_folder import find_map, known_maps, map_path
 from hsslam_services.run.options import ServeOptions

@@ -10,10 +10,10 @@ import pytest
 from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import PROCESSES
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.run_info import RunInfo
 
 _ROOM = SynthOptions(width_px=64, height_px=48)

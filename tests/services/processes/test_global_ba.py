@@ -11,11 +11,11 @@ import numpy as np
 from hsslam_node.slam import Slam
 from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.map_state import RunMode
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import global_ba
-from hsslam_services.run.arena import Arena
-from hsslam_services.run.map_state import RunMode
 from hsslam_services.run.run_info import RunInfo
 from tests.small_room import SMALL, room_frames
 

@@ -18,8 +18,8 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.tracking.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_proto import topics
+from hsslam_services.arena.arena import Arena
 from hsslam_services.bus.bus import Bus
-from hsslam_services.run.arena import Arena
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 

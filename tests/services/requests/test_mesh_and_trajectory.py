@@ -7,10 +7,10 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.requests import TRAJECTORY
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import remove_arrays
+from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.requests.mesh_and_trajectory import rows_of, trajectory_of, trajectory_so_far
-from hsslam_services.run.arena import Arena
-from hsslam_services.run.arena_folder import remove_arrays
-from hsslam_services.run.arena_view import ArenaView
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
 _T = transform(np.array([1.0, 2.0, 3.0]), np.array([0.5, -0.5, 0.5, 0.5]))

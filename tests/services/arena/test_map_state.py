@@ -1,6 +1,6 @@
 """The mode of a run, as one process sets it and others see it."""
 
-from hsslam_services.run.map_state import RunMode
+from hsslam_services.arena.map_state import RunMode
 
 
 def test_what_one_sets_all_see_at_once(tmp_path):

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_services.run.arena_view import ArrayHeader
+from hsslam_services.arena.arena_view import ArrayHeader
 
 PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
 

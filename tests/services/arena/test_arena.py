@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_services.run.arena import Arena
-from hsslam_services.run.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import ArenaFolder, remove_dead_arenas
 
 _POSE = np.dtype([("index", "<i8"), ("T", "<f8", (4, 4)), ("ok", "u1")])
 
