@@ -7,8 +7,8 @@ from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.place_recognition.find_loop import find_loop
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.tracking.find_loop import find_loop
 
 _APART = 6  # keyframes between two that one keyframe is tied to: others add little
 _MOST_INDEXED = 6  # keyframes whose features are taken in by one search, 15 ms each

@@ -12,14 +12,14 @@ import trimesh
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.ate import AteResult
 from hsslam_node.evaluation.consistency import GAPS_FRAMES, START_EVERY, Consistency, consistency
 from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
-from hsslam_node.evaluation.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
-from hsslam_node.evaluation.score_trajectories import score_trajectories
+from hsslam_node.evaluation.mesh.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
+from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdf
 from hsslam_node.evaluation.scores import protocol
-from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
+from hsslam_node.evaluation.trajectory.ate import AteResult
+from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.checkpoint import load_checkpoint

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_judge import MeshJudge, load_mesh
-from hsslam_node.evaluation.score_trajectories import score_trajectories
+from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge, load_mesh
 from hsslam_node.evaluation.scores import protocol, scores_as_json
+from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.options import SourceOptions
 

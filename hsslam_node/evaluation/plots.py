@@ -11,9 +11,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.ate import AteResult, associated
 from hsslam_node.evaluation.evaluate import Evaluation
-from hsslam_node.evaluation.mesh_picture import MeshPicture
+from hsslam_node.evaluation.mesh.mesh_picture import MeshPicture
+from hsslam_node.evaluation.trajectory.ate import AteResult, associated
 from hsslam_node.geometry.trajectory import Trajectory
 
 _DPI = 110

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hsslam_node.evaluation import consistency, image_quality, mesh_judge, mesh_metrics
-from hsslam_node.evaluation.virtual_views import LEAST_OBSERVED, MOVED_M, TURNED_RAD
+from hsslam_node.evaluation import consistency, image_quality
+from hsslam_node.evaluation.mesh import mesh_judge, mesh_metrics
+from hsslam_node.evaluation.mesh.virtual_views import LEAST_OBSERVED, MOVED_M, TURNED_RAD
 
 _NOT_WRITTEN = ("stamps_ns", "errors_m")  # one value a frame: for plots
 

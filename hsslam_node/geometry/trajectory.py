@@ -96,3 +96,24 @@ def format_stamp(stamp_ns: int) -> str:
     """Nanoseconds as decimal seconds, exactly."""
     sign, magnitude = ("-" if stamp_ns < 0 else ""), abs(int(stamp_ns))
     return f"{sign}{magnitude // 1_000_000_000}.{magnitude % 1_000_000_000:09d}"
+
+
+def associate(a_ns: np.ndarray, b_ns: np.ndarray, max_dt_ns: int) -> list[tuple[int, int]]:
+    """Index pairs of two ascending lists of stamps, closest first, each used once; sorted by a.
+
+    A pair may be exactly `max_dt_ns` apart.
+    """
+    low = np.searchsorted(b_ns, a_ns - max_dt_ns, side="left")
+    high = np.searchsorted(b_ns, a_ns + max_dt_ns, side="right")
+    candidates = [
+        (abs(int(a_ns[i]) - int(b_ns[j])), i, j)
+        for i in range(len(a_ns))
+        for j in range(low[i], high[i])
+    ]
+    used_a, used_b, pairs = set(), set(), []
+    for _, i, j in sorted(candidates):
+        if i not in used_a and j not in used_b:
+            used_a.add(i)
+            used_b.add(j)
+            pairs.append((i, j))
+    return sorted(pairs)

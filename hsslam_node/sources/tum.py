@@ -9,7 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.trajectory import Trajectory, parse_stamp_ns, read_tum
+from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, read_tum
 from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
 from hsslam_node.sources.files.camera_file import read_tum_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
@@ -123,27 +123,6 @@ class TumFolder:
         if not stamps:
             raise UserError(f"{path}: holds no image: expected lines 'timestamp file'")
         return stamps, files
-
-
-def associate(a_ns: np.ndarray, b_ns: np.ndarray, max_dt_ns: int) -> list[tuple[int, int]]:
-    """Index pairs of two ascending lists of stamps, closest first, each used once; sorted by a.
-
-    A pair may be exactly `max_dt_ns` apart.
-    """
-    low = np.searchsorted(b_ns, a_ns - max_dt_ns, side="left")
-    high = np.searchsorted(b_ns, a_ns + max_dt_ns, side="right")
-    candidates = [
-        (abs(int(a_ns[i]) - int(b_ns[j])), i, j)
-        for i in range(len(a_ns))
-        for j in range(low[i], high[i])
-    ]
-    used_a, used_b, pairs = set(), set(), []
-    for _, i, j in sorted(candidates):
-        if i not in used_a and j not in used_b:
-            used_a.add(i)
-            used_b.add(j)
-            pairs.append((i, j))
-    return sorted(pairs)
 
 
 class TumSource(ImagePairSource):

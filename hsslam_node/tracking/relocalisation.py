@@ -12,9 +12,9 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.place_recognition.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe, stored_reference
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each

@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from hsslam_node.evaluation.ate import ate
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import associate
 from hsslam_node.sources.download.tum_archive import data_folders
 from hsslam_node.sources.files.image_pairs import ImagePair
 from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
 from hsslam_node.sources.files.record_times import read_times
 from hsslam_node.sources.options import RecordOptions
-from hsslam_node.sources.tum import associate
 
 _COLOR_FOLDERS = ("color", "rgb", "colour")
 _COLOR_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")

@@ -16,10 +16,10 @@ from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import QUICK_FRAMES, Session
 from hsslam_bench.runs.usage import memory_at, peak_memory
-from hsslam_node.evaluation.ate import ate
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.mesh_metrics import MeshMetrics, compare_meshes
+from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.open_source import open_source

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 from hsslam_node.evaluation.evaluate import Evaluator, Wanted
+from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions
 from hsslam_node.evaluation.scores import scores_as_json
-from hsslam_node.evaluation.tsdf_baseline import TsdfOptions
 from hsslam_services.commands.evaluate.subject import run_subject
 
 

@@ -13,7 +13,7 @@ import torch
 
 from hsslam_bench.scripts.known_source import known_source, published, with_poor_first_map
 from hsslam_node.config import SlamConfig
-from hsslam_node.evaluation.kidnapping import kidnapping_plan, kidnapping_score
+from hsslam_node.evaluation.trajectory.kidnapping import kidnapping_plan, kidnapping_score
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options import SourceOptions

@@ -16,8 +16,12 @@ import torch
 
 from hsslam_bench.scripts.known_source import known_source, with_poor_first_map
 from hsslam_node.config import SlamConfig
-from hsslam_node.evaluation.localisation import localisation_score, map_in_truth, overlaps
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.evaluation.trajectory.localisation import (
+    localisation_score,
+    map_in_truth,
+    overlaps,
+)
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint

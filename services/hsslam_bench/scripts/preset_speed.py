@@ -17,8 +17,8 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.ate import ate
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS

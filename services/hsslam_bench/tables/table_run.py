@@ -23,10 +23,7 @@ from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.map.checkpoint import MapCheckpoint
-from hsslam_node.slam import Slam
-from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.source import Source
-from hsslam_node.tracking.pose_log import (
+from hsslam_node.map.pose_log import (
     INITIAL,
     LOST,
     POSE_ROW,
@@ -35,6 +32,9 @@ from hsslam_node.tracking.pose_log import (
     online_trajectory,
     pose_row,
 )
+from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import Source
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_services.processes.saver import final_mesh

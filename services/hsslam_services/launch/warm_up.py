@@ -136,9 +136,9 @@ def _compile_the_rest() -> Iterator[str]:
     mesh = extract_mesh(plane, queries.color, bound, first.camera, keyframes, 0.1)
 
     yield "evaluation"
-    from hsslam_node.evaluation.mesh_metrics import compare_meshes
-    from hsslam_node.evaluation.virtual_views import virtual_views
-    from hsslam_node.evaluation.visibility import Views
+    from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
+    from hsslam_node.evaluation.mesh.virtual_views import virtual_views
+    from hsslam_node.evaluation.mesh.visibility import Views
 
     views = Views(first.camera, T_world_cam[None], depth_m[None])
     compare_meshes(mesh, mesh, views, samples=100)

@@ -12,10 +12,10 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
+from hsslam_node.map.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.tracking.tracked_frame import Status, TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics

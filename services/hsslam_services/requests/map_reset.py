@@ -4,7 +4,7 @@ import time
 from collections.abc import Generator, Mapping
 from pathlib import Path
 
-from hsslam_node.tracking.pose_log import PoseLog
+from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.messages import Event
 from hsslam_proto.request_messages import Done

@@ -11,8 +11,8 @@ import numpy as np
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_world
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world
 from hsslam_proto import topics
 from hsslam_proto.request_messages import TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_world, online_trajectory
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.pose_log import PoseLog, final_trajectory, of_world, online_trajectory
 from hsslam_services.arena.arena import Arena
 from hsslam_services.run.summary import pose_section
 

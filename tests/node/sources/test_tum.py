@@ -6,9 +6,10 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.trajectory import associate
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.tum import TumFolder, TumSource, associate
+from hsslam_node.sources.tum import TumFolder, TumSource
 from tests.sequence_folders import frame_images, write_tum_camera
 
 

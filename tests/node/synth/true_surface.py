@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from hsslam_node.evaluation.mesh_metrics import distances
+from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.frame import Frame
 from tests.node.synth.back_projection import back_projected
 

@@ -12,11 +12,11 @@ import trimesh
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_node.map.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
-from hsslam_node.tracking.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_proto import topics
 from hsslam_services.arena.arena import Arena
 from hsslam_services.bus.bus import Bus

@@ -3,8 +3,8 @@ import pytest
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transform
+from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.requests import TRAJECTORY
 from hsslam_services.arena.arena import Arena

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.tracking.pose_log import LOST, POSE_ROW, TRACKED
+from hsslam_node.map.pose_log import LOST, POSE_ROW, TRACKED
 from hsslam_services.run.summary import evaluation_line, pose_section, read_summary, update_summary
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.tsdf_baseline import TsdfOptions
+from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions
 from hsslam_node.sources.options import SynthOptions
 from hsslam_services.log.reader import is_log
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_metrics import distances
+from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions

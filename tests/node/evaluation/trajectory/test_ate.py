@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.ate import align, ate
+from hsslam_node.evaluation.trajectory.ate import align, ate
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory
 

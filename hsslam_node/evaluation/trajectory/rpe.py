@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.evaluation.ate import associated
+from hsslam_node.evaluation.trajectory.ate import associated
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.geometry.trajectory import Trajectory
 

@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.chunked_mesh import CHUNK, chunked_mesh
-from hsslam_node.evaluation.depth_render import render_depth
+from hsslam_node.evaluation.mesh.chunked_mesh import CHUNK, chunked_mesh
+from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
 

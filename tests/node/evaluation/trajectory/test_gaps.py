@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hsslam_node.evaluation.gaps import gap_plan, gap_score
+from hsslam_node.evaluation.trajectory.gaps import gap_plan, gap_score
 from hsslam_node.geometry.se3 import se3_exp
 
 POSES = np.stack([se3_exp(np.array([0.03 * k, 0, 0, 0, np.pi / 400 * k, 0])) for k in range(200)])

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from hsslam_node.evaluation.chunked_mesh import CHUNK, ChunkedMesh
+from hsslam_node.evaluation.mesh.chunked_mesh import CHUNK, ChunkedMesh
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.kidnapping import kidnapping_plan, kidnapping_score
+from hsslam_node.evaluation.trajectory.kidnapping import kidnapping_plan, kidnapping_score
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_log
 
 # along a line of 6 m, turning by 90 degrees

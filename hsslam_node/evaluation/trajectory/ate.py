@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.tum import associate
+from hsslam_node.geometry.trajectory import Trajectory, associate
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
-from hsslam_node.evaluation.mesh_metrics import compare_meshes
+from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
 
 _DENSE = 2_000_000
 _SAMPLES = 200_000

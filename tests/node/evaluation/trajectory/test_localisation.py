@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from hsslam_node.evaluation.localisation import localisation_score, map_in_truth, overlaps
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.evaluation.trajectory.localisation import (
+    localisation_score,
+    map_in_truth,
+    overlaps,
+)
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory
 from tests.small_room import room_frames, room_poses

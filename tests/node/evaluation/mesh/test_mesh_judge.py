@@ -7,7 +7,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_judge import given_views, load_mesh
+from hsslam_node.evaluation.mesh.mesh_judge import given_views, load_mesh
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 _HALL = SourceOptions(

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.rpe import rpe_per_frame, rpe_per_metre, rpe_per_second
+from hsslam_node.evaluation.trajectory.rpe import rpe_per_frame, rpe_per_metre, rpe_per_second
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory
-from tests.node.evaluation.trajectories import shaken, walk
+from tests.node.evaluation.trajectory.trajectories import shaken, walk
 
 TWIST = st.lists(st.floats(-3, 3), min_size=6, max_size=6).map(np.array)
 

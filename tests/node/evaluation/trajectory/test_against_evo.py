@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hsslam_node.evaluation.ate import ate
-from hsslam_node.evaluation.rpe import rpe_per_frame, rpe_per_second
+from hsslam_node.evaluation.trajectory.ate import ate
+from hsslam_node.evaluation.trajectory.rpe import rpe_per_frame, rpe_per_second
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
-from tests.node.evaluation.trajectories import shaken, walk
+from tests.node.evaluation.trajectory.trajectories import shaken, walk
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("evo") is None, reason="evo is not installed"

@@ -4,7 +4,7 @@ import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.tracking.pose_log import (
+from hsslam_node.map.pose_log import (
     LOST,
     SLAB_ROWS,
     TRACKED,

@@ -7,10 +7,10 @@ import matplotlib
 import numpy as np
 import trimesh
 
-from hsslam_node.evaluation.chunked_mesh import chunked_mesh
-from hsslam_node.evaluation.depth_render import render_depth
-from hsslam_node.evaluation.mesh_judge import MeshJudge
-from hsslam_node.evaluation.mesh_metrics import distances
+from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
+from hsslam_node.evaluation.mesh.depth_render import render_depth
+from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge
+from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.view_from_above import looking_down, mean_up
 

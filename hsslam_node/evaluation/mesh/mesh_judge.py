@@ -8,12 +8,12 @@ import numpy as np
 import trimesh
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.chunked_mesh import chunked_mesh
-from hsslam_node.evaluation.depth_l1 import DepthL1, depth_l1
 from hsslam_node.evaluation.ground_truth import GroundTruth
-from hsslam_node.evaluation.mesh_metrics import MeshMetrics, compare_meshes
-from hsslam_node.evaluation.virtual_views import view_of, virtual_views
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
+from hsslam_node.evaluation.mesh.depth_l1 import DepthL1, depth_l1
+from hsslam_node.evaluation.mesh.mesh_metrics import MeshMetrics, compare_meshes
+from hsslam_node.evaluation.mesh.virtual_views import view_of, virtual_views
+from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.progress import Track, silently

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.mean_transform import mean_transform
-from hsslam_node.evaluation.view_difference import is_far, is_wrong, view_difference
+from hsslam_node.evaluation.trajectory.mean_transform import mean_transform
+from hsslam_node.evaluation.trajectory.view_difference import is_far, is_wrong, view_difference
 from hsslam_node.geometry.se3 import inverse
 
 WITHIN_FRAMES = 10

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.visibility import Views
 
 SAMPLES = 200_000
 _MOST_DRAWS = 10  # times `samples`: gives up on a surface of which the views saw less than a tenth

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.evaluation.view_difference import is_far, is_wrong, view_difference
+from hsslam_node.evaluation.trajectory.view_difference import is_far, is_wrong, view_difference
 from hsslam_node.geometry.se3 import inverse
 
 _LENGTHS = (4, 6, 9, 14, 20, 30)  # frames from the last before a gap to the first after it

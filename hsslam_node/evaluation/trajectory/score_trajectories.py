@@ -2,8 +2,13 @@
 
 from collections.abc import Mapping
 
-from hsslam_node.evaluation.ate import AteResult, ate
-from hsslam_node.evaluation.rpe import RpeResult, rpe_per_frame, rpe_per_metre, rpe_per_second
+from hsslam_node.evaluation.trajectory.ate import AteResult, ate
+from hsslam_node.evaluation.trajectory.rpe import (
+    RpeResult,
+    rpe_per_frame,
+    rpe_per_metre,
+    rpe_per_second,
+)
 from hsslam_node.geometry.trajectory import Trajectory
 
 

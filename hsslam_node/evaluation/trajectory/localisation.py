@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.evaluation.mean_transform import mean_transform
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.evaluation.trajectory.mean_transform import mean_transform
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse, so3_log

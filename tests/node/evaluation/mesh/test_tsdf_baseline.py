@@ -8,9 +8,9 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.evaluation.mesh_judge import given_views
-from hsslam_node.evaluation.mesh_metrics import compare_meshes
-from hsslam_node.evaluation.tsdf_baseline import TsdfOptions, fuse_tsdf
+from hsslam_node.evaluation.mesh.mesh_judge import given_views
+from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
+from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdf
 from tests.small_room import OPTIONS, room_frames
 
 

@@ -9,9 +9,9 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.place_recognition.find_loop import LoopLimits, find_loop
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.sources.open_source import open_source
+from hsslam_node.tracking.find_loop import LoopLimits, find_loop
 from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 
 

@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.mesh_metrics import compare_meshes, distances, sample_surface
-from hsslam_node.evaluation.visibility import Views
+from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes, distances, sample_surface
+from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
 
 CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)

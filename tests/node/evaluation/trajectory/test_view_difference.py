@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hsslam_node.evaluation.view_difference import is_far, is_wrong, view_difference
+from hsslam_node.evaluation.trajectory.view_difference import is_far, is_wrong, view_difference
 from hsslam_node.geometry.se3 import se3_exp
 
 

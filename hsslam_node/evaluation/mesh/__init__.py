@@ -1,0 +1,1 @@
+"""Meshes against the true one: distances, completion, what cameras saw of it, a TSDF to compare with."""

@@ -1,0 +1,1 @@
+"""Trajectories against the true one: ATE, RPE, gaps, kidnappings, localisation in a saved map."""
