@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
-from hsslam_node.errors import UserError, did_you_mean
 from hsslam_proto import messages as m
 
 M = TypeVar("M", bound=m.Message)
@@ -77,16 +76,3 @@ TOPICS: tuple[Topic, ...] = (
     HOLD,
     STOP,
 )
-
-
-def topic_named(name: str) -> Topic:
-    """The row of that name.
-
-    Raises:
-        UserError: there is none; the nearest is named.
-    """
-    names = [topic.name for topic in TOPICS]
-    if name not in names:
-        hint = did_you_mean(name, names) or f"; known: {', '.join(names)}"
-        raise UserError(f"topic {name!r}: unknown{hint}")
-    return TOPICS[names.index(name)]

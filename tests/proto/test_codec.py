@@ -18,11 +18,6 @@ def test_every_topic_has_its_own_key_and_schema():
     assert topics.POSE.key("r1") == "hsslam/r1/out/pose"
 
 
-def test_unknown_topic_names_the_nearest():
-    with pytest.raises(Exception, match="did you mean out/pose"):
-        topics.topic_named("out/poes")
-
-
 @given(st.integers(0, 2**40), finite, finite, finite, st.sampled_from(["tracked", "lost"]))
 def test_pose_round_trip(index, x, y, z, status):
     pose = _pose(index=index, t=(x, y, z), status=status)
