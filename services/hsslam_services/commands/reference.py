@@ -1,12 +1,9 @@
-"""docs/cli.md, all commands and options: `python -m hsslam_services.commands.reference [--check] FILE`
+"""docs/cli.md, all commands and options, from the dataclasses of options, as `--help-all` is.
 
-The file is written from the dataclasses of options, as `--help-all` is.
+`make docs-update` writes it (cog).
 """
 
-import argparse
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from hsslam_services.commands.all_options import OPTIONS, options_class, options_of, subcommands
 from hsslam_services.commands.hsslam import COMMANDS
@@ -15,10 +12,7 @@ from hsslam_services.commands.options.help_text import names_of, own_options, us
 from hsslam_services.commands.options.option_table import Option, group_purposes, purpose
 from hsslam_services.commands.warm_up import WARM_UP_HELP
 
-_HEAD = """# Commands and options
-
-*Generated from the commands by `python -m hsslam_services.commands.reference docs/cli.md`.*
-
+_HEAD = """\
 Every command has `--help` and `--version`. `hsslam NAME` is the same as `hsslam-NAME`. A command reports a
 wrong option or value in one line and exits with code 2. `hsslam completion bash|zsh|fish` prints a script
 that completes commands, options and values.
@@ -69,26 +63,6 @@ def reference() -> str:
     return "".join(parts).rstrip("\n") + "\n"
 
 
-def main() -> int:
-    """Command line; exit code 1 if --check finds an old file, 2 on bad input."""
-    parser = argparse.ArgumentParser(prog="reference", description=__doc__)
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument("--check", action="store_true", help="report an old file, change nothing")
-    arguments = parser.parse_args()
-    path = arguments.file
-    try:
-        if arguments.check:
-            if path.read_text() != reference():
-                print(f"{path}: is old: run python -m hsslam_services.commands.reference {path}")
-                return 1
-        else:
-            path.write_text(reference())
-    except OSError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
 def _section(command: str) -> Iterator[str]:
     yield from ("", f"{'###' if ' ' in command else '##'} {command}", "")
     cls = options_class(command)
@@ -125,7 +99,3 @@ def _rows(options: Sequence[Option], own: Sequence[tuple[str, str]]) -> Iterator
 def _cell(text: str) -> str:
     """As a cell of a table."""
     return text.replace("|", "\\|").replace("<", "&lt;")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -86,7 +86,7 @@ def test_the_library_opens_no_log():
     ("place", "part"),
     [
         ("README.md", r"^\| reads \|.*$"),
-        ("docs/cameras.md", r"<!-- sources: begin -->.*?<!-- sources: end -->"),
+        ("docs/cameras.md", r"\]\]\]-->.*?<!--\[\[\[end"),
         ("--help", r"Sources:.*?\n\n"),
     ],
 )
