@@ -106,6 +106,13 @@ def test_every_folder_and_module_says_what_it_is():
     assert not silent
 
 
+def test_a_short_file_says_why_it_stands_alone():
+    short = [m for m, p in _MODULES.items() if len(p.read_text().splitlines()) < _SHORT_LINES]
+    modules = [m for m in short if _MODULES[m].name != "__init__.py"]
+    reasons = ("of its own", "apart", "alone")
+    assert not [m for m in modules if not any(r in _first_line(_MODULES[m]) for r in reasons)]
+
+
 def _folder_path(module: str) -> str:
     """The folder of a module; a module that lies beside other folders counts as one itself."""
     path = _MODULES[module]

@@ -1,4 +1,4 @@
-"""Checks of configuration values, shared by all groups; each raises a UserError with option and value."""
+"""Checks of configuration values, which raise a UserError; a file of its own as all groups share them."""
 
 from hsslam_node.errors import UserError
 

@@ -1,4 +1,4 @@
-"""All parameters of the algorithm: the groups of the other files put together."""
+"""All parameters of the algorithm; a file of its own as it imports the groups of all others."""
 
 import dataclasses
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A tiny kernel that shows whether Triton, driver and compiler work together; it imports nothing else."""
+"""A tiny kernel that shows whether Triton, driver and compiler work; alone, as it imports nothing else."""
 
 import torch
 import triton

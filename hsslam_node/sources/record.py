@@ -1,4 +1,4 @@
-"""Plain folders of images: `record:FOLDER`."""
+"""Plain folders of images, `record:FOLDER`; a source is a file of its own."""
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.files.camera_file import read_record_camera

@@ -1,4 +1,4 @@
-"""What every camera looks like to the rest of the system."""
+"""What every source looks like to the rest of the system; alone, as all sources import it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""Frames of the library to messages and back.
-
-Logged frames that a service shall track again.
-"""
+"""Frames of the library to messages and back, and logged frames with a new stamp for a replay."""
 
 import time
 from typing import Any

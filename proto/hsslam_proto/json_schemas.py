@@ -1,4 +1,4 @@
-"""JSON Schemas of the messages, generated from their types; they describe the log to any reader."""
+"""JSON Schemas of the messages, for the log; generated from their types, so a file of its own."""
 
 import json
 from functools import cache

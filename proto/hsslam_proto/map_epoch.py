@@ -1,9 +1,9 @@
-"""Which messages are of the map of now: each one that is thrown away ends a world, and another begins."""
+"""Which messages belong to the current map epoch; a file of its own as log and viewer share it."""
 
 from hsslam_proto.messages import Message
 
 
-class WorldOrder:
+class EpochOrder:
     """Follows the number `world` of messages, in whatever order they come.
 
     `now`: the newest world. Messages without a number, as frames and events, are of any.

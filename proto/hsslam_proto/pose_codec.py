@@ -1,4 +1,4 @@
-"""Transforms as the wire has them."""
+"""Poses in the form of the wire; a file of its own as tracker and global BA share it."""
 
 import numpy as np
 

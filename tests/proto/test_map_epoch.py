@@ -2,12 +2,12 @@
 
 import msgspec
 
-from hsslam_proto.map_epoch import WorldOrder
+from hsslam_proto.map_epoch import EpochOrder
 from tests.services.wire_samples import frame, keyframe, pose
 
 
 def test_a_world_begins_once_and_what_is_of_the_old_is_past():
-    worlds = WorldOrder()
+    worlds = EpochOrder()
     old, new = pose(1), msgspec.structs.replace(keyframe(0), world=2)
     assert not worlds.begins_with(old) and not worlds.is_past(old)
     assert worlds.begins_with(new) and worlds.now == 2

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hsslam_services.arena.arena_folder import ArenaFolder
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import free_endpoint, open_router
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
@@ -31,7 +31,7 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
     endpoint = free_endpoint()
     router = open_router(endpoint)
     arena = ArenaFolder("test", tmp_path, root=tmp_path)
-    RunMode.create(arena.path, localise_only=False)
+    MapState.create(arena.path, localise_only=False)
 
     def make(**options: Any) -> RunInfo:
         info = RunInfo(

@@ -1,4 +1,4 @@
-"""A triangle mesh in chunks with a box each, so that what is far away is passed over 64 faces at a time."""
+"""A triangle mesh in chunks of 64 faces with a box each; a file of its own as three measures share it."""
 
 from typing import NamedTuple
 

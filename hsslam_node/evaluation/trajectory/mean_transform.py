@@ -1,4 +1,4 @@
-"""What lies between two worlds in which the same poses are known."""
+"""The mean transform between two sets of poses; a file of its own as two scores share it."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

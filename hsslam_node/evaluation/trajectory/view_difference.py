@@ -1,4 +1,4 @@
-"""How far two views are apart, and from when on that is far, or wrong."""
+"""How far two views are apart, and when that is far or wrong; a file of its own as two scores share it."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
-"""One-blob encoding on the GPU: all 16 bins of an axis as a tile, which a matrix product takes.
+"""One-blob encoding on the GPU, 16 bins of an axis as one tile; a file of its own as its twin is.
 
-Twin: `kernels/field/one_blob.py`, which is why this is a file of its own.
+Twin: `kernels/field/one_blob.py`.
 """
 
 import triton

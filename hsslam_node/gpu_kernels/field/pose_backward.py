@@ -1,6 +1,6 @@
-"""Backward pass of the field to the sample positions alone, for a pose with the map held still.
+"""Backward pass of the field to sample positions only, for a pose; a file of its own as its twin is.
 
-Twin: `kernels/field/pose_backward.py`, which is why this is a file of its own.
+Twin: `kernels/field/pose_backward.py`.
 """
 
 from torch import Tensor

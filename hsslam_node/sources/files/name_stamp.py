@@ -1,4 +1,4 @@
-"""What the name of an image tells: a stamp, or a number."""
+"""The time stamp or number in the name of an image; a file of its own as three layouts share it."""
 
 import re
 

@@ -1,9 +1,4 @@
-"""Accuracy of the poses of several runs, as most rows judge it.
-
-Accuracy, reproducibility and mesh, from runs in lockstep.
-
-Whether two runs have left the same trajectories.
-"""
+"""Accuracy, reproducibility and mesh: rows measured by lockstep runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

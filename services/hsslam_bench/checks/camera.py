@@ -1,11 +1,4 @@
-"""How a camera fares that does not see all the time: scores of a script over the seeds.
-
-A camera whose frames are missing now and then: a loaded machine, a weak cable.
-
-A camera that is carried to places seen before, twenty times.
-
-A camera in a saved map that it must not change.
-"""
+"""A camera that misses frames, is carried elsewhere, or localises in a saved map: scores over the seeds."""
 
 import json
 from collections.abc import Callable

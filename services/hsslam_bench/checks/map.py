@@ -1,9 +1,4 @@
-"""A bound that grows: the apartment without a bound given, and its first room before and after.
-
-The part of a run's mesh that its first frames saw, against the truth.
-
-Memory of a long run, and what grows with the number of frames and with the size of the room.
-"""
+"""A bound that grows, the room first seen, and memory over a long run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -1,11 +1,4 @@
-"""What makes tracking hard: somebody in the way, changing exposure, bare walls.
-
-Fewer frames a second: only every second and every third frame.
-
-Whether refinement of poses pays: runs with bundle adjustment against runs without.
-
-Tracking by rendering: the parents' presets on our kernels, and the paper's own.
-"""
+"""What makes tracking hard (people, exposure, bare walls, few frames), and what refinement brings."""
 
 import json
 import math

@@ -1,7 +1,4 @@
-"""Kernels against the plain PyTorch reference, one mapping iteration, and the tracker's stages.
-
-Speed and accuracy on an NVIDIA GPU; where there is none, the reason stands in the table.
-"""
+"""Speed of the kernels against PyTorch, of a mapping iteration, of tracking stages, and on an NVIDIA GPU."""
 
 import json
 import subprocess

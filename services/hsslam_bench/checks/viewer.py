@@ -1,7 +1,4 @@
-"""Everything on at once: recording, web viewer with a viewer attached, mesher and BA.
-
-A viewer frozen for ten seconds costs no tracked frame.
-"""
+"""Everything on at once: recording, a viewer attached to the web viewer or frozen, mesher and BA."""
 
 import contextlib
 

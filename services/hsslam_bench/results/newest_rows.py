@@ -1,7 +1,4 @@
-"""Of many result files, the newest of every row.
-
-The newest figure of every row, kept beside the documents as result files without their runs.
-"""
+"""The newest figure of every row, of many result files and in docs/figures."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

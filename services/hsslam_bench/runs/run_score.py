@@ -1,4 +1,4 @@
-"""What `hsslam-eval` says of a run of the benchmark, as JSON on stdout; pictures go into its folder.
+"""Scores a run of the benchmark, JSON on stdout; a file of its own because it is a process of its own.
 
 `python -m hsslam_bench.runs.run_score RUN tsdf|consistency`
 """

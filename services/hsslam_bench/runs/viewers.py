@@ -1,7 +1,4 @@
-"""A viewer attached to a run with `--viewer web`: rerun's own client, without a window.
-
-A viewer that is frozen for a while, together with what serves it.
-"""
+"""Viewers of a run with `--viewer web`: rerun's own client without a window, and one that is frozen."""
 
 import contextlib
 import os

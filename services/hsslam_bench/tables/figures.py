@@ -1,7 +1,4 @@
-"""Mean and standard deviation over the seeds, and what disagrees with the paper.
-
-A measured table for people: on the terminal, and as markdown.
-"""
+"""A measured table: mean and standard deviation over the seeds, on the terminal and as markdown."""
 
 import math
 import statistics

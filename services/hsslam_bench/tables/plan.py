@@ -1,9 +1,4 @@
-"""Which runs a table needs, and which of them cannot be made.
-
-Where the sequences of the tables lie under one folder of data.
-
-One run of a table: what is run, and what came out.
-"""
+"""The runs that a table needs, the sequences they read, and the runs that cannot be made."""
 
 import hashlib
 from collections.abc import Iterator

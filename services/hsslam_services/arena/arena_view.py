@@ -1,6 +1,6 @@
-"""What an array of the arena says of itself: `<name>.json`, which appears when it is ready.
+"""The arena for a process that only reads it: array headers `<name>.json`, read-only views, no torch.
 
-The arena as a process sees it that neither computes nor writes (no torch).
+Apart from `arena.py` so that the supervisor does not import torch.
 """
 
 import json

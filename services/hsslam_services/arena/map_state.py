@@ -4,18 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
-_FILE = "run_mode"
+_FILE = "map_state"
 _LOCALISE_ONLY, _WORLD, _IS_GIVEN_UP = 0, 1, 2  # fields
 
 
-class RunMode:
+class MapState:
     """One row of numbers in the arena folder; the supervisor writes, the others look."""
 
     def __init__(self, arena_dir: Path | str) -> None:
         self._row = np.memmap(Path(arena_dir) / _FILE, np.int64, "r+", shape=(8,))
 
     @classmethod
-    def create(cls, arena_dir: Path | str, *, localise_only: bool) -> "RunMode":
+    def create(cls, arena_dir: Path | str, *, localise_only: bool) -> "MapState":
         """Before any other process starts."""
         np.memmap(Path(arena_dir) / _FILE, np.int64, "w+", shape=(8,)).flush()
         mode = cls(arena_dir)

@@ -11,7 +11,7 @@ from hsslam_node.map.store import KeyframeStore
 T = TypeVar("T")
 
 
-class MapLink:
+class SharedMap:
     """Attaches to keyframes and parameters as soon as their makers have made them."""
 
     def __init__(self, arrays: ArrayAllocator, config: SlamConfig) -> None:

@@ -19,7 +19,7 @@ _RING = 4096  # queries between two turns of the reader thread
 
 
 @dataclass(frozen=True)
-class Asked:
+class PendingRequest:
     """A request that waits for its one answer."""
 
     request: Request
@@ -53,7 +53,7 @@ class RequestQueue:
         self.received = 0
         self.refused = 0
         self._prefix = rpc_prefix(robot)
-        self._waiting: deque[Asked] = deque()
+        self._waiting: deque[PendingRequest] = deque()
         ring = zenoh.handlers.RingChannel(_RING)
         self._queryable = session.declare_queryable(f"{self._prefix}**", ring)
         self._lock = threading.Lock()
@@ -62,7 +62,7 @@ class RequestQueue:
         )
         self._thread.start()
 
-    def poll(self) -> Asked | None:
+    def poll(self) -> PendingRequest | None:
         """The oldest waiting request, or None at once."""
         try:
             return self._waiting.popleft()
@@ -105,7 +105,7 @@ class RequestQueue:
         elif len(self._waiting) >= _LONGEST_QUEUE:
             self.refuse(query, "busy", f"{request.asked.name}: {_LONGEST_QUEUE} requests wait")
         else:
-            self._waiting.append(Asked(request, message, query, self))
+            self._waiting.append(PendingRequest(request, message, query, self))
 
 
 def _read_message(asked: Payload, query: zenoh.Query) -> Message | Rejected:

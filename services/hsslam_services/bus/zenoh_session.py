@@ -1,9 +1,7 @@
-"""Zenoh sessions as this system uses them: one router on loopback, everybody else its client.
+"""Zenoh sessions of this system: one router on loopback, every other process its client.
 
-What zenoh passes through shared memory, given how much memory a process may lock.
-
-Zenoh locks every pool, in its sender and in all who hear it, and keeps it locked after the sender's
-death. What does not fit under the limit (`ulimit -l`) is lost without a word (zenoh issues 2787, 2788).
+Zenoh locks its shared memory in the sender and in every receiver. Messages beyond the limit of locked memory
+(`ulimit -l`) are lost silently (zenoh issues 2787, 2788), so pools are sized by that limit.
 """
 
 import json

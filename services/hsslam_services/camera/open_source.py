@@ -1,4 +1,4 @@
-"""From the text after `--source` to a source, of the library or of the service; and whether it is there."""
+"""From the text after `--source` to a source, also those that need the bus or a log."""
 
 from collections.abc import Callable
 from dataclasses import replace

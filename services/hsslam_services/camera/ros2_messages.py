@@ -1,7 +1,4 @@
-"""CDR payloads of sensor_msgs into images and cameras.
-
-Keys of rmw_zenoh: `<domain>/<topic>/<package>::msg::dds_::<Type>_/<hash>`.
-"""
+"""ROS 2 over rmw_zenoh: topic keys, and CDR payloads of sensor_msgs as images and cameras."""
 
 import re
 from typing import Any

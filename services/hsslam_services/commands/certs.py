@@ -1,4 +1,4 @@
-"""`hsslam-certs`: a CA and a certificate for each role, in folders for `--security`."""
+"""`hsslam-certs`: a CA and a certificate for each role, in folders that `--security` takes."""
 
 import os
 import re
@@ -19,6 +19,8 @@ from hsslam_services.security.certificates import CertificateAuthority
 from hsslam_services.security.credentials import CA_FILE, CERTIFICATE_FILE, KEY_FILE, ROUTER
 
 _HOST = r"[A-Za-z0-9]([A-Za-z0-9.:-]{0,252}[A-Za-z0-9])?|::1?"
+_PROG = "hsslam-certs"
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,6 @@ class CertsOptions:
                 raise UserError(f"--host {host}: expected names or addresses")
         if not 1 <= self.days <= 3650:
             raise UserError(f"--days {self.days}: expected 1 to 3650")
-
-
-_PROG = "hsslam-certs"
-_LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""`hsslam-ctl`: controls a running service on this machine or another."""
+"""`hsslam-ctl`: controls a running service, on this machine or another."""
 
 import sys
 from collections.abc import Sequence
@@ -28,6 +28,9 @@ from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
+
+_PROG = "hsslam-ctl"
+_DEFAULT_ROBOT = "robot"
 
 
 def print_status(status: Status) -> None:
@@ -66,10 +69,6 @@ def _rows(status: Status) -> list[tuple[str, str]]:
         ("processes", processes),
         ("restarts", restarts or "none"),
     ]
-
-
-_PROG = "hsslam-ctl"
-_DEFAULT_ROBOT = "robot"
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""`hsslam-serve`: runs the service."""
+"""`hsslam-serve`: runs the service; apart from the supervisor, so that an early Ctrl-C is quiet."""
 
 import sys
 

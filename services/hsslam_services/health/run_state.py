@@ -1,7 +1,4 @@
-"""What is known of a run from its bus: the numbers of the status line and of the summary.
-
-A histogram of latencies, as Prometheus has them.
-"""
+"""Counts of a run heard on the bus, and a histogram of latencies as Prometheus has it."""
 
 import statistics
 import time

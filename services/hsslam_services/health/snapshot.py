@@ -1,7 +1,4 @@
-"""What the supervisor knows of a run at one moment, for threads that serve it.
-
-Whether a run is healthy: the answer to `/healthz`.
-"""
+"""The state of a run at one moment, for threads that serve it, and the answer to `/healthz`."""
 
 import time
 from collections.abc import Mapping

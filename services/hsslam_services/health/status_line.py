@@ -1,6 +1,6 @@
-"""The line that tells how the run goes: redrawn on a terminal, printed now and then elsewhere.
+"""The status line: redrawn on a terminal, printed every few seconds elsewhere.
 
-What is written for people, where losing them must not end anything.
+A closed pipe or terminal does not end the run.
 """
 
 import io
@@ -24,7 +24,7 @@ _PRINT_S = 5.0
 _STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended": "dim"}
 
 
-class PatientStream(io.TextIOBase):
+class ResilientStream(io.TextIOBase):
     """Writes to `stream` until nobody reads it any more (a pipe closed, a terminal gone), then nowhere."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -65,7 +65,7 @@ class StatusLine:
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(
-            file=cast(TextIO, PatientStream(sys.stderr)), highlight=False
+            file=cast(TextIO, ResilientStream(sys.stderr)), highlight=False
         )
         self._live = (
             Live(console=self._console, auto_refresh=False, transient=True)

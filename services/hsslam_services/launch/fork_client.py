@@ -1,7 +1,4 @@
-"""The supervisor's end of the fork server.
-
-A process that the fork server forks, as its supervisor sees it: like a `subprocess.Popen`.
-"""
+"""The supervisor's end of the fork server, and a forked process as `subprocess.Popen` would show it."""
 
 import contextlib
 import ctypes
@@ -31,7 +28,7 @@ _END_TIMEOUT_S = 2.0
 
 
 class ForkedProcess:
-    """Asked for, then born, then ended; `pid` is None until it is born.
+    """PendingRequest for, then born, then ended; `pid` is None until it is born.
 
     `link`: the new process says its pid there, and runs when it is answered. If the link closes
     without a word the fork server is gone, and `plainly` starts the process without it.

@@ -1,7 +1,4 @@
-"""The MCAP log of a run: the bus as it was, and a layer that public viewers draw.
-
-A file that outlives a full disk.
-"""
+"""The MCAP log of a run (bus layer and Foxglove layer), on a file that survives a full disk."""
 
 import contextlib
 import errno
@@ -29,7 +26,7 @@ _FLUSH_S = 1.0
 _CHUNK_BYTES = 2**20
 
 
-class PatientFile:
+class ResilientFile:
     """Sequential output that keeps in memory, in order, what a full disk refuses, and tries again.
 
     The file is locked (flock) while it is open, so that others see that it grows.
@@ -113,7 +110,7 @@ class McapLog:
         self.space_is_short = False
         self._robot = robot
         self._reserve_bytes = RESERVE_BYTES if reserve_bytes is None else reserve_bytes
-        self._file = PatientFile(path)
+        self._file = ResilientFile(path)
         stream = cast(IO[Any], self._file)
         self._writer = Writer(stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.LZ4)
         self._writer.start(profile="", library=f"hsslam-node {__version__}")

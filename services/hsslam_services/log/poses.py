@@ -1,7 +1,4 @@
-"""The poses of a log: as they were published, and as bundle adjustment left them.
-
-The newest mesh of a log.
-"""
+"""Poses of a log as published and as corrected by bundle adjustment, and its newest mesh."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +9,7 @@ import trimesh
 from hsslam_node.geometry.se3 import inverse, transform
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_proto import messages
-from hsslam_proto.map_epoch import WorldOrder
+from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.mesh_codec import mesh_arrays
 from hsslam_proto.messages import Quaternion, Vector
 from hsslam_proto.topics import CORRECTION, KEYFRAME, MESH, POSE
@@ -129,7 +126,7 @@ def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
         UserError: a file is damaged, or of a version that cannot be read.
     """
     newest: Logged | None = None
-    worlds = WorldOrder()
+    worlds = EpochOrder()
     for logged in bus_messages(files, {MESH.name, KEYFRAME.name}):
         if logged.topic is MESH:
             newest = logged

@@ -1,7 +1,4 @@
-"""Logs opened for reading: an unfinished one is recovered first, one that is being written refused.
-
-One file of a log, open for reading.
-"""
+"""Logs opened for reading: an unfinished log is recovered first, a log being written is refused."""
 
 import errno
 import fcntl

@@ -1,7 +1,4 @@
-"""Unfinished logs (SIGKILL, power cut) made readable again, and the parts of a run's log.
-
-What an earlier recorder of the same run has logged.
-"""
+"""Unfinished logs (SIGKILL, power cut) made readable, and what an earlier recorder has logged."""
 
 import contextlib
 import re

@@ -1,7 +1,4 @@
-"""The frames of a log as a source: `--source mcap:run.mcap`.
-
-What a log was recorded from: for those who look for its ground truth.
-"""
+"""The frames of a log as a source, `--source mcap:RUN`, and the source that the log was recorded from."""
 
 import sys
 from collections.abc import Iterator

@@ -17,7 +17,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_proto import topics
 from hsslam_proto.messages import SourceEnd
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.camera.pacing import Live, Lockstep, Pace, Realtime
 from hsslam_services.camera.prefetch import Prefetch
@@ -77,7 +77,7 @@ def _run(worker: Worker) -> None:
         pace = Realtime(
             worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
         )
-    hold, mode = CameraHold(worker), RunMode(worker.run.arena_dir)
+    hold, mode = CameraHold(worker), MapState(worker.run.arena_dir)
     world = mode.world
     with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
         pace.wait_for_peers()

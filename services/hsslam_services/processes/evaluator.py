@@ -1,4 +1,4 @@
-"""The evaluator process: after the run, compares its results with ground truth.
+"""The evaluator: compares a finished run with ground truth; a process is a file of its own.
 
 No other process sees ground truth.
 """

@@ -13,8 +13,8 @@ from hsslam_proto import topics
 from hsslam_proto.messages import Correction, Step
 from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.arena.arena import PARAMETERS_LEASE
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
 
 _POLL_S = 0.1
@@ -50,9 +50,9 @@ class _BaLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._device = worker_device(worker)
-        self._link = MapLink(worker.arena, worker.options.slam)
+        self._link = SharedMap(worker.arena, worker.options.slam)
         self._corrections = worker.bus.publisher(topics.CORRECTION)
-        self._mode = RunMode(worker.run.arena_dir)
+        self._mode = MapState(worker.run.arena_dir)
         self._ba: BundleAdjustment | None = None
         self._loops: list[tuple[int, int]] = []  # closed since the last correction
 

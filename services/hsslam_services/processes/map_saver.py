@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.arena.map_snapshot import map_snapshot
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.maps_folder import map_path, read_save_request
 
@@ -26,7 +26,7 @@ def _run(worker: Worker) -> None:
         raise UserError(
             f"map {request.name}: is there already: expected another name, or to replace"
         )
-    link = MapLink(worker.arena, worker.options.slam)
+    link = SharedMap(worker.arena, worker.options.slam)
     checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -19,8 +19,8 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion, Step
 from hsslam_services.arena.arena import PARAMETERS_LEASE
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker, tell_device, worker_device
 
 _POLL_S = 0.05
@@ -72,8 +72,8 @@ class _MapperLoop:
         self._slam = worker.options.slam
         self._device = worker_device(worker, warm_started=True)
         tell_device(worker, self._device)
-        self._link = MapLink(worker.arena, worker.options.slam)
-        self._mode = RunMode(worker.run.arena_dir)
+        self._link = SharedMap(worker.arena, worker.options.slam)
+        self._mode = MapState(worker.run.arena_dir)
         self._maps = worker.bus.publisher(topics.MAP)
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None

@@ -22,8 +22,8 @@ from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
 from hsslam_proto.messages import Pose, View
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
 
@@ -108,8 +108,8 @@ class _MesherLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._device = worker_device(worker)
-        self._link = MapLink(worker.arena, worker.options.slam)
-        self._mode = RunMode(worker.run.arena_dir)
+        self._link = SharedMap(worker.arena, worker.options.slam)
+        self._mode = MapState(worker.run.arena_dir)
         self._meshes = worker.bus.publisher(topics.MESH)
         self._view = ModelView(worker.bus)
         self._mesher: BlockMesher | None = None

@@ -10,7 +10,7 @@ from hsslam_proto.topics import EVENT, HEALTH, TOPICS
 ARENA_ARRAYS = {  # group, as in a header: how the names of its arrays begin
     "keyframes": ("keyframe",),
     "map": ("params", "adam_", "published", "field_"),
-    "map_state": ("run_mode",),
+    "map_state": ("map_state",),
     "pose_log": ("pose_",),
 }
 _EVERY_TOPIC = "every logged topic"

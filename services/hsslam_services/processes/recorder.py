@@ -13,7 +13,7 @@ import cv2
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode
 from hsslam_proto.foxglove import cleared_scene, viz_messages
-from hsslam_proto.map_epoch import WorldOrder
+from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.messages import Frame, Health, Mesh, Message
 from hsslam_proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
 from hsslam_services.bus.bus import Bus
@@ -61,7 +61,7 @@ class Recorder:
         self._beating: set[str] = set()
         self._viz_mesh_s = float("-inf")
         self._earlier = EarlierParts(run_dir, tell)
-        self._worlds = WorldOrder()
+        self._worlds = EpochOrder()
         try:
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:

@@ -16,8 +16,8 @@ from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_proto import topics
 from hsslam_proto.mesh_codec import mesh_message
 from hsslam_services.arena.map_snapshot import map_checkpoint
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
 from hsslam_services.run.trajectory_files import save_trajectories
 
@@ -28,9 +28,9 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     arena, run_dir = worker.arena, worker.run.path
-    link = MapLink(arena, worker.options.slam)
+    link = SharedMap(arena, worker.options.slam)
     store, parameters = link.store(), link.parameters()
-    world = RunMode(worker.run.arena_dir).world
+    world = MapState(worker.run.arena_dir).world
     worker.add_to_summary(save_trajectories(run_dir, arena, store, world))
     if store is None or parameters is None or store.count == 0:
         return  # stopped before there was a map

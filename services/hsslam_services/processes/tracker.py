@@ -21,8 +21,8 @@ from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.pose_codec import wire_pose
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker, worker_device
 
 _POLL_S = 0.1
@@ -52,12 +52,12 @@ class _TrackerLoop:
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
-        self._link = MapLink(worker.arena, worker.options.slam)
+        self._link = SharedMap(worker.arena, worker.options.slam)
         self._log = PoseLog(worker.arena)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
-        self._mode = RunMode(worker.run.arena_dir)
+        self._mode = MapState(worker.run.arena_dir)
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
         last = self._log.last()

@@ -1,4 +1,4 @@
-"""The trajectory saver: before a reset discards a map, writes the trajectories of its epoch; then ends.
+"""The trajectory saver: writes the trajectories of a map before a reset; a process is a file of its own.
 
 A process of its own because the supervisor, which resets, does not import torch.
 
@@ -6,8 +6,8 @@ Arena: reads keyframes, map_state, pose_log
 """
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.map_state import RunMode
-from hsslam_services.arena.shared_map import MapLink
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.trajectory_files import save_trajectories
 
@@ -17,8 +17,8 @@ def main() -> None:
 
 
 def _run(worker: Worker) -> None:
-    store = MapLink(worker.arena, worker.options.slam).store()
-    world = RunMode(worker.run.arena_dir).world
+    store = SharedMap(worker.arena, worker.options.slam).store()
+    world = MapState(worker.run.arena_dir).world
     try:
         section = save_trajectories(worker.run.path, worker.arena, store, world, f".world{world}")
     except OSError as error:

@@ -9,7 +9,7 @@ import msgspec
 from hsslam_proto import requests as rpc
 from hsslam_proto.request_messages import Done, Status
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.requests import Asked
+from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import rejected_messages, run_status
 from hsslam_services.launch.child import Child
@@ -98,7 +98,9 @@ class Gateway:
     def _pace(self) -> Any:
         return "paused" if self._holding.is_paused else "running"
 
-    def _answer(self, asked: Asked, state: RunState, children: Mapping[str, Child]) -> None:
+    def _answer(
+        self, asked: PendingRequest, state: RunState, children: Mapping[str, Child]
+    ) -> None:
         match asked.request:
             case rpc.MESH:
                 self._mesh.ask(asked)
@@ -126,7 +128,7 @@ class Gateway:
                 has_map = self._mode.has_map
                 self._reset.ask(asked, has_map=has_map, state=state, children=children)
 
-    def _answer_trajectory(self, asked: Asked) -> None:
+    def _answer_trajectory(self, asked: PendingRequest) -> None:
         world = self._reset.world
         trajectory = trajectory_so_far(Path(self._run.arena_dir), world)
         if trajectory is None:

@@ -9,9 +9,9 @@ from hsslam_proto import topics
 from hsslam_proto.messages import Event
 from hsslam_proto.request_messages import Done
 from hsslam_services.arena.arena_folder import remove_arrays
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.requests import Asked
+from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
@@ -38,9 +38,9 @@ class MapReset:
         self._run = run
         self._spawn = spawn
         self._holding = holding
-        self._mode = RunMode(run.arena_dir)
+        self._mode = MapState(run.arena_dir)
         self._events = bus.publisher(topics.EVENT)
-        self._asked: list[Asked] = []
+        self._asked: list[PendingRequest] = []
         self._steps: _Steps | None = None
 
     @property
@@ -54,7 +54,12 @@ class MapReset:
         return self._steps is not None
 
     def ask(
-        self, asked: Asked, *, has_map: bool, state: RunState, children: Mapping[str, Child]
+        self,
+        asked: PendingRequest,
+        *,
+        has_map: bool,
+        state: RunState,
+        children: Mapping[str, Child],
     ) -> None:
         """Begin; refused while no new map could be made, or there is none to throw away.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_proto.request_messages import SavedMap
-from hsslam_services.bus.requests import Asked
+from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.launch.process_table import MAP_SAVER
 from hsslam_services.launch.spawn import Process, Spawn, last_error, process_name
 from hsslam_services.run.maps_folder import SAVE_REQUEST
@@ -20,14 +20,14 @@ class MapSaving:
         self._run = run
         self._arena_dir = Path(run.arena_dir)
         self._spawn = spawn
-        self._asked: Asked | None = None
+        self._asked: PendingRequest | None = None
         self._process: Process | None = None
 
     @property
     def is_busy(self) -> bool:
         return self._process is not None
 
-    def ask(self, asked: Asked) -> None:
+    def ask(self, asked: PendingRequest) -> None:
         """Save the map under a name; refused while another is being saved."""
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")

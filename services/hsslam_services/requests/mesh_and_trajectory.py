@@ -1,7 +1,4 @@
-"""Requests for the mesh: answered with the newest that the mesher has published.
-
-The trajectory as the wire has it, from the pose log of a running service.
-"""
+"""Requests for the newest mesh and for the trajectory so far."""
 
 import time
 from pathlib import Path
@@ -17,7 +14,7 @@ from hsslam_proto import topics
 from hsslam_proto.request_messages import TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.requests import Asked
+from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.bus.subscription import Received, Subscription
 
 _PATIENCE_S = 4.0  # for the mesher to send what it keeps
@@ -31,9 +28,9 @@ class NewestMesh:
         self._meshes: Subscription | None = None
         self._newest: Received | None = None
         self._world = 0
-        self._waiting: list[tuple[Asked, float]] = []
+        self._waiting: list[tuple[PendingRequest, float]] = []
 
-    def ask(self, asked: Asked) -> None:
+    def ask(self, asked: PendingRequest) -> None:
         """Answer as soon as there is a mesh."""
         if self._meshes is None:
             self._meshes = self._bus.subscribe(topics.MESH, 1, history=True)
@@ -50,7 +47,7 @@ class NewestMesh:
         while (received := self._meshes.poll_received()) is not None:
             if received.message.world >= self._world:
                 self._newest = received
-        still: list[tuple[Asked, float]] = []
+        still: list[tuple[PendingRequest, float]] = []
         for asked, until_s in self._waiting:
             if self._newest is not None:
                 asked.answer_payload(self._newest.payload)

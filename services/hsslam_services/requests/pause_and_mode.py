@@ -1,16 +1,13 @@
-"""Requests to pause and to go on; the camera follows `sys/hold`.
-
-Requests to go on mapping, or only to localise.
-"""
+"""Requests to pause and resume the camera, and to map or only localise."""
 
 import time
 
 from hsslam_proto import topics
 from hsslam_proto.messages import Event, Hold
 from hsslam_proto.request_messages import Done, Mode, SetMode
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.requests import Asked
+from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.run.run_info import RunInfo
 
 
@@ -25,7 +22,7 @@ class Holding:
         self._run = run
         self._holds = bus.publisher(topics.HOLD)
 
-    def set(self, asked: Asked, paused: bool) -> None:
+    def set(self, asked: PendingRequest, paused: bool) -> None:
         """Do as asked and tell it; refused where the camera is not ours."""
         if not self._run.options.has_camera_process:
             name = asked.request.name
@@ -54,7 +51,7 @@ class ModeSetting:
 
     def __init__(self, bus: Bus, run: RunInfo) -> None:
         self.has_map = bool(run.options.map)
-        self._mode = RunMode(run.arena_dir)
+        self._mode = MapState(run.arena_dir)
         self._events = bus.publisher(topics.EVENT)
 
     @property
@@ -62,7 +59,7 @@ class ModeSetting:
         """The mode that the run is in."""
         return "localise-only" if self._mode.localise_only else "mapping"
 
-    def set(self, asked: Asked) -> None:
+    def set(self, asked: PendingRequest) -> None:
         """Do as asked and tell it; refused while there is no map yet."""
         wanted: SetMode = asked.message
         if wanted.mode == self.now:

@@ -1,4 +1,4 @@
-"""`config.toml` in the run folder: the effective options of a run, which `--config` repeats."""
+"""`config.toml`, the effective options of a run; apart from `options`, which writes no TOML."""
 
 import dataclasses
 from typing import Any

@@ -1,4 +1,4 @@
-"""The run that goes on on this machine."""
+"""The run that is going on on this machine; apart from `arena_folder`, whose importers parse no options."""
 
 import json
 from pathlib import Path

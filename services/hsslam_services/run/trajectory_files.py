@@ -1,4 +1,4 @@
-"""The trajectory files of one map epoch, from pose log and keyframes in the arena."""
+"""The trajectory files of one map epoch; a file of its own as saver and trajectory saver share it."""
 
 from pathlib import Path
 from typing import Any

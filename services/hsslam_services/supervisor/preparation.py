@@ -12,7 +12,7 @@ import psutil
 
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import ArenaFolder, remove_dead_arenas
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.health.http_server import MetricsServer
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
@@ -63,7 +63,7 @@ def prepare(options: ServeOptions) -> Prepared:
         remove_dead_arenas()
         arena = ArenaFolder(run_id, run_dir)
         undo.callback(arena.remove)
-        RunMode.create(arena.path, localise_only=options.localise_only)
+        MapState.create(arena.path, localise_only=options.localise_only)
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
         metrics = MetricsServer(options.metrics_port)

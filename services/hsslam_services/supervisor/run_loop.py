@@ -37,7 +37,7 @@ _LONGEST_SETTLE_S = 5.0  # for the pose of the last frame, which may be one that
 _LONGEST_REQUEST_S = 60.0  # for a map that a client is saving when the run ends
 
 
-class SupervisedRun:
+class RunLoop:
     """Runs until the source ends, a stop signal, or a failure that ends it.
 
     `signals()`: how many stop signals have come; the first stops in order, the second at once.

@@ -15,7 +15,7 @@ from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import expect_end, start_watchdog
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.supervisor.preparation import prepare
-from hsslam_services.supervisor.run_loop import SupervisedRun
+from hsslam_services.supervisor.run_loop import RunLoop
 
 
 class Supervisor:
@@ -45,7 +45,7 @@ class Supervisor:
         watchdog = start_watchdog(prepared.info)
         try:
             with Bus(prepared.info.endpoint, prepared.info.robot, "supervisor") as bus:
-                run = SupervisedRun(prepared, bus, fork_client, lambda: self._signals)
+                run = RunLoop(prepared, bus, fork_client, lambda: self._signals)
                 try:
                     return run.to_the_end()
                 finally:

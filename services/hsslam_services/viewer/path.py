@@ -1,7 +1,4 @@
-"""What every pose brings to the viewer, drawn some poses at a time: plots, camera and path.
-
-The camera's path in the viewer: coloured by tracking quality, lost stretches in red.
-"""
+"""Poses in the viewer: plots, camera, and the path coloured by tracking quality, lost stretches in red."""
 
 import time
 from collections.abc import Sequence

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_proto import messages
-from hsslam_proto.map_epoch import WorldOrder
+from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.mesh_codec import mesh_arrays
 from hsslam_services.log.frame_compression import jpeg
 from hsslam_services.viewer.path import RerunPoses
@@ -40,7 +40,7 @@ class RerunScene:
     def __init__(self, stream: rr.RecordingStream, poses_every_s: float) -> None:
         self._stream = stream
         self._poses = RerunPoses(stream, poses_every_s)
-        self._worlds = WorldOrder()
+        self._worlds = EpochOrder()
         self._loops: set[tuple[int, int]] = set()
         self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
         self._frustum: np.ndarray | None = None

@@ -28,6 +28,26 @@ def test_messages_arrive_in_order_with_their_envelope(endpoint):
         assert (stops.dropped, stops.rejected) == (0, 0)
 
 
+_LAST_WORDS = """
+import sys
+from hsslam_services.bus.bus import Bus
+from hsslam_proto import messages, topics
+with Bus(sys.argv[1], "r", "a") as bus:
+    events, end = bus.publisher(topics.EVENT), bus.publisher(topics.SOURCE_END)
+    for index in range(20):
+        events.put(messages.Event(process="a", level="info", text=str(index), stamp_ns=1))
+    end.put(messages.SourceEnd(frame_count=7))
+"""
+
+
+def test_what_a_process_says_last_arrives_though_it_ends_at_once(endpoint):
+    with Bus(endpoint, "r", "b") as bus:
+        events, ends = bus.subscribe(topics.EVENT, 64), bus.subscribe(topics.SOURCE_END, 1)
+        subprocess.run([sys.executable, "-c", _LAST_WORDS, endpoint], check=True)
+        assert _expect(ends).frame_count == 7
+        assert [event.text for event in events.drain()] == [str(index) for index in range(20)]
+
+
 def test_newest_wins_and_the_rest_is_counted(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         frames = b.subscribe(topics.FRAME, depth=1)

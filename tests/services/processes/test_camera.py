@@ -10,7 +10,7 @@ import pytest
 from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import PROCESSES
@@ -168,7 +168,7 @@ def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
     holds.put(Hold(paused=True))
     while (frame := end.frames.wait(0.6)) is not None:
         last = frame
-    RunMode(end.arena_dir).world = 1
+    MapState(end.arena_dir).world = 1
     holds.put(Hold(paused=False))
     assert end.frames.wait(5).index == last.index + 1
     assert end.frames.wait(0.6) is None  # until there is a map

@@ -12,7 +12,7 @@ from hsslam_node.slam import Slam
 from hsslam_proto import topics
 from hsslam_proto.messages import MapVersion
 from hsslam_services.arena.arena import Arena
-from hsslam_services.arena.map_state import RunMode
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import global_ba
@@ -37,7 +37,7 @@ def test_a_round_at_work_ends_when_the_map_may_not_change_any_more(
         slam.process(frame)
     store, parameters = slam.store, slam.parameters
     assert store and parameters and store.count > 1
-    mode, before = RunMode(run.arena_dir), (parameters.step, store.poses())
+    mode, before = MapState(run.arena_dir), (parameters.step, store.poses())
     with Bus(run.endpoint, run.robot, "test") as bus, Worker("global_ba", run) as worker:
         corrections = bus.subscribe(topics.CORRECTION, 4)
         maps = bus.publisher(topics.MAP)

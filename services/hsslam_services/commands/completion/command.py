@@ -1,4 +1,4 @@
-"""`hsslam completion bash|zsh|fish`."""
+"""`hsslam completion bash|zsh|fish`; a command is a file of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

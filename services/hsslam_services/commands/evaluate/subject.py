@@ -1,7 +1,4 @@
-"""A run as something to judge: its folder, or its log alone.
-
-The log of a run as something to judge: what a killed run has left, or all that was kept of one.
-"""
+"""What an evaluation reads: a run folder, or the log of a killed run."""
 
 from dataclasses import replace
 from pathlib import Path

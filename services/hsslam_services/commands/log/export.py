@@ -1,7 +1,4 @@
-"""A log as files that other programs read.
-
-The poses of a log as text.
-"""
+"""`hsslam-log export`: a log as files for other programs; the poses as TUM text and CSV."""
 
 import csv
 from collections.abc import Collection, Iterator
@@ -13,6 +10,11 @@ from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
 from hsslam_services.log.poses import logged_worlds
 from hsslam_services.log.reader import Say
+
+_COLUMNS = (
+    *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
+    *("quality", "inlier_ratio", "residual_mm", "latency_ms", "map_version", "keyframe", "world"),
+)
 
 
 def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) -> Iterator[str]:
@@ -42,12 +44,6 @@ def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) ->
     except OSError as error:
         place = error.filename or folder
         raise UserError(f"{place}: {error.strerror}: expected a folder to write to") from None
-
-
-_COLUMNS = (
-    *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
-    *("quality", "inlier_ratio", "residual_mm", "latency_ms", "map_version", "keyframe", "world"),
-)
 
 
 def export_trajectory(files: list[Path], folder: Path, say: Say) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The newest mesh of a log as files."""
+"""The newest mesh of a log as files; apart from `export`, so that trimesh comes with a mesh only."""
 
 from collections.abc import Iterator
 from pathlib import Path

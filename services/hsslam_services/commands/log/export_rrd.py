@@ -1,4 +1,4 @@
-"""A log as a recording for the rerun viewer, with its mesh, which rerun's own MCAP import leaves out."""
+"""A log for the rerun viewer, with its mesh; apart from `export`, so that rerun comes with it only."""
 
 from collections.abc import Iterator
 from pathlib import Path

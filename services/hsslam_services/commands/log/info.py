@@ -1,7 +1,4 @@
-"""What is in one log file.
-
-When each channel of a log begins and ends, without reading its messages.
-"""
+"""`hsslam-log info`: what one log file holds, and when each channel begins and ends."""
 
 import time
 from collections.abc import Iterator, Mapping

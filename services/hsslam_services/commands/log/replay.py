@@ -1,4 +1,4 @@
-"""`hsslam-replay`: the bus layer of a log on a zenoh router again."""
+"""`hsslam-replay`: publishes the bus layer of a log on a zenoh router."""
 
 import contextlib
 import math
@@ -23,6 +23,11 @@ from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.commands.log.replay_step import StepByStep
 from hsslam_services.log.reader import Logged, bus_messages, log_parts
+
+_PROG = "hsslam-replay"
+_LONGEST_SLEEP_S = 0.2
+_ALL = ("in/**", "out/**")
+_STEP = ("in/**",)
 
 
 @dataclass(frozen=True)
@@ -86,13 +91,6 @@ class ReplayOptions:
             raise UserError("--rate: expected without --step, which goes as fast as it is answered")
 
 
-_PROG = "hsslam-replay"
-_FLUSH_S = 0.5  # for the last message to leave
-_LONGEST_SLEEP_S = 0.2
-_ALL = ("in/**", "out/**")
-_STEP = ("in/**",)
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Exit code 0: replayed; 1: interrupted; 2: bad input, told in one line."""
     return exit_code(lambda: _replay(sys.argv[1:] if args is None else args))
@@ -124,7 +122,6 @@ def _replay(args: Sequence[str]) -> None:
             sent = StepByStep(bus, _say).replay(logged)
         else:
             sent = publish(bus, logged, options.rate, POSE.name not in names)
-        time.sleep(_FLUSH_S)
     _show(sent)
 
 

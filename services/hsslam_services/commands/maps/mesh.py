@@ -15,6 +15,8 @@ from hsslam_services.commands.cli import exit_code, parse_options, terminal_prog
 from hsslam_services.commands.maps.saved_map import SavedMap
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
+_PROG = "hsslam-mesh"
+_VIEW_PX = 320  # width of the views of maps without images
 
 
 @dataclass(frozen=True)
@@ -60,10 +62,6 @@ class MeshOptions:
             raise UserError("no map: expected hsslam-mesh MAP, as map.safetensors")
         if not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")
-
-
-_PROG = "hsslam-mesh"
-_VIEW_PX = 320  # width of the views of maps without images
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -19,6 +19,9 @@ from hsslam_node.presets import REALTIME
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.maps.saved_map import SavedMap
 
+_PROG = "hsslam-render"
+_CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
+
 
 @dataclass(frozen=True)
 class RenderOptions:
@@ -77,10 +80,6 @@ class RenderOptions:
         if self.trajectory is None:
             raise UserError("--trajectory: missing: expected poses in TUM format")
         return self.trajectory
-
-
-_PROG = "hsslam-render"
-_CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
 
 
 def main(args: Sequence[str] | None = None) -> None:
