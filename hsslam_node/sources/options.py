@@ -25,8 +25,7 @@ class CameraOptions:
     cy: float | None = None
     """Principal point from the centre of the first row, pixels (none: middle)."""
     distortion: tuple[float, ...] = ()
-    """Lens distortion in OpenCV's order, 4, 5, 8, 12 or 14 numbers: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
-    tx ty; 4 of an equidistant (fisheye) lens: k1 k2 k3 k4."""
+    """Lens distortion in OpenCV's order: 4, 5, 8, 12 or 14 numbers (equidistant: 4)."""
     distortion_model: LensModel | None = None
     """Lens model of these numbers (none: opencv)."""
     depth_scale: float | None = None

@@ -57,7 +57,7 @@ def test_a_removed_array_stays_with_those_who_use_it(tmp_path: Path):
 def test_memory_survives_a_killed_writer_and_its_lease_is_freed(tmp_path: Path):
     code = (
         "import sys, time; from pathlib import Path; import numpy as np\n"
-        "from hsslam_services.run.arena import Arena\n"
+        "from hsslam_services.arena.arena import Arena\n"
         "arena = Arena(Path(sys.argv[1]))\n"
         "with arena.lease('params'):\n"
         "    arena.create('a', (4,), np.int64)[:] = 11\n"
@@ -99,7 +99,7 @@ def test_full_memory_names_the_bytes_and_leaves_nothing(small_shm: Path):
 def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Path):
     code = (
         "import sys, time; from pathlib import Path\n"
-        "from hsslam_services.run.arena_folder import ArenaFolder\n"
+        "from hsslam_services.arena.arena_folder import ArenaFolder\n"
         "ArenaFolder('dead', Path('/x'), root=Path(sys.argv[1]))\n"
         "assert 'torch' not in sys.modules\n"
         "print('made', flush=True); time.sleep(60)\n"

@@ -12,7 +12,7 @@ import pytest
 _SUPERVISOR = """
 import os, sys, time
 from pathlib import Path
-from hsslam_services.run.arena_folder import ArenaFolder
+from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.bus.bus import free_endpoint, open_router
 from hsslam_services.launch.one_shot import start_watchdog
 from hsslam_services.run.options import ServeOptions

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.tum_folder import _FREIBURG_CAMERAS
+from hsslam_node.sources.tum import _FREIBURG_CAMERAS
 from hsslam_services.commands.options.config_file import camera_names
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.config_file import config_text
