@@ -132,8 +132,12 @@ class Recorder:
     def _drain(self) -> None:
         """Log until every process that was heard has sent its last heartbeat, which follows all it sent."""
         deadline = time.monotonic() + _DRAIN_S
-        while self.spin_once(_TURN_S) or (self._beating and time.monotonic() < deadline):
+        while self.spin_once(_TURN_S) or (self._is_owed() and time.monotonic() < deadline):
             pass
+
+    def _is_owed(self) -> bool:
+        """Whether heartbeats are to come: without the router, as after the supervisor's death, none are."""
+        return bool(self._beating) and self._bus.is_connected()
 
     def _record(self, topic: Topic, received: Received) -> None:
         envelope = received.envelope
