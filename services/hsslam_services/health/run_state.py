@@ -1,7 +1,6 @@
 """Counts of a run heard on the bus, and a histogram of latencies as Prometheus has it."""
 
 import statistics
-import time
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass, field
@@ -43,7 +42,6 @@ class RunState:
     tracked: int = 0
     lost: int = 0
     ba_rounds: int = 0
-    last_pose_s: float = field(default_factory=time.monotonic)
     pose_times_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
@@ -72,7 +70,7 @@ class RunState:
         self.last_keyframe = -1
 
     def posed(self, pose: Pose) -> None:
-        self.pose, self.last_pose_s = pose, time.monotonic()
+        self.pose = pose
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
         self.pose_times_s.append(pose.publish_ns / 1e9)
