@@ -29,8 +29,9 @@ run: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
-	$(BIN)/pytest -m 'not e2e' --numprocesses 2 --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m e2e
+	$(BIN)/pytest -m 'not e2e and not long' --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile
+	$(BIN)/pytest -m 'alone and not long'
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -14,6 +14,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
+from hsslam_proto.frame_order import new_publisher
 from hsslam_proto.messages import SourceEnd
 from hsslam_services.bus.bus import Bus
 
@@ -27,12 +28,12 @@ def main(
         frames, end = bus.publisher(topics.FRAME), bus.publisher(topics.SOURCE_END)
         while not any(peer.process == "tracker" for peer in bus.live_processes()):
             time.sleep(0.2)
-        sent = 0
+        sent, camera = 0, new_publisher()
         due_s = time.monotonic()
         for item in source.frames():
             if isinstance(item, Frame):
                 time.sleep(max(0.0, due_s - time.monotonic()))
-                frames.put(frame_message(item, stamp_ns=time.time_ns()))
+                frames.put(frame_message(item, time.time_ns(), camera))
                 sent += 1
             due_s += 1 / source.rate_hz
         end.put(SourceEnd(frame_count=sent, reason="end of source"))

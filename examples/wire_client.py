@@ -1,5 +1,7 @@
 """A client in 20 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
 
+The service needs a port: hsslam-serve --zenoh-port 7447.
+
 python examples/wire_client.py [tcp/127.0.0.1:7447 [robot [poses]]]
 """
 

@@ -36,23 +36,31 @@ REALTIME: Final = replace(
         first_rate_factor=1.0,
         window_keyframes=20,
         newest_share=0.15,
+        moved_share=0.5,
         plane_rate=0.02,
         hash_rate=0.03,
         decoder_rate=0.002,
+        pose_rate=0.0,
         depth_window_px=5,
         patch_repeats=4,
         smoothness_every=8,
         smoothness_vertices=8,
     ),
     ba=BundleAdjustmentConfig(
-        method="graph", rays=768, iterations=4, every_keyframes=8, loss_threshold=0.2
+        method="graph",
+        rays=768,
+        iterations=4,
+        every_keyframes=8,
+        loss_threshold=0.2,
+        batch_losses=False,
+        cooldown_rounds=2,
     ),
 )
 
 # The baselines: representation, tracking by rendering and budgets as published for Replica (ESLAM's
 # and Co-SLAM's configuration files), on our renderer, losses and kernels.
 
-# Planes alone. Left out: keyframes chosen by overlap (random here), poses refined in mapping.
+# Planes alone. Left out: keyframes chosen by overlap (random here).
 ESLAM: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=32, hash_levels=0, oneblob_bins=0),
@@ -77,6 +85,8 @@ CO_SLAM: Final = replace(
         first_rate_factor=1.0,
         window_keyframes=512,
         newest_share=0.05,
+        decoder_rate=1e-2,
+        pose_rate=0.0,
     ),
     rendering_tracker=RenderingTrackerConfig(
         pixels=1024,
@@ -99,7 +109,6 @@ CO_SLAM: Final = replace(
         rays=2048,
         iterations=2,
         every_keyframes=1,
-        cooldown_rounds=0,
     ),
 )
 

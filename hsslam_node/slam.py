@@ -76,8 +76,8 @@ class Slam:
     def finish(self) -> None:
         """The last iterations, when no more frames come."""
         if self._mapper and self.store and self.parameters and not self.localise_only:
-            for _ in range(self.config.mapper.last_iterations * self.store.count):
-                self._mapper.polish(self.store)
+            for _ in range(self._mapper.last_iterations(self.store)):
+                self._mapper.refine_sparse(self.store)
             self._mapper.publish()
 
     def process(self, frame: Frame) -> TrackResult:
@@ -95,14 +95,17 @@ class Slam:
                 self._mapper.initialise(self.store)
             self._mapper.publish()
         elif result.is_keyframe:
-            self._mapper.cover(self.store)
+            self._mapper.grow_bound(self.store)
             for _ in range(self.config.mapper.iterations):
                 self._mapper.iterate(self.store)
             self._mapper.publish()
+            if refined := self._mapper.take_poses(self.store):
+                self.store.correct_poses(*refined)
+            self._mapper.select(self.store)
             if self._ba and self._ba.is_due(self.store):
                 report = self._ba.round(self.store)
                 if report.moved:
-                    self.store.correct_poses(report.keyframes, report.T_world_cam)
+                    self.store.correct_poses(report.keyframes, report.T_world_cam, report.known)
         return result
 
     def _open_tracker(self, frame: Frame) -> FrameTracker:

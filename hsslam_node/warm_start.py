@@ -1,6 +1,8 @@
 """Tracking and mapping of a few tiny frames, so that no real frame waits for machine code to load."""
 
 import dataclasses
+import os
+import time
 from collections.abc import Iterator
 from functools import cache
 
@@ -15,9 +17,27 @@ from hsslam_node.slam import Slam
 _WIDTH_PX, _HEIGHT_PX, _UNITS_PER_M = 160, 120, 1000.0
 
 
-@cache  # a forked process has it from its parent
-def warm_start(config: SlamConfig, device: Device = CPU) -> None:
-    """Track and map three frames of a textured wall with the field of `config`, then forget them."""
+@dataclasses.dataclass(frozen=True)
+class WarmStart:
+    """The process that has loaded the kernels, and how long it took."""
+
+    pid: int
+    took_s: float
+
+    @property
+    def is_inherited(self) -> bool:
+        """Whether that was another process, which this one was forked from."""
+        return self.pid != os.getpid()
+
+
+@cache
+def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
+    """Track and map three frames of a textured wall with the field of `config`, then forget them.
+
+    Once for each configuration and device. A forked process inherits kernels and result of its parent:
+    the fork server does this, so that its forks need not.
+    """
+    start_s = time.monotonic()
     small = dataclasses.replace(
         config,
         keyframes=dataclasses.replace(config.keyframes, every_frames=1, capacity=8),
@@ -28,6 +48,7 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> None:
     slam = Slam(small, device=device)
     for frame in textured_wall(3):
         slam.process(frame)
+    return WarmStart(os.getpid(), time.monotonic() - start_s)
 
 
 def textured_wall(count: int) -> Iterator[Frame]:

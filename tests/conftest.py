@@ -1,12 +1,14 @@
 """Settings and fixtures of all tests."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
+from tests.power_cut import Disk
 from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
 
 # Read when numba is first imported: without it, machine code of changed kernels would be used.
@@ -27,3 +29,13 @@ def test_data() -> Path:
     if not path.is_dir():
         pytest.skip(f"no sequences at {path} (HSSLAM_TEST_DATA)")
     return path.resolve()
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Disk]:
+    """A disk whose power can be cut."""
+    disk = Disk(tmp_path / "power")
+    try:
+        yield disk
+    finally:
+        disk.close()

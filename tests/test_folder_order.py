@@ -13,8 +13,9 @@ from tests.repository import ROOT
 _FLOORS = (
     ("hsslam_node",),
     ("hsslam_proto",),
-    ("hsslam_services.security", "hsslam_services.arena"),
+    ("hsslam_services.security", "hsslam_services.arena", "hsslam_services.governor"),
     ("hsslam_services.run",),
+    ("hsslam_services.artefacts",),
     ("hsslam_services.bus",),
     ("hsslam_services.log", "hsslam_services.launch"),
     ("hsslam_services.viewer", "hsslam_services.camera", "hsslam_services.health"),

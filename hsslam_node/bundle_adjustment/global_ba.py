@@ -38,10 +38,15 @@ class LossTable:
             self._rests_until = np.append(self._rests_until, np.zeros(grown, np.int64))
         self._loss[keyframes] = losses
 
-    def select(self) -> np.ndarray:
-        """Begin a round: ids of the top N keyframes whose loss exceeds the threshold, worst first."""
+    def select(self, kept: np.ndarray | None = None) -> np.ndarray:
+        """Begin a round: of the keyframes `kept` [m], None: all, the ids of the top N whose loss exceeds
+        the threshold, worst first."""
         self._round += 1
-        loss = np.where(self._rests_until >= self._round, np.nan, self._loss)
+        kept = np.arange(len(self._loss)) if kept is None else kept
+        loss = np.full(len(self._loss), np.nan)
+        kept = kept[kept < len(loss)]
+        awake = kept[self._rests_until[kept] < self._round]
+        loss[awake] = self._loss[awake]
         candidates = np.flatnonzero(loss > self._config.loss_threshold)
         worst = candidates[np.argsort(-loss[candidates], kind="stable")]
         return worst[: self._config.top_keyframes]
@@ -56,9 +61,11 @@ class LossTable:
 
 
 class GlobalBundleAdjustment:
-    """Measures random keyframes, refines the worst together with the map (paper III-C).
+    """Measures keyframes, refines the worst together with the map (paper III-C).
 
-    With uniform selection nothing is measured, and random keyframes are refined (Co-SLAM).
+    With `batch_losses` the losses that mapping has noted count as well, and keyframes that have none yet
+    are measured first. With uniform selection nothing is measured, and random keyframes are refined
+    (Co-SLAM).
 
     All poses of the chosen keyframes are free but that of keyframe 0; their Adam moments are kept
     from round to round. The caller writes the poses back.
@@ -91,14 +98,13 @@ class GlobalBundleAdjustment:
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
-        with lease():
-            chosen = self._select(store, generator)
+        chosen = self._select(store, generator, lease)
         if len(chosen) == 0:
             return nothing_done()
         measured = self._config.selection == "active"
         losses = [self._table.mean(chosen)] if measured else []
-        all_poses = store.poses()
-        poses = all_poses[chosen]
+        poses_before = store.poses_of(chosen)
+        poses = poses_before.copy()
         counts = np.full(len(chosen), self._config.rays // len(chosen))
         free = self._config.pose_rate > 0
         for _ in range(self._config.iterations):
@@ -110,7 +116,7 @@ class GlobalBundleAdjustment:
                 )
                 self._optimiser.push()
             losses.append(float(report.keyframe_loss.mean()))
-            self._table.update(chosen, report.keyframe_loss)
+            self._note(store, chosen, report.keyframe_loss)
             if free:
                 for slot, k in enumerate(chosen):
                     if k != 0:
@@ -118,20 +124,47 @@ class GlobalBundleAdjustment:
                         step = moments.step(report.pose_gradient[slot], self._config.pose_rate)
                         poses[slot] = moved_about_camera(poses[slot], step)
         self._table.rest(chosen)
-        moved = free and bool((poses != all_poses[chosen]).any())
+        moved = free and bool((poses != poses_before).any())
         return BaReport(chosen, poses, losses[0], losses[-1], moved)
 
-    def _select(self, store: KeyframeStore, generator: np.random.Generator) -> np.ndarray:
+    def _select(
+        self, store: KeyframeStore, generator: np.random.Generator, lease: Lease
+    ) -> np.ndarray:
+        kept = store.kept()
+        self._moments = {k: moments for k, moments in self._moments.items() if store.is_kept(k)}
         if self._config.selection == "uniform":
-            size = min(self._config.top_keyframes, store.count)
-            return np.sort(generator.choice(store.count, size, replace=False))
-        self._probe(store, generator)
-        return self._table.select()
+            size = min(self._config.top_keyframes, len(kept))
+            return np.sort(kept[generator.choice(len(kept), size, replace=False)])
+        for keyframes in self._to_measure(store, kept, generator):
+            with lease():
+                self._measure(store, keyframes, generator)
+        return self._table.select(kept)
 
-    def _probe(self, store: KeyframeStore, generator: np.random.Generator) -> None:
-        n = min(self._config.probe_keyframes, store.count)
-        keyframes = np.sort(generator.choice(store.count, n, replace=False))
-        counts = np.full(n, self._config.probe_rays)
-        poses = store.poses()[keyframes]
+    def _to_measure(
+        self, store: KeyframeStore, kept: np.ndarray, generator: np.random.Generator
+    ) -> list[np.ndarray]:
+        """Ids for one batch each: with `batch_losses` first those of unknown loss; then random others."""
+        size = self._config.probe_keyframes
+        if not self._config.batch_losses:
+            size = min(size, len(kept))
+            return [np.sort(kept[generator.choice(len(kept), size, replace=False)])]
+        losses = store.losses(kept)
+        self._table.update(kept, losses)
+        new, known = kept[np.isnan(losses)], kept[~np.isnan(losses)]
+        others = min(size - len(new) % size, len(known))
+        others = known[generator.choice(len(known), others, replace=False)]
+        ids = np.append(new, np.sort(others))
+        return [ids[first : first + size] for first in range(0, len(ids), size)]
+
+    def _measure(
+        self, store: KeyframeStore, keyframes: np.ndarray, generator: np.random.Generator
+    ) -> None:
+        counts = np.full(len(keyframes), self._config.probe_rays)
+        poses = store.poses_of(keyframes)
         report = self._optimiser.step(store, keyframes, counts, poses, generator, update=False)
-        self._table.update(keyframes, report.keyframe_loss)
+        self._note(store, keyframes, report.keyframe_loss)
+
+    def _note(self, store: KeyframeStore, keyframes: np.ndarray, losses: np.ndarray) -> None:
+        self._table.update(keyframes, losses)
+        if self._config.batch_losses:
+            store.note_losses(keyframes, losses)

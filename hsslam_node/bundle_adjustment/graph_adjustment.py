@@ -2,7 +2,6 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, 
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
 from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
 from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, always
+from hsslam_node.bundle_adjustment.tracked_chain import TrackedChain
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.geometry.se3 import inverse
@@ -27,7 +27,7 @@ class GraphBundleAdjustment:
     same, and solves for the poses; then the map is refined where it is rendered badly (paper III-C).
 
     The tracked motion from keyframe to keyframe is a weak prior. Keyframe 0 never moves. A restarted
-    one takes the poses as they are.
+    one takes the poses as they are. Keyframes that are retired leave the graph with their edges.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class GraphBundleAdjustment:
         self._alignment: KeyframeAlignment | None = None
         self._loops: LoopSearch | None = None
         self._edges: list[PoseEdge] = []
-        self._tracked: list[PoseEdge] = []  # from each keyframe to the next
+        self._chain = TrackedChain(config.pose_graph)
         self._seen = 1  # keyframes that have their edges
         self._rounds = 0
         self._all_at_next = False
@@ -68,13 +68,11 @@ class GraphBundleAdjustment:
         shift_m = np.linalg.norm(solved[:, :3, 3] - poses[:, :3, 3], axis=1)
         if shift_m.max() < self._config.least_shift_m:
             return replace(mapped, moved=False, loops=closed)
-        now = store.poses()
-        follow = solved[-1] @ inverse(poses[-1])  # those that came meanwhile
-        corrected = np.concatenate([solved, follow @ now[len(poses) :]])
-        ids = np.flatnonzero((corrected != now).any(axis=(1, 2)))
-        return BaReport(
-            ids, corrected[ids], mapped.loss_before, mapped.loss_after, moved=True, loops=closed
-        )
+        ids = np.flatnonzero((solved != poses).any(axis=(1, 2)))
+        return replace(
+            mapped, keyframes=ids, T_world_cam=solved[ids], moved=True, loops=closed,
+            known=len(poses),
+        )  # fmt: skip
 
     def _measure(self, store: KeyframeStore, poses: np.ndarray) -> tuple[tuple[int, int], ...]:
         """Edges of the keyframes that are new; returns the loops they close."""
@@ -85,19 +83,20 @@ class GraphBundleAdjustment:
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
         for k in range(self._seen, count):
-            self._add_tracked(k, inverse(poses[k - 1]) @ poses[k])
+            self._edges += self._chain.add(k, inverse(poses[k - 1]) @ poses[k])
+        kept = self._let_retired_go(store, count, poses)
         loops: list[PoseEdge] = []
         oldest = max(self._seen, count - c.most_keyframes)
         for k in range(count - 1, oldest - 1, -c.aligned_every):
             near = {
                 gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
                 for gap in c.neighbours
-                if gap <= k
+                if k - gap in kept and k in kept
             }
             aligned = {gap: edge for gap, edge in near.items() if edge is not None}
             self._edges += aligned.values()
-            self._doubt_tracked(k, aligned)
-            loops += self._loops.near(k, poses)
+            self._chain.doubt(k, aligned)
+            loops += self._loops.near(k, poses) if k in kept else []
         if self._rounds % _ALIKE_EVERY == 0 and c.loops and not loops:
             loops += self._loops.alike(count - 1)
         self._rounds += 1
@@ -106,49 +105,38 @@ class GraphBundleAdjustment:
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
         return tuple((edge.first, edge.second) for edge in loops)
 
-    def _add_tracked(self, k: int, T: np.ndarray) -> None:
-        """The tracked motion `T` since the keyframe before, and that since one some way back."""
-        c = self._config
-        information = _information(c.odometry_sigma_m, c.odometry_sigma_rad)
-        self._tracked.append(PoseEdge(k - 1, k, T, information, False))
-        if k >= c.anchor_gap > 1:
-            over = reduce(np.matmul, [e.T_first_second for e in self._tracked[-c.anchor_gap :]])
-            information = _information(c.anchor_sigma_m, c.anchor_sigma_rad)
-            self._edges.append(PoseEdge(k - c.anchor_gap, k, over, information, True))
-
-    def _doubt_tracked(self, k: int, aligned: dict[int, PoseEdge]) -> None:
-        """Tracked motion counts for less where the keyframes' alignment to keyframe k contradicts it,
-        as after a jump."""
-        c = self._config
-        T_k = {0: np.eye(4)} | {gap: inverse(e.T_first_second) for gap, e in aligned.items()}
-        for gap in aligned:
-            if gap - 1 not in T_k:
-                continue
-            edge = self._tracked[k - gap]  # to the keyframe after k - gap
-            apart_m, apart_rad = difference(edge.T_first_second, inverse(T_k[gap]) @ T_k[gap - 1])
-            worse = max(1.0, apart_m / c.odometry_sigma_m, apart_rad / c.odometry_sigma_rad)
-            information = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
-            self._tracked[k - gap] = replace(edge, information=information)
+    def _let_retired_go(self, store: KeyframeStore, count: int, poses: np.ndarray) -> set[int]:
+        """The keyframes below `count` that are kept; the others leave the graph."""
+        ids = store.kept()
+        kept = set(ids[ids < count].tolist())
+        if self._chain.retain(kept, poses):
+            self._edges = [e for e in self._edges if e.first in kept and e.second in kept]
+        return kept
 
     def _solved(self, poses: np.ndarray) -> np.ndarray:
-        """All poses [n, 4, 4], the newest of them solved for; all, where a loop asks for it."""
-        n = len(poses)
+        """All poses [n, 4, 4], the newest in the graph solved for; all there, where a loop asks for it."""
+        nodes = self._chain.keyframes
+        n = len(nodes)
         oldest = 1 if self._all_at_next else max(1, n - self._config.window)
         fixed = np.arange(n) < oldest
-        used = [i for i, e in enumerate(self._edges) if e.second >= oldest]
-        edges = PoseEdges.of([self._edges[i] for i in used] + self._tracked[oldest - 1 :])
-        result = solve_pose_graph(poses, edges, fixed, kernel=self._config.kernel)
+        free = set(nodes[oldest:].tolist())
+        used = [i for i, e in enumerate(self._edges) if e.second in free]
+        edges = PoseEdges.of([self._edges[i] for i in used] + self._chain.edges_to(nodes[oldest:]))
+        rows = replace(
+            edges,
+            first=np.searchsorted(nodes, edges.first),
+            second=np.searchsorted(nodes, edges.second),
+        )
+        result = solve_pose_graph(poses[nodes], rows, fixed, kernel=self._config.kernel)
         lost = {i for i, w in zip(used, result.weights, strict=False) if w < _LOST_WEIGHT}
         self._edges = [e for i, e in enumerate(self._edges) if i not in lost]
         self._all_at_next = False
-        return result.T_world_cam
+        solved = poses.copy()
+        solved[nodes] = result.T_world_cam
+        return solved
 
 
 def _is_surprising(edge: PoseEdge, poses: np.ndarray) -> bool:
     now = inverse(poses[edge.first]) @ poses[edge.second]
     apart_m, apart_rad = difference(now, edge.T_first_second)
     return apart_m > _SURPRISE_M or apart_rad > _SURPRISE_RAD
-
-
-def _information(sigma_m: float, sigma_rad: float) -> np.ndarray:
-    return np.diag(np.repeat([sigma_m**-2, sigma_rad**-2], 3))

@@ -10,7 +10,7 @@ import numpy as np
 from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
@@ -53,13 +53,19 @@ class KeyframeAlignment:
     def _aligned(
         self, first: int, second: int, T_first_second: np.ndarray, fine_levels: int | None
     ) -> Alignment | None:
-        """The older keyframe aligned to the newer one, which is prepared once for many."""
-        frame = self._store.frame(first)
-        points = frame_points(frame, self._tracker, self._seed)
-        if len(points) == 0:
+        """The older keyframe aligned to the newer one, which is prepared once for many.
+
+        None if one has no depth, or has been retired.
+        """
+        try:
+            frame = self._store.frame(first)
+            points = frame_points(frame, self._tracker, self._seed)
+            if len(points) == 0:
+                return None
+            levels = self._pyramid(first)
+            reference = self._reference(second)
+        except RetiredKeyframeError:
             return None
-        levels = self._pyramid(first)
-        reference = self._reference(second)
         if fine_levels:
             levels = levels[-fine_levels:]
             reference = replace(

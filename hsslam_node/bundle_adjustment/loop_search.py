@@ -35,7 +35,9 @@ class LoopSearch:
     def near(self, k: int, poses: np.ndarray) -> list[PoseEdge]:
         """Edges to keyframes of long ago that see from near by what keyframe k sees."""
         c = self._config
-        old = poses[: max(k - c.loop_gap + 1, 0)]  # [n, 4, 4]
+        ids = self._store.kept()
+        ids = ids[ids <= k - c.loop_gap]
+        old = poses[ids]  # [n, 4, 4]
         distance = np.linalg.norm(old[:, :3, 3] - poses[k, :3, 3], axis=1) / c.loop_reach_m
         angle = np.arccos(np.clip(old[:, :3, 2] @ poses[k, :3, 2], -1.0, 1.0)) / c.loop_reach_rad
         farness = np.where((distance < 1) & (angle < 1), distance + angle, np.inf)
@@ -45,7 +47,8 @@ class LoopSearch:
                 break
             i = int(farness.argmin())
             farness[max(i - _APART, 0) : i + _APART + 1] = np.inf
-            edge = self._alignment.loop(i, k, inverse(poses[i]) @ poses[k])
+            first = int(ids[i])
+            edge = self._alignment.loop(first, k, inverse(poses[first]) @ poses[k])
             if edge is not None:
                 edges.append(edge)
         return edges

@@ -36,15 +36,24 @@ class LossWeights:
 
 @dataclass(frozen=True)
 class KeyframeConfig:
-    """When a frame becomes a keyframe."""
+    """When a frame becomes a keyframe, and which keyframes stay."""
 
     every_frames: int = 4
     """Largest number of tracked frames between keyframes."""
+    recent: int = 40
+    """Newest keyframes, all of which are kept."""
+    views: int = 10
+    """An older keyframe stays for surface that fewer keyframes show from that side, distance and light."""
+    new_share: float = 0.1
+    """Least share of such surface in a keyframe that stays, 0 to 1."""
+    still: int = 24
+    """Keyframes of one view; a camera that stands still adds no more."""
     capacity: int = 16384
-    """Largest number of keyframes of a run."""
+    """Largest number of keyframes that are kept at a time."""
 
     def __post_init__(self) -> None:
-        expect_positive(self, "keyframes", "every_frames", "capacity")
+        expect_positive(self, "keyframes", "every_frames", "recent", "views", "still", "capacity")
+        expect_in_range(self, "keyframes", "new_share", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -65,12 +74,16 @@ class MapperConfig:
     """Keyframes per iteration: the two newest and random others."""
     newest_share: float = 0.0
     """Extra share of the rays for the two newest keyframes, 0 to 1."""
+    moved_share: float = 0.0
+    """Largest share of the random keyframes that goes to those whose poses were corrected, 0 to 1."""
     plane_rate: float = 5e-3
     """Adam learning rate of the planes."""
     hash_rate: float = 1e-2
     """Adam learning rate of the hash grid."""
     decoder_rate: float = 1e-3
     """Adam learning rate of decoders and beta."""
+    pose_rate: float = 1e-3
+    """Adam learning rate of the poses of a window, m and rad, from the fifth keyframe on; 0 keeps them."""
     depth_noise_m: float = 0.0
     """Depth noise at depth 1 m, m; depth and SDF losses weigh 1 / (1 + (noise z^2 / 1 cm)^2)."""
     depth_window_px: int = 1
@@ -102,9 +115,10 @@ class MapperConfig:
         expect_positive(self, "mapper", "smoothness_cell_m", "patch_kernel_px", "patch_stride_px")
         expect_not_negative(self, "mapper", "iterations", "first_iterations", "depth_noise_m")
         expect_not_negative(self, "mapper", "last_iterations")
-        expect_not_negative(self, "mapper", "patch_repeats")
+        expect_not_negative(self, "mapper", "patch_repeats", "pose_rate")
         expect_in_range(self, "mapper", "depth_window_px", 1, 15)
         expect_in_range(self, "mapper", "newest_share", 0.0, 1.0)
+        expect_in_range(self, "mapper", "moved_share", 0.0, 1.0)
         expect_in_range(self, "mapper", "least_color_weight", 0.0, 0.1)
         expect_in_range(self, "mapper", "smoothness_vertices", 2, 64)
 
@@ -132,11 +146,14 @@ class BundleAdjustmentConfig:
     """Adam learning rate of the poses, m and rad; 0 keeps the poses and only updates the map."""
     every_keyframes: int = 4
     """Start a round after N new keyframes."""
+    batch_losses: bool = True
+    """Mapping notes the loss of each keyframe it touches, and a round measures new keyframes first; off: a
+    round knows what rounds have measured."""
     probe_rays: int = 64
     """Rays that measure the loss of a keyframe."""
     probe_keyframes: int = 16
     """Random keyframes whose loss is measured each round."""
-    cooldown_rounds: int = 2
+    cooldown_rounds: int = 0
     """Rounds that a refined keyframe is left out."""
 
     def __post_init__(self) -> None:

@@ -1,5 +1,6 @@
 """The mesh, and the box of space that map and mesh cover."""
 
+import math
 from dataclasses import dataclass
 
 from hsslam_node.config.checks import expect_not_negative, expect_positive
@@ -38,8 +39,16 @@ class BoundConfig:
     """Growth beyond what the keyframe sees, m; up and down 0.4 times this."""
     farthest_m: float = 50.0
     """Largest distance of the box from the first camera, m."""
+    box: tuple[float, ...] = ()
+    """The box itself, m: lowest x y z, then highest x y z; it does not grow. None: as above."""
 
     def __post_init__(self) -> None:
+        low, high = self.box[:3], self.box[3:]
+        is_box = len(self.box) == 6 and all(a < b for a, b in zip(low, high, strict=True))
+        if self.box and not (is_box and all(map(math.isfinite, self.box))):
+            raise UserError(
+                f"bound.box = {self.box}: expected six numbers, each of the first three below its other"
+            )
         expect_positive(self, "bound", "margin", "least_m", "growth_m", "farthest_m")
         if not self.most_m >= self.least_m:
             raise UserError(

@@ -31,6 +31,8 @@ class TrackerConfig:
     """Largest number of Gauss-Newton steps per level of the image pyramid."""
     stop_step: float = 2e-4
     """Stop the alignment at a smaller step, m and rad."""
+    sdf_weight: float = 1.0
+    """Weight of the points' distance to the map's surface; 0: computed and judged, but it moves no pose."""
     sdf_huber_m: float = 0.02
     """Huber threshold of the SDF residual, m."""
     sdf_sigma_m: float = 0.005
@@ -86,6 +88,7 @@ class TrackerConfig:
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
         expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
+        expect_not_negative(self, "tracker", "sdf_weight")
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
         expect_positive(self, "tracker", "surface_gate_m", "surface_sigma_m", "surface_kernel")
         expect_not_negative(self, "tracker", "surface_noise")

@@ -1,37 +1,37 @@
 """The choice of the device: CUDA if it really works, else the CPU with the reason."""
 
 import importlib.util
-import os
 from typing import Literal
 
 from hsslam_node.device.device import Device
+from hsslam_node.environment import TRITON_INTERPRET
 from hsslam_node.errors import UserError
 
-DeviceWish = Literal["auto", "cpu", "cuda"]
+DeviceChoice = Literal["auto", "cpu", "cuda"]
 
 _LARGEST_ERROR = 1e-4
 _REMEDY = "choose --device cpu or auto, or install PyTorch for CUDA beside an NVIDIA driver"
 
 
-def choose_device(wish: DeviceWish) -> Device:
-    """The device to compute with, tried out. Imports torch unless the wish is the CPU.
+def choose_device(choice: DeviceChoice) -> Device:
+    """The device to compute with, tried out. Imports torch unless the choice is the CPU.
 
     `cuda` under TRITON_INTERPRET=1 is Triton's interpreter: the same code, slowly, without a GPU.
 
     Raises:
         UserError: `cuda` is asked for and does not work.
     """
-    if wish == "cpu":
+    if choice == "cpu":
         return Device("cpu", "CPU", "asked for")
-    if wish == "cuda" and os.environ.get("TRITON_INTERPRET") == "1":
+    if choice == "cuda" and TRITON_INTERPRET.value() == "1":
         return Device("interpreter", "Triton's interpreter", "TRITON_INTERPRET=1 is set")
     missing = _what_is_missing()
     if missing is None:
         import torch
 
-        reason = "asked for" if wish == "cuda" else "CUDA works"
+        reason = "asked for" if choice == "cuda" else "CUDA works"
         return Device("cuda", torch.cuda.get_device_name(), reason)
-    if wish == "cuda":
+    if choice == "cuda":
         raise UserError(f"--device cuda: {missing}: {_REMEDY}")
     return Device("cpu", "CPU", f"no CUDA: {missing}")
 
@@ -46,7 +46,7 @@ def _what_is_missing() -> str | None:
         return f"PyTorch {torch.__version__} finds no usable NVIDIA GPU or driver"
     if importlib.util.find_spec("triton") is None:
         return "Triton is not installed"
-    if os.environ.get("TRITON_INTERPRET") == "1":
+    if TRITON_INTERPRET.value() == "1":
         return "TRITON_INTERPRET=1 is set, so that kernels would be interpreted"
     try:
         from hsslam_node.gpu_kernels.trial_kernel import trial_error

@@ -69,7 +69,7 @@ class ParameterCopy:
         self.stepped_at = torch.zeros(P // CHUNK, dtype=torch.int32, device=on)
 
     def pull(self) -> None:
-        """Take over what others have stepped; nothing to do where nobody has."""
+        """Take over what others have stepped; does nothing if no other process has."""
         host = self._host
         if host.step == self._step:
             return

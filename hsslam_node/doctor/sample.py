@@ -66,15 +66,13 @@ def take_sample(
     Raises:
         UserError: as `open_source`.
     """
-    source = open_it(spec, options)
+    spread = _SpreadRows(**vars(options), most=frames)
+    source = open_it(spec, spread)
+    if spread.found:
+        (count,) = spread.found
+        return _read(source, count, _sample_rows(count, frames))
     count = source.frame_count
-    rows = tuple(range(frames if count is None else min(count, frames)))
-    if count is not None and count > frames:
-        spread = _spread_rows(count, frames)
-        picked = open_it(spec, _PickedRows(**vars(options), rows=spread))
-        if picked.frame_count == len(spread):  # it picks; otherwise its first frames have to do
-            source, rows = picked, spread
-    return _read(source, count, rows)
+    return _read(source, count, tuple(range(frames if count is None else min(count, frames))))
 
 
 def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
@@ -84,7 +82,10 @@ def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
     return Sample(source.name, count, rows[: len(read)], frames, bad)
 
 
-def _spread_rows(count: int, frames: int) -> tuple[int, ...]:
+def _sample_rows(count: int, frames: int) -> tuple[int, ...]:
+    """Numbers of the frames that are looked at, of `count`: runs spread over all, or all."""
+    if count <= frames:
+        return tuple(range(count))
     runs = max(frames // RUN_FRAMES, 1)
     starts = np.linspace(0, max(count - RUN_FRAMES, 0), runs).astype(int)
     rows = {int(start) + i for start in starts for i in range(min(RUN_FRAMES, frames))}
@@ -92,11 +93,16 @@ def _spread_rows(count: int, frames: int) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class _PickedRows(SourceOptions):
-    """Options that select the frames with these numbers, of those that the options would select."""
+class _SpreadRows(SourceOptions):
+    """Options that select `most` frames, of those that the options would select.
 
-    rows: tuple[int, ...] = field(default=())
+    `found`: how many those are, once a source has asked; a live one does not ask.
+    """
+
+    most: int = 0
+    found: list[int] = field(default_factory=list)
 
     def selected(self, count: int) -> Sequence[int]:
         chosen = super().selected(count)
-        return [chosen[row] for row in self.rows if row < len(chosen)]
+        self.found[:] = [len(chosen)]
+        return [chosen[row] for row in _sample_rows(len(chosen), self.most)]

@@ -1,12 +1,14 @@
 """The true trajectory and mesh of a source. Only the evaluator may import this module."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.effects import running_stamp_ns
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import find_row, imported, source_name
@@ -38,6 +40,8 @@ class GroundTruth:
 def open_ground_truth(spec: str, options: SourceOptions | None = None) -> GroundTruth | None:
     """The truth of what `open_source(spec, options)` delivers; None where there is none.
 
+    Of frames that are played again it is known only if every frame has a true pose.
+
     Raises:
         UserError: the source's files are missing, or the truth is malformed.
     """
@@ -46,4 +50,17 @@ def open_ground_truth(spec: str, options: SourceOptions | None = None) -> Ground
     if row is None or row.ground_truth is None:
         return None
     found = imported(row.ground_truth)(source_name(spec), options)
-    return None if found is None else GroundTruth(*found)
+    if found is None:
+        return None
+    truth = GroundTruth(*found)
+    return _restamped(truth, spec, options) if options.reorders else truth
+
+
+def _restamped(truth: GroundTruth, spec: str, options: SourceOptions) -> GroundTruth | None:
+    """The truth with the stamps of `Restamped`; None if frames lack a true pose."""
+    source = open_source(spec, replace(options, noise="none"))
+    poses = truth.T_world_cam
+    if len(poses) != source.frame_count:
+        return None
+    stamps_ns = np.array([running_stamp_ns(n, source.rate_hz) for n in range(len(poses))], np.int64)
+    return replace(truth, trajectory=Trajectory(stamps_ns, poses))

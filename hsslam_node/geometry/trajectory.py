@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
 
@@ -39,8 +40,11 @@ class Trajectory:
 
 
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
-    """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps to the ns."""
-    Path(path).write_text(tum_text(trajectory))
+    """Writes `timestamp tx ty tz qx qy qz qw` lines (s, m, unit quaternion), stamps to the ns.
+
+    The file is on the disk, whole, when this returns.
+    """
+    write_durably(path, tum_text(trajectory).encode())
 
 
 def tum_text(trajectory: Trajectory) -> str:

@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from hsslam_node.config import FieldConfig
+from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
@@ -84,12 +85,10 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
         tensors |= {f"keyframes/{name}": getattr(images, name) for name in _IMAGES}
         metadata["depth_units_per_m"] = json.dumps(images.depth_units_per_m)
     metadata[_CHECKSUM] = _checksum(tensors, metadata)
-    partial = path.with_name(f"{path.name}.partial")
     try:
-        save_file(tensors, partial, metadata)
-        partial.replace(path)
+        with durable_file(path) as partial:
+            save_file(tensors, partial, metadata)
     except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
         raise UserError(f"{path}: cannot write the map: {error}") from None
 
 

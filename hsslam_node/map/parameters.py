@@ -10,6 +10,7 @@ from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.growth import copy_grown
 from hsslam_node.map.initialisation import initial_parameters
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.parameter_arrays import PAGE, ParameterArrays
 
 _STEP, _VERSION, _BEGUN, _READY, _GENERATION = 0, 1, 2, 3, 4  # fields of the state
@@ -29,11 +30,11 @@ class FieldParameters:
     """
 
     def __init__(self, arrays: ArrayAllocator, config: FieldConfig) -> None:
-        """Attach; KeyError where nobody has created the parameters yet."""
+        """Attach; KeyError if the parameters do not exist yet."""
         self._arrays = arrays
         self._config = config
         self._state = arrays.open("field_state")  # [16] int64
-        if not self._state[_READY]:
+        if not load_ordered(self._state, _READY):
             raise KeyError("field_state")
         self._attach()
 
@@ -41,10 +42,10 @@ class FieldParameters:
     def create(cls, arrays: ArrayAllocator, layout: FieldLayout, seed: int) -> "FieldParameters":
         """Create and initialise the arrays, or attach to those of this run."""
         state = arrays.create("field_state", (16,), np.int64)
-        if not state[_READY]:
+        if not load_ordered(state, _READY):
             ParameterArrays.create(arrays, layout, 0).params[:] = initial_parameters(layout, seed)
             state[_STEP] = state[_GENERATION] = 0
-            state[_READY] = 1
+            store_ordered(state, _READY, 1)
         return cls(arrays, layout.config)
 
     @property
@@ -74,23 +75,24 @@ class FieldParameters:
 
     @property
     def page_stepped_at(self) -> np.ndarray:
-        """The same for pages of 64 chunks, so that nobody needs to ask all chunks."""
+        """The same for pages of 64 chunks: a reader looks at pages first."""
         return self._current.page_stepped_at
 
     @property
     def version(self) -> int:
         """Published version; 0 before the first publication."""
-        return int(self._state[_VERSION])
+        return load_ordered(self._state, _VERSION)
 
     @property
     def step(self) -> int:
         """Adam steps so far, by anybody."""
-        return int(self._state[_STEP])
+        return load_ordered(self._state, _STEP)
 
     def count_step(self) -> int:
         """Writer: the number of the next Adam step, from 1."""
-        self._state[_STEP] += 1
-        return int(self._state[_STEP])
+        step = self.step + 1
+        store_ordered(self._state, _STEP, step)
+        return step
 
     def mark_stepped(self, chunks: np.ndarray, steps: np.ndarray | int) -> None:
         """Writer: say by which step `chunks` [n] were moved, where not the Adam kernel moved them."""
@@ -100,9 +102,9 @@ class FieldParameters:
     def publish(self) -> int:
         """Writer: bring the free slot up to date and make it current; returns the new version."""
         version = self.version + 1
-        self._state[_BEGUN] = version
+        store_ordered(self._state, _BEGUN, version)
         self._bring_up_to_date(version % 2)
-        self._state[_VERSION] = version
+        store_ordered(self._state, _VERSION, version)
         if version == 1:  # the first copy is of everything: for the other slot, before frames come
             self._bring_up_to_date(0)
         return version
@@ -123,11 +125,11 @@ class FieldParameters:
 
     def is_intact(self, version: int) -> bool:
         """Reader: whether the slot of `version` has not been written to since it was current."""
-        return int(self._state[_BEGUN]) < version + 2
+        return load_ordered(self._state, _BEGUN) < version + 2
 
     def follow(self) -> bool:
         """Attach to the newest generation; whether that was another one."""
-        if int(self._state[_GENERATION]) == self._generation:
+        if load_ordered(self._state, _GENERATION) == self._generation:
             return False
         self._attach()
         return True
@@ -157,17 +159,17 @@ class FieldParameters:
         copy_grown(old.layout, old.second_moment, layout, new.second_moment)
         new.slots[:] = new.params
         new.slot_step[:] = self.step
-        self._state[_GENERATION] = generation
+        store_ordered(self._state, _GENERATION, generation)
         self._attach()
         ParameterArrays.remove(self._arrays, generation - 1)
 
     def _attach(self) -> None:
         while True:
-            generation = int(self._state[_GENERATION])
+            generation = load_ordered(self._state, _GENERATION)
             try:
                 self._current = ParameterArrays.open(self._arrays, self._config, generation)
             except KeyError:
-                if generation == int(self._state[_GENERATION]):
+                if generation == load_ordered(self._state, _GENERATION):
                     raise
                 continue  # replaced meanwhile
             self._generation = generation

@@ -1,16 +1,22 @@
 """Every pose as it was published, in named arrays: what trajectories and latencies come from."""
 
+import contextlib
+
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.memory_order import load_ordered, store_ordered
 
 SLAB_ROWS = 4096
+_RESERVE_EVERY = 64  # rows
 INITIAL, TRACKED, LOST = 0, 1, 2  # status
 _HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
 
 POSE_ROW = np.dtype(
     [
+        ("publisher", "<i8"),  # the camera of the frame
         ("index", "<i8"),  # of the frame
         ("source_stamp_ns", "<i8"),
         ("stamp_ns", "<i8"),  # wall clock of the sensor
@@ -20,8 +26,9 @@ POSE_ROW = np.dtype(
         ("T_world_cam", "<f8", (4, 4)),
         ("T_keyframe_cam", "<f8", (4, 4)),
         ("quality", "<f8"),  # 0 to 1
-        ("map_version", "<i8"),
-        ("world", "<i8"),  # which map, in a coordinate frame of its own: each reset begins one
+        ("map_version", "<i8"),  # that the frame was aligned to
+        ("pose_version", "<i8"),  # of the keyframes' poses that it was aligned to
+        ("map_epoch", "<i8"),  # which map, in a coordinate frame of its own: each reset begins one
     ]
 )
 
@@ -30,7 +37,7 @@ class PoseLog:
     """Append-only rows of `POSE_ROW`. One writer; a reader sees only complete rows.
 
     A restarted writer goes on behind the last complete row. Creating and attaching are the same. The
-    log outlives a map that is thrown away: rows say of which world they are.
+    log outlives a map that is thrown away: rows say of which map epoch they are.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:
@@ -41,18 +48,47 @@ class PoseLog:
     @property
     def count(self) -> int:
         """Complete rows."""
-        return int(self._header[0])
+        return load_ordered(self._header, 0)
 
-    def append(self, row: np.ndarray | np.void) -> None:
-        """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one."""
+    def append(self, row: np.ndarray | np.void) -> bool:
+        """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one. False: there is no memory for it.
+
+        Raises:
+            OutOfMemoryError: not even for the first.
+        """
         n = self.count
-        self._slab(n // SLAB_ROWS)[n % SLAB_ROWS] = row
-        self._header[0] = n + 1
+        try:
+            self._slab(n // SLAB_ROWS)[n % SLAB_ROWS] = row
+        except OutOfMemoryError:
+            if n == 0:
+                raise
+            return False
+        store_ordered(self._header, 0, n + 1)
+        if n % _RESERVE_EVERY == 0:  # early, while there is some; else another time
+            with contextlib.suppress(OutOfMemoryError):
+                self._slab((n + SLAB_ROWS // 2) // SLAB_ROWS)
+        return True
 
     def last(self) -> np.ndarray | None:
         """A copy of the newest row, None if there is none."""
         n = self.count
         return None if n == 0 else self._slab((n - 1) // SLAB_ROWS)[(n - 1) % SLAB_ROWS].copy()
+
+    def find(self, publisher: int, index: int) -> np.ndarray | None:
+        """A copy of the newest row of a camera's frame, None if there is none."""
+        n = self.count
+        for k in reversed(range(-(-n // SLAB_ROWS))):
+            rows = self._slab(k)[: n - k * SLAB_ROWS]
+            found = np.flatnonzero((rows["index"] == index) & (rows["publisher"] == publisher))
+            if len(found):
+                return rows[found[-1]].copy()
+        return None
+
+    def newest_of_each(self) -> np.ndarray:
+        """The newest row of each camera, in order of their age, [N] of POSE_ROW."""
+        rows = self.rows()
+        _, last = np.unique(rows["publisher"][::-1], return_index=True)
+        return rows[np.sort(len(rows) - 1 - last)]
 
     def rows(self) -> np.ndarray:
         """All complete rows, [N] of POSE_ROW, copied."""
@@ -84,7 +120,9 @@ def pose_row(
     T_keyframe_cam: np.ndarray,  # [4, 4]
     quality: float,
     map_version: int,
-    world: int = 0,
+    pose_version: int = 0,
+    map_epoch: int = 0,
+    publisher: int = 0,
 ) -> np.ndarray:
     """One row, [] of POSE_ROW."""
     row = np.zeros((), POSE_ROW)
@@ -92,13 +130,14 @@ def pose_row(
     row["stamp_ns"], row["publish_ns"] = stamp_ns, publish_ns
     row["status"], row["keyframe"] = status, keyframe
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
-    row["quality"], row["map_version"], row["world"] = quality, map_version, world
+    row["quality"], row["map_version"], row["map_epoch"] = quality, map_version, map_epoch
+    row["pose_version"], row["publisher"] = pose_version, publisher
     return row
 
 
-def of_world(rows: np.ndarray, world: int) -> np.ndarray:
-    """The rows of one world: only they have poses in one coordinate frame."""
-    return rows[rows["world"] == world]
+def of_map_epoch(rows: np.ndarray, map_epoch: int) -> np.ndarray:
+    """The rows of one map epoch: only they have poses in one coordinate frame."""
+    return rows[rows["map_epoch"] == map_epoch]
 
 
 def online_trajectory(rows: np.ndarray) -> Trajectory:

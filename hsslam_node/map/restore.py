@@ -20,7 +20,7 @@ from hsslam_node.map.store import KeyframeStore
 def restore_map(
     arrays: ArrayAllocator, path: Path, config: SlamConfig
 ) -> tuple[KeyframeStore, FieldParameters]:
-    """Load the map of a file into arrays that nobody uses yet; whoever attaches then goes on in it.
+    """Load the map of a file into arrays that no process uses yet; processes that attach later go on in it.
 
     Raises:
         UserError: no such file, one that is damaged, of another version or of another field than

@@ -1,37 +1,46 @@
-"""Keyframes: pixels in preallocated slabs, poses in two banks that readers copy without a lock."""
+"""Keyframes: rows for ever, pixels while they are kept, poses that readers copy without a lock."""
 
 import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.keyframe_rows import KeyframeRows
+from hsslam_node.map.keyframe_slots import KeyframeSlots
+from hsslam_node.map.memory_order import load_ordered, store_ordered
+from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
 
-SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
-_COUNT, _POSE_VERSION, _INHERITED = 0, 1, 2  # fields of the header
-_FRAME_INDEX, _STAMP_NS = 0, 1  # columns of the meta rows
+_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED = range(5)  # fields of the header
+
+
+class RetiredKeyframeError(Exception):
+    """The pixels of the keyframe are not kept any more."""
 
 
 class KeyframeStore:
     """Append-only keyframes over named arrays.
 
-    One writer per array: the tracker appends (pixels, meta, a pose row in both banks, then the
-    count); only bundle adjustment rewrites poses, into the bank that is not current, then bumps the
-    pose version.
+    A keyframe is *kept* while it has its pixels. The mapper retires those that show nothing of their own:
+    their slot is used again, their row stays and moves with another keyframe, its anchor.
+
+    One writer per array: the tracker appends (pixels, row, slot, then the count); the mapper retires
+    (anchor, then the slot); bundle adjustment, and mapping where it refines poses, rewrites poses, one at a
+    time, into the bank that is not current, then bumps the pose version.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:
-        """Attach to a store; KeyError where nobody has created it yet."""
-        self._arrays = arrays
+        """Attach to a store; KeyError if it does not exist yet."""
         self._header = arrays.open("keyframes")  # [16] int64
-        self._meta = arrays.open("keyframe_meta")  # [capacity, 2] int64
-        self._poses = arrays.open("keyframe_poses")  # [2, capacity, 4, 4] float64, T_world_cam
-        width, height, fx, fy, cx, cy, units = arrays.open("keyframe_camera")
-        if width == 0:  # the width is written last: its maker is still at it
+        row = arrays.open("keyframe_camera")  # [7] float64
+        if load_ordered(row, 0) == 0:  # the width is written last: its maker is still at it
             raise KeyError("keyframe_camera")
+        width, height, fx, fy, cx, cy, units = row
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
-        self._slabs: list[tuple[np.ndarray, np.ndarray]] = []
+        self._rows = KeyframeRows(arrays)
+        self._slots = KeyframeSlots(arrays, self.camera)
 
     @classmethod
     def create(
@@ -39,53 +48,80 @@ class KeyframeStore:
     ) -> "KeyframeStore":
         """Create the arrays, or attach to those that a former process of this run left."""
         arrays.create("keyframes", (16,), np.int64)
-        arrays.create("keyframe_meta", (capacity, 2), np.int64)
-        arrays.create("keyframe_poses", (2, capacity, 4, 4), np.float64)
+        KeyframeSlots.create_table(arrays, capacity)
         row = arrays.create("keyframe_camera", (7,), np.float64)
         row[1:] = camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy, depth_units_per_m
-        row[0] = camera.width_px  # last: it says that the row is complete
+        store_ordered(row, 0, camera.width_px)  # last: it says that the row is complete
         return cls(arrays)
 
     @property
     def count(self) -> int:
-        """Keyframes that are complete."""
-        return int(self._header[_COUNT])
+        """Keyframes that are complete, the retired ones included."""
+        return load_ordered(self._header, _COUNT)
 
     @property
     def capacity(self) -> int:
-        """Most keyframes that fit."""
-        return len(self._meta)
+        """Most keyframes that can be kept at a time."""
+        return len(self._slots)
+
+    @property
+    def most_kept(self) -> int:
+        """Most keyframes that may be kept at a time, as memory permits now."""
+        return load_ordered(self._header, _MOST) or self.capacity
+
+    def allow(self, most_kept: int) -> None:
+        """The mapper only: keep at most this many keyframes from now on."""
+        store_ordered(self._header, _MOST, min(max(most_kept, 1), self.capacity))
+
+    @property
+    def refused(self) -> int:
+        """How often there was no room for a keyframe that was due."""
+        return load_ordered(self._header, _REFUSED)
+
+    @property
+    def pixel_bytes(self) -> int:
+        """Memory of the pixels of one keyframe."""
+        return self._slots.slot_bytes
 
     @property
     def pose_version(self) -> int:
         """Grows with every correction by bundle adjustment."""
-        return int(self._header[_POSE_VERSION])
+        return load_ordered(self._header, _POSE_VERSION)
 
     @property
     def inherited(self) -> int:
         """Keyframes that come from a saved map: the first ones."""
-        return int(self._header[_INHERITED])
+        return load_ordered(self._header, _INHERITED)
 
     def mark_inherited(self) -> None:
         """Say that the keyframes of now come from a saved map."""
-        self._header[_INHERITED] = self.count
+        store_ordered(self._header, _INHERITED, self.count)
 
-    def append(self, frame: Frame, T_world_cam: np.ndarray) -> int:
-        """Add a keyframe and return its id.
+    def has_room(self) -> bool:
+        """The tracker only: whether a keyframe can be appended; counted where it cannot."""
+        slot, _ = self._slots.reserve(self.count, self.most_kept)
+        if slot < 0:
+            store_ordered(self._header, _REFUSED, self.refused + 1)
+        return slot >= 0
+
+    def append(self, frame: Frame, T_world_cam: np.ndarray, version: int | None = None) -> int:
+        """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
 
         Raises:
-            UserError: the store is full, or the frame's camera or depth scale is not the store's.
+            UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
+            OutOfMemoryError: there is no memory for its pixels, and none of another to be used again.
         """
         k = self.count
-        if k >= self.capacity:
-            raise UserError(f"keyframes.capacity = {self.capacity}: the run needs more keyframes")
         self.expect_like(frame)
-        color, depth_raw = self._slab(k // SLAB_KEYFRAMES, create=True)
-        color[k % SLAB_KEYFRAMES] = frame.color
-        depth_raw[k % SLAB_KEYFRAMES] = frame.depth_raw
-        self._meta[k] = frame.index, frame.stamp_ns
-        self._poses[:, k] = T_world_cam
-        self._header[_COUNT] = k + 1
+        slot, refusal = self._slots.reserve(k, self.most_kept)
+        if slot < 0:
+            full = f"keyframes.capacity = {self.capacity}: the run needs more keyframes"
+            raise refusal or UserError(full)
+        version = self.pose_version if version is None else version
+        self._slots.write(slot, frame.color, frame.depth_raw)
+        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam)
+        self._slots.take(slot, k)
+        store_ordered(self._header, _COUNT, k + 1)
         return k
 
     def expect_like(self, frame: Frame) -> None:
@@ -102,30 +138,66 @@ class KeyframeStore:
                 f"{own.width_px} x {own.height_px} as in the keyframes"
             )
 
+    def retire(self, k: int, anchor: int) -> None:
+        """The mapper only: give up the pixels of keyframe k, which moves with `anchor` from now on."""
+        slot = self._rows.slot(k)
+        if k == anchor or not self._slots.holds(slot, k):
+            raise ValueError(f"keyframe {k} is not kept, or its own anchor")
+        self._rows.hang(k, anchor)
+        self._slots.give_up(slot, self.count)
+
+    def kept(self) -> np.ndarray:
+        """Ids of the keyframes that are kept, sorted [m] int64."""
+        return self._slots.held(self.count)
+
+    def is_kept(self, k: int) -> bool:
+        """Whether keyframe k has its pixels."""
+        return self._slots.holds(self._rows.slot(k), k)
+
     def pixels(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """Colour [H, W, 3] uint8 and raw depth [H, W] uint16 of keyframe k, not copied."""
-        color, depth_raw = self._slab(k // SLAB_KEYFRAMES, create=False)
-        return color[k % SLAB_KEYFRAMES], depth_raw[k % SLAB_KEYFRAMES]
+        """Colour [H, W, 3] uint8 and raw depth [H, W] uint16 of keyframe k, not copied.
+
+        Raises:
+            RetiredKeyframeError: they are not kept.
+        """
+        slot = self._rows.slot(k)
+        if not self._slots.holds(slot, k):
+            raise RetiredKeyframeError(f"keyframe {k}")
+        return self._slots.pixels(slot)
 
     def frame(self, k: int) -> Frame:
-        """Keyframe k as a frame."""
-        color, depth_raw = self.pixels(k)
-        index, stamp_ns = map(int, self._meta[k])
+        """Keyframe k as a frame, copied.
+
+        Raises:
+            RetiredKeyframeError: its pixels are not kept, or were given up meanwhile.
+        """
+        color, depth_raw = (pixels.copy() for pixels in self.pixels(k))
+        if not self.is_kept(k):
+            raise RetiredKeyframeError(f"keyframe {k}")
+        index, stamp_ns = self._rows.identity(k)
         return Frame(index, stamp_ns, self.camera, color, depth_raw, self.depth_units_per_m)
 
     def frame_indices(self) -> np.ndarray:
         """Frame index of each keyframe, [n] int64."""
-        return self._meta[: self.count, _FRAME_INDEX].copy()
+        return self._rows.frame_indices(self.count)
 
     def stamps_ns(self) -> np.ndarray:
         """Sensor stamp of each keyframe, [n] int64 ns."""
-        return self._meta[: self.count, _STAMP_NS].copy()
+        return self._rows.stamps_ns(self.count)
 
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""
         while True:
             version = self.pose_version
-            copy = self._poses[version % 2, : self.count].copy()
+            copy = self._rows.all_poses(self.count, version % 2)
+            if self.pose_version == version:
+                return copy
+
+    def poses_of(self, ids: np.ndarray) -> np.ndarray:
+        """T_world_cam of keyframes `ids` [m], [m, 4, 4], a consistent copy."""
+        while True:
+            version = self.pose_version
+            copy = self._rows.poses(np.asarray(ids, np.int64), version % 2)
             if self.pose_version == version:
                 return copy
 
@@ -133,31 +205,46 @@ class KeyframeStore:
         """T_world_cam of keyframe k, [4, 4]."""
         while True:
             version = self.pose_version
-            copy = self._poses[version % 2, k].copy()
+            copy = self._rows.pose(k, version % 2)
             if self.pose_version == version:
                 return copy
 
-    def correct_poses(self, ids: np.ndarray, T_world_cam: np.ndarray) -> int:
-        """Bundle adjustment only: replace the poses [n, 4, 4] of `ids`; returns the new version."""
-        version = self.pose_version
-        n = self.count
-        bank, other = self._poses[version % 2], self._poses[(version + 1) % 2]
-        other[:n] = bank[:n]
-        other[ids] = T_world_cam
-        self._header[_POSE_VERSION] = version + 1
-        return version + 1
+    def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
+        """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""
+        self._rows.note_losses(ids, losses)
 
-    def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray]:
-        while len(self._slabs) <= index:
-            k = len(self._slabs)
-            size = (SLAB_KEYFRAMES, self.camera.height_px, self.camera.width_px)
-            names = f"keyframe_color.{k:03d}", f"keyframe_depth.{k:03d}"
-            if create:
-                slab = (
-                    self._arrays.create(names[0], (*size, 3), np.uint8),
-                    self._arrays.create(names[1], size, np.uint16),
-                )
-            else:
-                slab = self._arrays.open(names[0]), self._arrays.open(names[1])
-            self._slabs.append(slab)
-        return self._slabs[index]
+    def losses(self, ids: np.ndarray) -> np.ndarray:
+        """The newest rendering losses of keyframes `ids` [n], [n]; nan where none is known."""
+        return self._rows.losses(ids)
+
+    def correct_poses(
+        self, ids: np.ndarray, T_world_cam: np.ndarray, known: int | None = None
+    ) -> PoseCorrection:
+        """Bundle adjustment and mapping, one at a time: replace the poses [n, 4, 4] of `ids`.
+
+        Retired keyframes move with their anchors. `known`: keyframes there were when the correction was
+        computed; those that came since move as the last of these did.
+        """
+        version, n = self.pose_version, self.count
+        before = self._rows.all_poses(n, version % 2)
+        after = before.copy()
+        after[ids] = T_world_cam
+        if known is not None:
+            follow_last(before, after, known)
+        is_kept = np.isin(np.arange(n), self._slots.held(n))
+        carry_retired(before, after, is_kept, self._rows.anchors(n))
+        moved = np.flatnonzero((after != before).any(axis=(1, 2)))
+        self._rows.write_bank(after, (version + 1) % 2)
+        store_ordered(self._header, _POSE_VERSION, version + 1)
+        correction = PoseCorrection(version + 1, moved, after[moved])
+        return correction if known is None else self._with_late(correction, n)
+
+    def _with_late(self, correction: PoseCorrection, n: int) -> PoseCorrection:
+        """What was appended at poses of before, while the bank was written, moves now."""
+        late = np.arange(n, self.count)
+        late = late[self._rows.versions(n, n + len(late)) < correction.version]
+        if len(late) == 0 or n - 1 not in correction.keyframes[-1:]:
+            return correction
+        then = self._rows.pose(n - 1, (correction.version + 1) % 2)
+        follow = correction.T_world_cam[-1] @ inverse(then)
+        return correction.with_more(self.correct_poses(late, follow @ self.poses_of(late)))

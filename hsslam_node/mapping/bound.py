@@ -11,7 +11,8 @@ from hsslam_node.geometry.projection import camera_points, world_points
 
 
 def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
-    """A box about the first camera (the world's origin) that reaches past what it sees.
+    """The box that is configured, else one about the first camera (the world's origin) that reaches past
+    what it sees.
 
     The room goes on behind the camera, so the reach is the same in all directions but up and down,
     where rooms are lower: `margin` times the 99th percentile of the distance of the measured
@@ -20,6 +21,8 @@ def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Boun
     Raises:
         UserError: the frame has no depth.
     """
+    if config.box:
+        return Bound.of(np.array(config.box[:3]), np.array(config.box[3:]))
     depth_m = frame.depth_m()
     near_m = np.where(depth_m < max_depth_m, depth_m, 0)
     points = camera_points(near_m, frame.camera, stride_px=8)

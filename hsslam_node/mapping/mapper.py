@@ -1,4 +1,4 @@
-"""Mapping: which keyframes an iteration looks at. Keyframes whose poses were corrected come first."""
+"""Mapping: which keyframes an iteration looks at. Keyframes whose poses were corrected may come first."""
 
 import numpy as np
 
@@ -9,11 +9,14 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import wanted_bound
+from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 from hsslam_node.mapping.ray_need import RayNeed
+from hsslam_node.mapping.window_poses import RefinedPoses, WindowPoses
 
 _MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # less is within what the map resolves
+_MOST_REFINED = 4  # times the kept keyframes; retired ones count as well, up to there
 _REPEATS = 8  # draws until the map has followed a keyframe
 
 
@@ -24,10 +27,13 @@ class MovedKeyframes:
         self._mapped_at = np.zeros((0, 4, 4))
         self._due = np.zeros(0, np.int64)  # draws that are outstanding
 
-    def draw(self, poses: np.ndarray, wanted: int, generator: np.random.Generator) -> np.ndarray:
-        """At most `wanted` ids of keyframes that have moved, given all poses [n, 4, 4] now."""
-        self._follow(poses)
-        moved = np.flatnonzero(self._due > 0)
+    def draw(
+        self, ids: np.ndarray, poses: np.ndarray, wanted: int, generator: np.random.Generator
+    ) -> np.ndarray:
+        """At most `wanted` of the keyframes `ids` [n], sorted, that have moved, given their poses
+        [n, 4, 4] now."""
+        self._follow(ids, poses)
+        moved = ids[self._due[ids] > 0]
         size = min(wanted, len(moved))
         if size <= 0:
             return np.zeros(0, np.int64)
@@ -35,17 +41,19 @@ class MovedKeyframes:
         self._due[drawn] -= 1
         return drawn
 
-    def _follow(self, poses: np.ndarray) -> None:
-        known = len(self._mapped_at)
-        then, now = self._mapped_at, poses[:known]
-        shift_m = np.linalg.norm(now[:, :3, 3] - then[:, :3, 3], axis=1)
+    def _follow(self, ids: np.ndarray, poses: np.ndarray) -> None:
+        grown = int(ids.max(initial=-1)) + 1 - len(self._due)
+        if grown > 0:
+            self._mapped_at = np.append(self._mapped_at, np.full((grown, 4, 4), np.nan), axis=0)
+            self._due = np.append(self._due, np.zeros(grown, np.int64))
+        then = self._mapped_at[ids]
+        shift_m = np.linalg.norm(poses[:, :3, 3] - then[:, :3, 3], axis=1)
         # for small angles the matrices are sqrt(2) times the angle apart
-        turn_rad = np.linalg.norm(now[:, :3, :3] - then[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
-        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)
-        self._due[moved] = _REPEATS
-        then[moved] = now[moved]
-        self._mapped_at = np.concatenate([then, poses[known:]])
-        self._due = np.append(self._due, np.zeros(len(poses) - known, np.int64))
+        turn_rad = np.linalg.norm(poses[:, :3, :3] - then[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
+        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)  # not where nan: it is new
+        self._due[ids[moved]] = _REPEATS
+        changed = moved | np.isnan(shift_m)
+        self._mapped_at[ids[changed]] = poses[changed]
 
 
 class Mapper:
@@ -59,35 +67,62 @@ class Mapper:
         self._parameters = parameters
         self._seed = seed
         self._bound_config = config.bound
-        self._may_grow = config.bound.grow
+        self._may_grow = config.bound.grow and not config.bound.box
         self._need: RayNeed | None = None
         self._covered = 0  # keyframes that the bound was held against
         self._moved = MovedKeyframes()
+        self._poses = WindowPoses(config.mapper.pose_rate)
+        ba = config.ba
+        self._notes_losses = ba.enabled and ba.batch_losses and ba.selection == "active"
+        self._selection = KeyframeSelection(config.keyframes, config.mapper.max_depth_m)
 
     def initialise(self, store: KeyframeStore) -> StepReport:
         """One iteration on the first keyframe, at the raised rates."""
-        return self._step(store, np.array([0]), self._config.first_rate_factor)
+        keyframes = np.array([0])
+        return self._step(store, keyframes, self._config.first_rate_factor, newest_first=False)
 
-    def iterate(self, store: KeyframeStore) -> StepReport:
-        """One iteration over a window of the keyframes there are now; half of the others are such that
-        have moved since they were mapped, while there are any."""
-        newest = store.count - 1
-        size = min(self._config.window_keyframes, store.count)
+    def iterate(self, store: KeyframeStore, ray_share: float = 1.0) -> StepReport:
+        """One iteration over a window of the keyframes that are kept now; up to `moved_share` of the others
+        are such that have moved since they were mapped. `ray_share`: of the configured rays.
+
+        With `pose_rate` it refines the poses of the window as well: `take_poses`."""
+        kept = store.kept()
+        size = min(self._config.window_keyframes, len(kept))
         generator = self._generator(0)
-        recent = [newest] if size == 1 else [newest, newest - 1]
-        others = generator.choice(newest - 1, size - 2, replace=False) if size > 2 else []
-        moved = self._moved.draw(store.poses()[: max(newest - 1, 0)], (size - 2) // 2, generator)
-        others = list(dict.fromkeys([*moved, *others]))[: max(size - 2, 0)]
-        return self._step(store, np.array([*recent, *others], np.int64), 1.0)
+        recent, older = kept[:-3:-1][:size], kept[:-2]
+        others = generator.choice(len(older), size - 2, replace=False) if size > 2 else []
+        poses = store.poses_of(older)
+        wanted = int((size - 2) * self._config.moved_share)
+        moved = self._moved.draw(older, poses, wanted, generator)
+        others = list(dict.fromkeys([*moved, *older[others]]))[: max(size - 2, 0)]
+        keyframes = np.array([*recent, *others], np.int64)
+        free = self._poses.are_free(store)
+        return self._step(store, keyframes, 1.0, newest_first=True, ray_share=ray_share, free=free)
 
-    def polish(self, store: KeyframeStore) -> StepReport:
-        """One iteration where surfaces were seldom seen as elsewhere, for when no more frames come."""
-        if self._need is None or self._need.keyframe_count != store.count:
+    def take_poses(self, store: KeyframeStore) -> RefinedPoses | None:
+        """The poses that iterations have refined since the last call, None: none; the caller writes them
+        to the store, before others correct poses."""
+        return self._poses.take(store)
+
+    def refine_sparse(self, store: KeyframeStore) -> StepReport:
+        """One iteration that prefers surfaces with few observations; used after the last frame."""
+        if self._need is None or not np.array_equal(self._need.ids, store.kept()):
             self._need = RayNeed(store, self._config.max_depth_m)
         keyframes = self._need.keyframes(self._config.window_keyframes, self._generator(0))
-        return self._step(store, keyframes, 1.0, need=self._need)
+        newest_first = bool(keyframes[0] == self._need.ids[-1])
+        return self._step(store, keyframes, 1.0, newest_first=newest_first, need=self._need)
 
-    def cover(self, store: KeyframeStore) -> Bound | None:
+    def last_iterations(self, store: KeyframeStore) -> int:
+        """How often to `refine_sparse`: a fixed number for each keyframe, retired ones included, but no
+        more than for four times the kept ones."""
+        keyframes = min(store.count, _MOST_REFINED * len(store.kept()))
+        return self._config.last_iterations * keyframes
+
+    def select(self, store: KeyframeStore) -> int:
+        """Retire keyframes that show nothing of their own; returns how many."""
+        return self._selection.select(store)
+
+    def grow_bound(self, store: KeyframeStore) -> Bound | None:
         """Grow the map where a new keyframe sees past its bound; the new bound, None where it fits.
 
         Raises:
@@ -97,14 +132,15 @@ class Mapper:
         first, self._covered = self._covered, store.count
         if not self._may_grow:
             return None
-        poses = store.poses()
-        for k in range(first, self._covered):
+        new = store.kept()
+        new = new[(new >= first) & (new < self._covered)]
+        for k, T_world_cam in zip(new.tolist(), store.poses_of(new), strict=True):
             depth_m = store.frame(k).depth_m()
             wider = wanted_bound(
                 wanted,
                 depth_m,
                 store.camera,
-                poses[k],
+                T_world_cam,
                 self._bound_config,
                 self._config.max_depth_m,
             )
@@ -130,18 +166,27 @@ class Mapper:
         keyframes: np.ndarray,
         factor: float,
         *,
+        newest_first: bool,
         need: RayNeed | None = None,
+        ray_share: float = 1.0,
+        free: bool = False,
     ) -> StepReport:
         n = len(keyframes)
-        newest_first = keyframes[0] == store.count - 1
-        extra = int(self._config.rays * self._config.newest_share) if newest_first and n > 2 else 0
-        counts = np.full(n, (self._config.rays - extra) // n)
+        rays = int(self._config.rays * ray_share)
+        extra = int(rays * self._config.newest_share) if newest_first and n > 2 else 0
+        counts = np.full(n, (rays - extra) // n)
         counts[:2] += extra // 2
-        poses = store.poses()[keyframes]
+        poses = self._poses.of(store, keyframes)
         generator = self._generator(1)
-        return self._optimiser.step(
-            store, keyframes, counts, poses, generator, rate_factor=factor, need=need
-        )
+        report = self._optimiser.step(
+            store, keyframes, counts, poses, generator,
+            rate_factor=factor, with_poses=free, need=need,
+        )  # fmt: skip
+        if free:
+            self._poses.step(store, keyframes, poses, report.pose_gradient)
+        if self._notes_losses and need is None:  # by need, rays are not of the whole image
+            store.note_losses(keyframes, report.keyframe_loss)
+        return report
 
     def _generator(self, stream: int) -> np.random.Generator:
         """Depends on the step alone, so a restarted mapper goes on with the same numbers."""

@@ -13,13 +13,16 @@ class RayNeed:
     """Draws keyframes and pixels so that rays spread over the surface, not over the images.
 
     Space is cut into cells of 12 cm. A pixel's weight is one over the number of pixels, of all
-    keyframes, that measured in its cell, so all cells get as many rays: far, grazing and seldom seen
+    kept keyframes, that measured in its cell, so all cells get as many rays: far, grazing and seldom seen
     surfaces would else get hardly a ray, and those seen from near in all keyframes nearly all.
     """
 
     def __init__(self, store: KeyframeStore, max_depth_m: float) -> None:
-        poses = store.poses()
-        cells = [_cells(store, k, poses[k], max_depth_m) for k in range(len(poses))]
+        self.ids = store.kept()  # keyframes that this was made for, sorted [n] int64
+        poses = store.poses_of(self.ids)
+        cells = [
+            _cells(store, int(k), T, max_depth_m) for k, T in zip(self.ids, poses, strict=True)
+        ]
         _, cell, seen = np.unique(np.concatenate(cells), return_inverse=True, return_counts=True)
         weight = np.where(np.concatenate(cells) >= 0, 1.0 / seen[cell], 0.0)
         per_keyframe = weight.reshape(len(poses), -1)
@@ -28,20 +31,15 @@ class RayNeed:
         self._last_pixel = np.array([camera.width_px - 1, camera.height_px - 1])
         self._cumulative = np.cumsum(per_keyframe, axis=1)  # [n, pixels of every eighth]
 
-    @property
-    def keyframe_count(self) -> int:
-        """Keyframes that this was made for."""
-        return len(self._cumulative)
-
     def keyframes(self, size: int, generator: np.random.Generator) -> np.ndarray:
         """Up to `size` different keyframes, those with more to tell more often, [n] int64."""
         total = self._cumulative[:, -1]
         size = min(size, int(np.count_nonzero(total)))
-        return generator.choice(len(total), size, replace=False, p=total / total.sum())
+        return self.ids[generator.choice(len(total), size, replace=False, p=total / total.sum())]
 
     def pixels(self, keyframe: int, count: int, generator: np.random.Generator) -> np.ndarray:
         """Pixels (u, v) [count, 2] int64 of a keyframe; some may be without depth."""
-        cumulative = self._cumulative[keyframe]
+        cumulative = self._cumulative[np.searchsorted(self.ids, keyframe)]
         place = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")
         place = np.minimum(place, len(cumulative) - 1)
         corner = np.stack([place % self._columns, place // self._columns], axis=-1) * _STRIDE_PX

@@ -1,20 +1,14 @@
 """Incremental meshing: only observed space is asked, only changed blocks are asked again."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from skimage.measure import marching_cubes
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.meshing.block_surface import QueryColor, QuerySdf, block_surface
 from hsslam_node.meshing.observed_space import ObservedSpace
 from hsslam_node.meshing.weld import BlockMesh, weld_blocks
-
-QuerySdf = Callable[[np.ndarray], np.ndarray]
-"""points [N, 3] float32 m, world -> signed distance [N], any unit, positive in free space."""
-QueryColor = Callable[[np.ndarray], np.ndarray]
-"""points [N, 3] float32 m, world -> RGB [N, 3], 0..1."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +59,7 @@ class BlockMesher:
         todo = list(self._waiting)[:max_blocks]
         queries = 0
         for block in todo:
-            mesh, asked = self._mesh_block(block, query_sdf, query_color)
+            mesh, asked = block_surface(self.space, block, query_sdf, query_color)
             queries += asked
             del self._waiting[block]
             if mesh is None:
@@ -82,32 +76,3 @@ class BlockMesher:
         """
         ordered = [self._blocks[b] for b in sorted(self._blocks)]
         return weld_blocks(ordered, self.space, min_component_faces)
-
-    def _mesh_block(
-        self, block: tuple[int, int, int], query_sdf: QuerySdf, query_color: QueryColor
-    ) -> tuple[BlockMesh | None, int]:
-        """Mesh of one block, None where it has no surface, and the number of distances asked."""
-        cells = self.space.cells(block)
-        corners = np.zeros(np.add(cells.shape, 1), np.bool_)
-        for i, j, k in np.ndindex(2, 2, 2):
-            n0, n1, n2 = cells.shape
-            corners[i : i + n0, j : j + n1, k : k + n2] |= cells
-        vertices = np.argwhere(corners)
-        if len(vertices) == 0:
-            return None, 0
-        sdf = np.ones(corners.shape, np.float32)
-        sdf[corners] = query_sdf(self.space.vertex_positions(block, vertices))
-        inside = sdf[corners] < 0
-        if not inside.any() or inside.all():
-            return None, len(vertices)
-        mask = np.zeros_like(corners)  # scikit-image masks a cell at its far corner
-        mask[1:, 1:, 1:] = cells
-        try:
-            local, faces, _, _ = marching_cubes(sdf, 0.0, mask=mask)
-        except RuntimeError:  # no surface within the mask
-            return None, len(vertices)
-        color = query_color(self.space.vertex_positions(block, local))
-        rgb = np.clip(np.asarray(color) * 255.0 + 0.5, 0, 255).astype(np.uint8)
-        return BlockMesh(block, local.astype(np.float32), faces.astype(np.int64), rgb), len(
-            vertices
-        )

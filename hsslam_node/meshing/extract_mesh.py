@@ -8,7 +8,8 @@ import trimesh
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.meshing.block_mesher import BlockMesher, QueryColor, QuerySdf
+from hsslam_node.meshing.block_mesher import BlockMesher
+from hsslam_node.meshing.block_surface import QueryColor, QuerySdf
 from hsslam_node.meshing.faces_seen import faces_seen
 from hsslam_node.meshing.observed_space import ObservedSpace
 from hsslam_node.meshing.weld import kept_faces

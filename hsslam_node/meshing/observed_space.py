@@ -9,7 +9,7 @@ from hsslam_node.geometry.camera import Camera
 
 CLOSE_CELLS = 2  # marks grow by this many cells, then shrink by one: gaps close, no second skin
 CONTINUOUS = 0.04  # neighbouring pixels whose depth differs by a smaller share lie on one surface
-_HALO = CLOSE_CELLS + 1
+HALO = CLOSE_CELLS + 1
 
 
 class ObservedSpace:
@@ -34,7 +34,7 @@ class ObservedSpace:
         blocks = -(-cells // block_cells)
         self.block_count: tuple[int, int, int] = (int(blocks[0]), int(blocks[1]), int(blocks[2]))
         # A halo on every side spares all border cases. Memory is taken where marks are made.
-        self._surface = np.zeros(blocks * block_cells + 1 + 2 * _HALO, np.uint8)
+        self._surface = np.zeros(blocks * block_cells + 1 + 2 * HALO, np.uint8)
         self._occupied = np.zeros(self.block_count, np.bool_)
         self._limit = cells.astype(np.int64)  # last vertex inside the bound
         self._dirty = np.zeros(self.block_count, np.bool_)
@@ -81,7 +81,7 @@ class ObservedSpace:
 
     def cells(self, block: tuple[int, int, int]) -> np.ndarray:
         """Cells of a block whose eight vertices are near observed surface, [n, n, n] bool."""
-        cells = _observed_cells(np.ascontiguousarray(self._surface[self._slices(block)]))
+        cells = observed_cells(np.ascontiguousarray(self._surface[self._slices(block)]))
         for axis in range(3):  # no cell beyond the bound
             room = max(int(self._limit[axis]) - block[axis] * self.block_cells, 0)
             cells[(slice(None),) * axis + (slice(room, None),)] = False
@@ -101,7 +101,7 @@ class ObservedSpace:
     def _slices(self, block: tuple[int, int, int]) -> tuple[slice, slice, slice]:
         """The vertices of a block with the halo around them."""
         n = self.block_cells
-        i, j, k = (slice(n * b, n * (b + 1) + 1 + 2 * _HALO) for b in block)
+        i, j, k = (slice(n * b, n * (b + 1) + 1 + 2 * HALO) for b in block)
         return i, j, k
 
 
@@ -149,61 +149,39 @@ def _mark_vertex(p, surface, limit, dirty, block_cells):
     i2 = int(np.floor(p[2] + 0.5))
     if i0 < 0 or i1 < 0 or i2 < 0 or i0 > limit[0] or i1 > limit[1] or i2 > limit[2]:
         return
-    surface[i0 + _HALO, i1 + _HALO, i2 + _HALO] = 1
+    surface[i0 + HALO, i1 + HALO, i2 + HALO] = 1
     for i in range(
-        max((i0 - _HALO) // block_cells, 0),
+        max((i0 - HALO) // block_cells, 0),
         min((i0 + CLOSE_CELLS) // block_cells, dirty.shape[0] - 1) + 1,
     ):
         for j in range(
-            max((i1 - _HALO) // block_cells, 0),
+            max((i1 - HALO) // block_cells, 0),
             min((i1 + CLOSE_CELLS) // block_cells, dirty.shape[1] - 1) + 1,
         ):
             for k in range(
-                max((i2 - _HALO) // block_cells, 0),
+                max((i2 - HALO) // block_cells, 0),
                 min((i2 + CLOSE_CELLS) // block_cells, dirty.shape[2] - 1) + 1,
             ):
                 dirty[i, j, k] = True
 
 
-@njit(cache=True, nogil=True)
-def _window(grid, width, want_all):
-    """Any (or all) of the marks in a cube of `width`; every axis shrinks by width - 1."""
+def _window(grid: np.ndarray, width: int, combine: np.ufunc) -> np.ndarray:
+    """The marks in a cube of `width` combined; every axis shrinks by width - 1."""
     for axis in range(3):
-        n0, n1, n2 = grid.shape
-        shrink = width - 1
-        out = np.empty(
-            (
-                n0 - (shrink if axis == 0 else 0),
-                n1 - (shrink if axis == 1 else 0),
-                n2 - (shrink if axis == 2 else 0),
-            ),
-            np.uint8,
-        )
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                for k in range(out.shape[2]):
-                    value = grid[i, j, k]
-                    for step in range(1, width):
-                        if axis == 0:
-                            other = grid[i + step, j, k]
-                        elif axis == 1:
-                            other = grid[i, j + step, k]
-                        else:
-                            other = grid[i, j, k + step]
-                        if want_all:
-                            value &= other
-                        else:
-                            value |= other
-                    out[i, j, k] = value
-        grid = out
-    return grid
+        along = np.moveaxis(grid, axis, 0)
+        n = len(along) - width + 1
+        out = along[:n].copy()
+        for step in range(1, width):
+            combine(out, along[step : step + n], out=out)
+        grid = np.moveaxis(out, 0, axis)
+    return np.ascontiguousarray(grid)
 
 
-def _observed_cells(surface: np.ndarray) -> np.ndarray:
+def observed_cells(surface: np.ndarray) -> np.ndarray:
     """Cells of a block from the marks of its vertices and the halo around them."""
-    grown = _window(surface, 2 * CLOSE_CELLS + 1, False)  # one vertex of halo is left
-    vertices = _window(grown, 3, True)  # [n + 1] vertices
-    return _window(vertices, 2, True).view(np.bool_)
+    grown = _window(surface, 2 * CLOSE_CELLS + 1, np.bitwise_or)  # one vertex of halo is left
+    vertices = _window(grown, 3, np.bitwise_and)  # [n + 1] vertices
+    return _window(vertices, 2, np.bitwise_and).view(np.bool_)
 
 
 def _indices(blocks: np.ndarray) -> list[tuple[int, int, int]]:

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from numba import njit
 
 from hsslam_node.meshing.observed_space import ObservedSpace
 
@@ -58,6 +57,21 @@ def kept_faces(
     return _compact(np.asarray(mesh.vertices), faces, colors)
 
 
+def without_specks(mesh: BlockMesh, block_cells: int, min_faces: int) -> BlockMesh | None:
+    """The mesh of a block less small pieces within it; those that reach a neighbour stay; None: nothing."""
+    label = _components(mesh.faces, len(mesh.vertices))
+    at_side = ((mesh.vertices <= 0) | (mesh.vertices >= block_cells)).any(axis=1)
+    stays = np.bincount(label[mesh.faces[:, 0]], minlength=label.max() + 1) >= min_faces
+    stays[label[at_side]] = True
+    keep = stays[label[mesh.faces[:, 0]]]
+    if keep.all():
+        return mesh
+    if not keep.any():
+        return None
+    used, faces = np.unique(mesh.faces[keep], return_inverse=True)
+    return BlockMesh(mesh.block, mesh.vertices[used], faces.reshape(-1, 3), mesh.colors[used])
+
+
 def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:
     """Place of each vertex on the doubled grid, odd along its edge, as one number, [V] int64."""
     nearest = np.rint(mesh.vertices)
@@ -69,13 +83,31 @@ def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:
 
 
 def _without_small_components(faces: np.ndarray, vertex_count: int, minimum: int) -> np.ndarray:
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    graph = coo_array(
-        (np.ones(len(ends), np.bool_), (ends[:, 0], ends[:, 1])), shape=(vertex_count, vertex_count)
-    )
-    _, label = connected_components(graph, directed=False)
-    label_of_face = label[faces[:, 0]]
+    label_of_face = _components(faces, vertex_count)[faces[:, 0]]
     return faces[np.bincount(label_of_face, minlength=1)[label_of_face] >= minimum]
+
+
+@njit(cache=True, nogil=True)
+def _components(faces, vertex_count):
+    """Number [V] of the connected piece of each vertex; numbers have gaps."""
+    parent = np.arange(vertex_count)
+    for face in range(len(faces)):
+        a = _root(parent, faces[face, 0])
+        for corner in range(1, 3):
+            b = _root(parent, faces[face, corner])
+            parent[max(a, b)] = min(a, b)
+            a = min(a, b)
+    for vertex in range(vertex_count):
+        parent[vertex] = _root(parent, vertex)
+    return parent
+
+
+@njit(cache=True, nogil=True)
+def _root(parent, vertex):
+    while parent[vertex] != vertex:
+        parent[vertex] = parent[parent[vertex]]
+        vertex = parent[vertex]
+    return vertex
 
 
 def _compact(points: np.ndarray, faces: np.ndarray, colors: np.ndarray) -> trimesh.Trimesh:

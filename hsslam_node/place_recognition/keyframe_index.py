@@ -1,12 +1,13 @@
 """Which keyframes share features with an image: votes of descriptors that fall into the same cells."""
 
+import contextlib
 from collections import deque
 from functools import cache
 
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, so3_log
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.image_features import (
     DESCRIPTOR_SIZE,
     ImageFeatures,
@@ -23,23 +24,19 @@ class KeyframeIndex:
     """Features of the keyframes of a store, of those that show something new.
 
     A keyframe is left out where one within `spacing_m` and `spacing_rad` has been taken in, so
-    memory (100 kB a keyframe) and time follow the space that was seen and not the time it took;
-    beyond `most` keyframes none is added. It only reads the store: each process has its own.
+    memory (100 kB a keyframe) and time follow the space that was seen and not the time it took. A
+    keyframe that is retired goes, and those that it stood for are looked at again. The index only reads
+    the store: each process has its own.
 
     The descriptors' cells are those of random hyperplanes (Charikar 2002), the same in every index:
     no vocabulary, nothing learnt. A shared cell counts the more the fewer keyframes have it.
     """
 
     def __init__(
-        self,
-        store: KeyframeStore,
-        spacing_m: float = 0.25,
-        spacing_rad: float = 0.25,
-        most: int = 2000,
+        self, store: KeyframeStore, spacing_m: float = 0.25, spacing_rad: float = 0.25
     ) -> None:
         self._store = store
         self._spacing = spacing_m, spacing_rad
-        self._most = most
         self._seen = 0  # keyframes of the store that have been noticed
         self._pending: deque[int] = deque()  # of them those that have not been looked at
         self._features: dict[int, ImageFeatures] = {}
@@ -66,18 +63,20 @@ class KeyframeIndex:
             k = self.next_new(newest_first=newest_first)
             if k is None:
                 break
-            self.take(k, image_features(self._store.frame(k)))
+            with contextlib.suppress(RetiredKeyframeError):  # just now
+                self.take(k, image_features(self._store.frame(k)))
             taken += 1
         return taken
 
     def next_new(self, *, newest_first: bool = False) -> int | None:
         """The next keyframe that shows something new, by the poses as they are now; for `take`."""
-        count = self._store.count
-        self._pending.extend(range(self._seen, count))
-        self._seen = count
+        kept = self._store.kept()
+        self._pending.extend(kept[kept >= self._seen].tolist())
+        self._seen = max(self._seen, int(kept.max(initial=-1)) + 1)
+        self._forget_retired(kept)
         while self._pending:
             k = self._pending.pop() if newest_first else self._pending.popleft()
-            if len(self) < self._most and self._is_new(k):
+            if self._store.is_kept(k) and self._is_new(k):
                 return k
         return None
 
@@ -90,6 +89,24 @@ class KeyframeIndex:
         self._codes[row, : len(codes)] = codes
         self._keyframes_with[np.unique(codes)] += 1
         self._features[k] = features
+
+    def _forget_retired(self, kept: np.ndarray) -> None:
+        keyframes = self.keyframes
+        stays = np.isin(keyframes, kept)
+        if stays.all():
+            return
+        n = int(stays.sum())
+        for codes in self._codes[: len(keyframes)][~stays]:
+            self._keyframes_with[np.unique(codes[codes < _NOTHING])] -= 1
+        self._codes[:n] = self._codes[: len(keyframes)][stays]
+        self._codes[n : len(keyframes)] = _NOTHING
+        self._features = {int(k): self._features[int(k)] for k in keyframes[stays]}
+        again = np.zeros(len(kept), bool)
+        at = self._store.poses_of(kept)[:, :3, 3]
+        for T in self._store.poses_of(keyframes[~stays]):
+            again |= np.linalg.norm(at - T[:3, 3], axis=1) < self._spacing[0]
+        again &= ~np.isin(kept, [*self._features, *self._pending])
+        self._pending.extend(kept[again].tolist())
 
     def features(self, k: int) -> ImageFeatures:
         """Features of keyframe k, computed now where it was not taken in."""
@@ -123,7 +140,7 @@ class KeyframeIndex:
             return True
         T_cam_world = inverse(self._store.pose(k))
         near_m, near_rad = self._spacing
-        relative = T_cam_world @ self._store.poses()[self.keyframes]  # [n, 4, 4]
+        relative = T_cam_world @ self._store.poses_of(self.keyframes)  # [n, 4, 4]
         for T in relative[np.linalg.norm(relative[:, :3, 3], axis=1) < near_m]:
             if np.linalg.norm(so3_log(T[:3, :3])) < near_rad:
                 return False

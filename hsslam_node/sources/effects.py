@@ -1,4 +1,4 @@
-"""Sources that alter the frames of another: their size, their exposure, the noise of their depth."""
+"""Sources that alter the frames of another: size, exposure, noise of the depth, stamps."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -29,14 +29,30 @@ class ChangedSource(ABC):
         self.frame_count = source.frame_count
         self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """The frames of the other source, changed."""
-        for frame in self._source.frames():
+        for frame in self._source.frames(first):
             yield frame if isinstance(frame, BadFrame) else self.changed(frame)
 
     @abstractmethod
     def changed(self, frame: Frame) -> Frame:
         """This frame as the source delivers it."""
+
+
+class Restamped(ChangedSource):
+    """A source whose frames come more than once, stamped as by a camera that never stopped: n / rate."""
+
+    def __init__(self, source: Source) -> None:
+        super().__init__(source, "played again")
+
+    def changed(self, frame: Frame) -> Frame:
+        """The frame at its time."""
+        return replace(frame, stamp_ns=running_stamp_ns(frame.index, self.rate_hz))
+
+
+def running_stamp_ns(index: int, rate_hz: float) -> int:
+    """Stamp of frame `index` of a source that is played again, ns."""
+    return round(index * 1e9 / rate_hz)
 
 
 class Downscaled(ChangedSource):

@@ -49,6 +49,10 @@ def _plain_source(
         raise unknown_source(spec, rows)
     if row.opener is None:
         raise UserError(f"source {spec}: its frames come over the bus, there is nothing to open")
+    if options.reorders and row.only_forwards:
+        raise UserError(
+            f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
+        )
     opener = imported(row.opener)
     if row.is_live:
         return opener(source_name(spec), options, should_stop)
@@ -56,7 +60,11 @@ def _plain_source(
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:
-    """The source with the noise, the changes of exposure and the size that the options ask for."""
+    """The source with the stamps, noise, changes of exposure and size that the options ask for."""
+    if options.reorders:
+        from hsslam_node.sources.effects import Restamped
+
+        source = Restamped(source)
     if options.noise == "kinect":
         from hsslam_node.sources.effects import KinectNoise
 

@@ -188,13 +188,19 @@ class SourceOptions:
     seed: int = 0
     """Seed of noise and exposure."""
     start: int = 0
-    """Leave out so many frames at the beginning."""
+    """Leave out this many frames at the beginning."""
     stride: int = 1
     """Use every n-th frame of the others."""
     frames: int | None = None
     """Use at most this many frames."""
+    to_and_fro: int = 1
+    """Play the frames this many times, every second time backwards."""
+    hold_at: int = 0
+    """Number of the frame that is held."""
+    hold_frames: int = 0
+    """Show that frame this many times more, as a camera that stands still."""
     downscale: int = 1
-    """Make images so many times smaller along each side."""
+    """Make images smaller by this factor along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
@@ -209,6 +215,9 @@ class SourceOptions:
         _expect_range("seed", self.seed, 0, 2**31 - 1)
         _expect_range("start", self.start, 0, 1_000_000_000)
         _expect_range("stride", self.stride, 1, 1_000_000)
+        _expect_range("to-and-fro", self.to_and_fro, 1, 10_000)
+        _expect_range("hold-at", self.hold_at, 0, 1_000_000_000)
+        _expect_range("hold-frames", self.hold_frames, 0, 10_000_000)
         _expect_range("downscale", self.downscale, 1, 16)
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
@@ -219,10 +228,30 @@ class SourceOptions:
         given = [option.name for option in fields(SourceOptions) if hasattr(options, option.name)]
         return cls(**{name: getattr(options, name) for name in given})
 
+    @property
+    def reorders(self) -> bool:
+        """Whether frames come more than once: stamps then run on, see `Restamped`."""
+        return self.to_and_fro > 1 or self.hold_frames > 0
+
     def selected(self, count: int) -> Sequence[int]:
-        """Which of `count` frames are used; ground truth and source select alike."""
-        chosen = range(self.start, count, self.stride)
+        """Which of `count` frames are used, in this order; ground truth and source select alike."""
+        chosen: Sequence[int] = range(self.start, count, self.stride)
+        if self.reorders:
+            chosen = self._held(_to_and_fro(chosen, self.to_and_fro))
         return chosen if self.frames is None else chosen[: self.frames]
+
+    def _held(self, chosen: list[int]) -> list[int]:
+        held = chosen[self.hold_at : self.hold_at + 1] * self.hold_frames
+        return [*chosen[: self.hold_at], *held, *chosen[self.hold_at :]]
+
+
+def _to_and_fro(rows: Sequence[int], times: int) -> list[int]:
+    """The rows forwards, backwards, forwards ...; those at the turns come once."""
+    order = list(rows)
+    back, forth = order[-2::-1], order[1:]
+    for turn in range(1, times):
+        order += back if turn % 2 else forth
+    return order
 
 
 def _expect_range(option: str, value: float, low: float, high: float) -> None:

@@ -1,5 +1,6 @@
 """Intel RealSense cameras: `--source realsense`."""
 
+import contextlib
 import importlib
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +14,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, SourceLostError
 
 _WAIT_MS = 200
 _SILENCE_S = 5.0
@@ -60,12 +61,13 @@ class RealsenseSource:
         self.frame_count: int | None = options.frames
         self.depth_units_per_m = 1.0 / float(scale_m)
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; every 5 s without one as a `BadFrame`."""
         try:
             yield from selected_live(self._live(), self._options)
         finally:
-            self._pipeline.stop()
+            with contextlib.suppress(RuntimeError):  # of a camera that is unplugged
+                self._pipeline.stop()
 
     def _live(self) -> Iterator[Frame | BadFrame]:
         heard_s = time.monotonic()
@@ -76,9 +78,17 @@ class RealsenseSource:
                 yield self._frame(self._align.process(images))
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s = time.monotonic()
-                yield BadFrame(
-                    0, time.time_ns(), f"nothing for {_SILENCE_S:g} s: see the USB cable"
-                )
+                text = f"nothing for {_SILENCE_S:g} s: see the USB cable"
+                yield BadFrame(0, time.time_ns(), text)
+                if not self._is_plugged_in():
+                    raise SourceLostError("source realsense: the camera is unplugged")
+
+    def _is_plugged_in(self) -> bool:
+        try:
+            expect_realsense(self._options.realsense.serial)
+        except UserError:
+            return False
+        return True
 
     def _frame(self, images: Any) -> Frame | BadFrame:
         color, depth = images.get_color_frame(), images.get_depth_frame()

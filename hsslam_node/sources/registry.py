@@ -61,6 +61,7 @@ SOURCES = (
         opener="hsslam_node.sources.realsense:open_realsense",
         only_examples=True,
         is_live=True,
+        only_forwards=True,
         check="hsslam_node.sources.realsense:check_realsense",
     ),
 )

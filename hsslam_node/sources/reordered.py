@@ -31,12 +31,14 @@ class Reordered:
         self.frame_count: int | None = len(self._order)
         self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """The frames in the new order; what could not be read stays a `BadFrame`."""
-        last_use = {k: n for n, k in enumerate(self._order)}
+        order = self._order[first:]
+        last_use = {k: n for n, k in enumerate(order, first)}
+        earliest = min(order, default=0)
         kept: dict[int, Frame | BadFrame] = {}
-        arriving = enumerate(self._source.frames())
-        for n, wanted in enumerate(self._order):
+        arriving = enumerate(self._source.frames(earliest), earliest)
+        for n, wanted in enumerate(order, first):
             while wanted not in kept:
                 at, frame = next(arriving, (None, None))
                 if at is None or frame is None:

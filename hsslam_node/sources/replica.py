@@ -1,6 +1,5 @@
 """Sequences in Replica layout."""
 
-import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_replica_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader, read_matrices
@@ -36,9 +36,7 @@ class ReplicaFolder:
         Raises:
             UserError: not on disk.
         """
-        data = os.environ.get("HSSLAM_DATA")
-        candidates = [Path(name).expanduser(), *([Path(data) / name] if data else [])]
-        for path in candidates:
+        for path in possible_places(name):
             if path.is_dir():
                 return cls(path)
         raise UserError(

@@ -1,7 +1,7 @@
 """ScanNet scenes: exported frames, or a `.sens` recording read frame by frame."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 import cv2
 import numpy as np
@@ -14,6 +14,7 @@ from hsslam_node.sources.files.image_files import (
     BadImageError,
     decode_color,
     read_any_color,
+    read_any_depth,
     read_depth,
 )
 from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
@@ -46,11 +47,12 @@ class ScanNetSource:
         self.rate_hz = RATE_HZ / options.stride
         self.frame_count: int | None = len(self._rows)
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """Every frame; one that cannot be read comes as a `BadFrame`."""
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Every frame from `first` on; one that cannot be read comes as a `BadFrame`."""
         with ExitStack() as stack:
             read = self._reader(stack)
-            for index, (row, stamp_ns) in enumerate(zip(self._rows, self._stamps_ns, strict=True)):
+            for index in range(first, len(self._rows)):
+                row, stamp_ns = self._rows[index], self._stamps_ns[index]
                 try:
                     color, depth = read(row)
                 except BadImageError as error:
@@ -144,9 +146,9 @@ def _depth_size(scene: ScanNetScene) -> tuple[int, int]:
     """Width and height of the first depth image that can be read."""
     assert scene.folder is not None
     for _, _, depth_file in scene.folder.files:
-        image = cv2.imread(str(depth_file), cv2.IMREAD_UNCHANGED) if depth_file.exists() else None
-        if image is not None:
-            return image.shape[1], image.shape[0]
+        with suppress(BadImageError):
+            height, width = read_any_depth(depth_file).shape
+            return width, height
     raise UserError(f"{scene.path}/depth: no image can be read: expected 0.png and so on")
 
 

@@ -1,6 +1,5 @@
 """Sequences of 7-Scenes: `frame-000000.color.png`, `.depth.png` and `.pose.txt` in one folder."""
 
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,6 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
@@ -44,9 +44,9 @@ class SevenScenesSource(ImagePairSource):
         super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
         self.rate_hz = RATE_HZ / options.stride
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Every frame; a pixel of 65535, which means no depth here, becomes 0."""
-        for item in super().frames():
+        for item in super().frames(first):
             if isinstance(item, Frame):
                 depth = np.where(item.depth_raw == _NO_DEPTH, np.uint16(0), item.depth_raw)
                 item = replace(item, depth_raw=depth)
@@ -68,8 +68,7 @@ def seven_scenes_truth(name: str, options: SourceOptions) -> Truth | None:
 
 
 def _find(name: str) -> Path:
-    data = os.environ.get("HSSLAM_DATA")
-    for path in (Path(name).expanduser(), *([Path(data) / name] if data else [])):
+    for path in possible_places(name):
         if path.is_dir():
             return path
     raise UserError(

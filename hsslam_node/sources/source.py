@@ -17,9 +17,16 @@ class Source(Protocol):
     frame_count: int | None  # None: not known in advance
     depth_units_per_m: float
 
-    def frames(self) -> "Iterator[Frame | BadFrame]":
-        """Frames in order of their stamps; what cannot be read comes as a `BadFrame`."""
+    def frames(self, first: int = 0) -> "Iterator[Frame | BadFrame]":
+        """Frames in order of their stamps; what cannot be read comes as a `BadFrame`.
+
+        `first`: how many are left out, without being decoded; a live camera takes no notice.
+        """
         ...
+
+
+class SourceLostError(Exception):
+    """A live camera that gave frames is gone, perhaps for a while; the text is one line."""
 
 
 @dataclass(frozen=True)

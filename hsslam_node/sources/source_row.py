@@ -29,6 +29,10 @@ class SourceRow:
     """True: nothing but the examples; False: any name after the colon."""
     is_live: bool = False
     """True: frames come on the camera's own clock, and a frame that is not taken is gone."""
+    needs_port: bool = False
+    """True: programs outside the run send the frames, so its router listens on a port."""
+    only_forwards: bool = False
+    """True: its frames cannot be played backwards or held; so it is with every live camera."""
     check: str | None = None
     """Import path of `(name, options)`; raises UserError if a live camera cannot be there. Opens nothing."""
     looks_like: Callable[[Path], bool] = lambda path: False
@@ -90,6 +94,11 @@ def unknown_source(spec: str, rows: Sequence[SourceRow]) -> UserError:
 def has_names(*choices: tuple[str, ...]) -> Callable[[Path], bool]:
     """For `looks_like`: a folder that holds all names of one of the choices."""
     return lambda path: any(all((path / name).exists() for name in names) for names in choices)
+
+
+def has_files(pattern: str) -> Callable[[Path], bool]:
+    """For `looks_like`: a folder with a file whose name fits the pattern."""
+    return lambda path: path.is_dir() and any(path.glob(pattern))
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:

@@ -34,13 +34,14 @@ class SynthSource:
         self.frame_count: int | None = len(self._poses)
         self.depth_units_per_m = _UNITS_PER_M
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """Every frame; the first call builds the textures (seconds) unless they are in the cache."""
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Every frame from `first` on; the first call builds the textures (seconds), unless they are in the
+        cache."""
         from hsslam_node.synth.rendering.renderer import Renderer  # imports numba and OpenCV
 
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
-        for index, row in enumerate(self._rows):
-            color, depth = renderer.render(self._poses[index], row)
+        for index in range(first, len(self._rows)):
+            color, depth = renderer.render(self._poses[index], self._rows[index])
             stamp_ns = int(self._stamps_ns[index])
             yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M)
 

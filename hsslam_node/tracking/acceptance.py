@@ -49,9 +49,9 @@ def quality(alignment: Alignment) -> float:
 
 
 def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
-    """To the map; where that lags behind or somebody stands before it, to the reference keyframe alone.
+    """To the map; if that lags behind or a person stands before it, to the reference keyframe alone.
 
-    Before there is a map, enough points must meet the keyframe: any few fit some surface. Somebody may
+    Before there is a map, enough points must meet the keyframe: any few fit some surface. A person may
     cover much of the keyframe, too: a camera that was tracked until now needs less of it.
     """
     coverage = config.lag_coverage if after_gap else config.relocalisation_coverage
@@ -104,7 +104,7 @@ def _is_near(T_world_cam: np.ndarray, prediction: np.ndarray) -> bool:
     return bool(np.linalg.norm(step[:3, 3]) < _EXPECTED_M and turn_rad < _EXPECTED_RAD)
 
 
-_THIN_COVERAGE = 0.45  # of a frame's points: little, as where somebody stands before the camera
+_THIN_COVERAGE = 0.45  # of a frame's points: little, as with a person before the camera
 _LESS = 0.85  # than it was
 
 

@@ -14,7 +14,7 @@ from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, ad
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
-from hsslam_node.tracking.sdf_term import CpuSdfTerm, SdfTerm
+from hsslam_node.tracking.sdf_term import CpuSdfTerm, SdfEvidence, SdfTerm
 
 LEVER_M = 2.0  # a rotation counts as the way of what is so far away
 
@@ -194,7 +194,7 @@ class _Problem:
         centre = T[:3, 3].copy()
         # the map is asked last, and first only where there is no keyframe to lead the way
         if self._sdf_term and (fine or self._reference is None):
-            found = self._sdf_term.add(T, world, fine, system.H, system.b)
+            found = self._add_sdf_term(T, world, fine, system)
             system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
             system.outside = n - found.seen
         if self._reference and c.surface_weight > 0:
@@ -217,6 +217,20 @@ class _Problem:
             )  # fmt: skip
         system.H[_LOWER] = system.H.T[_LOWER]
         return system
+
+    def _add_sdf_term(
+        self, T: np.ndarray, world: np.ndarray, fine: bool, system: _System
+    ) -> SdfEvidence:
+        """Add what the map says, by its weight; in full if there is no keyframe."""
+        assert self._sdf_term is not None
+        weight = self._config.sdf_weight if self._reference else 1.0
+        if weight == 1.0:
+            return self._sdf_term.add(T, world, fine, system.H, system.b)
+        H, b = np.zeros_like(system.H), np.zeros_like(system.b)
+        found = self._sdf_term.add(T, world, fine, H, b)
+        system.H += weight * H
+        system.b += weight * b
+        return found
 
 
 def _ratio(part: int, whole: int) -> float:

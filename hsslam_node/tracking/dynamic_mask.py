@@ -16,7 +16,7 @@ _MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # in front of what was seen by so much, wi
 _FEWEST_CELLS = 12  # of a thing
 _LARGEST_SHARE = 0.6  # of the image; more is a wrong pose
 _STEP = 0.05  # cells of one thing differ by less, of their depth
-_SPACES, _EVERY = 8, 2  # keyframes that tell what has moved, one of so many
+_SPACES, _EVERY = 8, 2  # keyframes that show what has moved; every second one
 
 
 class DynamicMask:
@@ -104,7 +104,7 @@ def _compared(
 
 
 def _things(seeds: np.ndarray, unknown: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Seeds that hang together, grown over cells that nobody has seen and that continue their depth."""
+    """Seeds that hang together, grown over unseen cells and that continue their depth."""
     count, label, stats, _ = cv2.connectedComponentsWithStats(seeds.astype(np.uint8))
     large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= _FEWEST_CELLS) + 1
     mask = np.isin(label, large) if count > 1 else np.zeros(seeds.shape, bool)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.dense_agreement import DenseAgreement, dense_agreement
 from hsslam_node.place_recognition.geometric_match import GeometricMatch, geometric_match
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
@@ -63,13 +63,18 @@ def find_loop(
         among: ids [n] that may be matched, as keyframes long past; None: all but the query itself.
     """
     is_keyframe = isinstance(query, int | np.integer)
+    if is_keyframe and not store.is_kept(int(query)):
+        return []
     frame = store.frame(int(query)) if is_keyframe else query
     features = index.features(int(query)) if is_keyframe else image_features(frame)
     matches = []
     for k, _ in index.similar(features, candidates + is_keyframe, among):
         if is_keyframe and k == query:
             continue
-        match = match_keyframe(store, index, frame, features, k, config, limits, seed)
+        try:
+            match = match_keyframe(store, index, frame, features, k, config, limits, seed)
+        except RetiredKeyframeError:  # just now
+            continue
         if match is not None:
             matches.append(match)
     return sorted(matches, key=lambda m: -m.inliers)

@@ -1,6 +1,8 @@
 """The newest published map, as the tracker reads it on the CPU or on a GPU."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,15 +18,29 @@ if TYPE_CHECKING:  # a CPU process imports neither torch nor Triton for this
     from hsslam_node.gpu_kernels.field.layout import GpuLayout
 
 
+class TornMapError(Exception):
+    """The map was overwritten while it was read: what came of it is of no version."""
+
+
+def _never_written() -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class MapView:
-    """One version of the map."""
+    """One version of the map. `is_intact`: whether no later one has begun to overwrite its parameters."""
 
     version: int
     layout: KernelLayout
     params: np.ndarray  # [P] float32, used in place
     truncation_m: float
     on_device: "DeviceMap | None" = None  # its copy on a GPU, which is asked instead
+    is_intact: Callable[[], bool] = _never_written
+
+    def expect_intact(self) -> None:
+        """Raises TornMapError if the parameters are overwritten, or were since they were current."""
+        if not self.is_intact():
+            raise TornMapError(f"version {self.version} of the map was overwritten")
 
 
 @dataclass(frozen=True)
@@ -66,8 +82,21 @@ class MapViews:
                 break
         if self._view is None or self._view.version != version:
             truncation_m = self._parameters.layout.config.truncation_m
-            self._view = MapView(version, self._layout, params, truncation_m, self._on_device)
+            is_intact = partial(self._parameters.is_intact, version)
+            if self._on_device is not None:  # its copy is whole
+                is_intact = _never_written
+            self._view = MapView(
+                version, self._layout, params, truncation_m, self._on_device, is_intact
+            )
         return self._view
+
+    def copied(self) -> MapView | None:
+        """The same with parameters of its own, which nothing overwrites (about 5 ms)."""
+        while (view := self.newest()) is not None:
+            own = replace(view, params=view.params.copy(), is_intact=_never_written)
+            if view.is_intact():
+                return own
+        return None
 
     def _open(self) -> None:
         """Start anew over the bound of now."""

@@ -25,7 +25,7 @@ class FrameTracker(Protocol):
         ...
 
     def settle(self) -> None:
-        """What can be done before the next frame comes; `track` does it where nobody calls this."""
+        """What can be done before the next frame comes; `track` does it if the caller does not call this."""
         ...
 
 

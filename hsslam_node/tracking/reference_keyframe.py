@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
-from hsslam_node.map.depth_noise import EXACT_NOISE, depth_noise
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
@@ -164,16 +164,18 @@ def covering_keyframe(
     points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
     if len(points) == 0:
         return current
-    poses = store.poses()
+    ids = store.kept()
+    poses = store.poses_of(ids)
     relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
     cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
     away = np.linalg.norm(relative[:, :3, 3], axis=1)
     away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
-    best, most = current, _shown(store, current, poses[current], points) + _CLEARLY
-    for k in np.argsort(away, kind="stable")[:_CANDIDATES]:
-        share = _shown(store, int(k), poses[k], points)
+    best, most = current, _shown(store, current, store.pose(current), points) + _CLEARLY
+    for i in np.argsort(away, kind="stable")[:_CANDIDATES]:
+        k = int(ids[i])
+        share = _shown(store, k, poses[i], points)
         if k != current and share > most:
-            best, most = int(k), share
+            best, most = k, share
     return best
 
 
@@ -183,6 +185,9 @@ def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.nda
     u, v, z = project(points, camera, inverse(T_world_key))
     u, v = np.round(u).astype(int), np.round(v).astype(int)
     inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
-    depth_raw = store.pixels(k)[1][v[inside], u[inside]]
+    try:
+        depth_raw = store.pixels(k)[1][v[inside], u[inside]]
+    except RetiredKeyframeError:
+        return 0.0
     gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])
     return float(((depth_raw > 0) & (gap < _MARGIN_M + _MARGIN_SLOPE * z[inside])).sum()) / len(z)

@@ -11,7 +11,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_log
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
@@ -58,7 +58,7 @@ class Relocalisation:
             return
         self._join()
         k = self._index.next_new()
-        if k is not None:
+        if k is not None and self._store.is_kept(k):
             self._pending = k, self._beside.submit(image_features, self._store.frame(k))
 
     def observe_all(self) -> None:
@@ -82,7 +82,10 @@ class Relocalisation:
         if not matches or not _is_clear(matches, T_world_cam):
             return
         k = self._nearest(T_world_cam[0])
-        reference = stored_reference(self._store, k, self._config.photometric_pixels)
+        try:
+            reference = stored_reference(self._store, k, self._config.photometric_pixels)
+        except RetiredKeyframeError:  # just now: the next frame finds another
+            return
         yield Place(T_world_cam[0], reference)
 
     def _join(self) -> None:
@@ -93,11 +96,12 @@ class Relocalisation:
             self._index.take(k, features.result())
 
     def _nearest(self, T_world_cam: np.ndarray) -> int:
-        """The keyframe that stands most like the camera, the oldest of equals."""
-        relative = inverse(T_world_cam) @ self._store.poses()  # [n, 4, 4]
+        """The kept keyframe that stands most like the camera, the oldest of equals."""
+        ids = self._store.kept()
+        relative = inverse(T_world_cam) @ self._store.poses_of(ids)  # [n, 4, 4]
         away = np.linalg.norm(relative[:, :3, 3], axis=1)
         turned = np.array([np.linalg.norm(so3_log(T[:3, :3])) for T in relative])
-        return int(np.argmin(away + _TURN_M_PER_RAD * turned))
+        return int(ids[np.argmin(away + _TURN_M_PER_RAD * turned)])
 
 
 def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:

@@ -95,7 +95,11 @@ class RenderingTracker:
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
     ) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
+        """Pose of the frame; a keyframe is appended to the store where one is due and wanted.
+
+        Raises:
+            TornMapError: as in `Tracker`.
+        """
         self._localise_only = localise_only
         self._store.expect_like(frame)
         points = frame_points(frame, self._config, self._seed)
@@ -109,6 +113,7 @@ class RenderingTracker:
             for guess in (prediction, T_last):
                 T = descend(objective, guess, self._slam.rendering_tracker)
                 fit = surface_fit(points, T, view, self._config)
+                view.expect_intact()
                 if self._is_good(fit, T, guess):
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
@@ -144,7 +149,7 @@ class RenderingTracker:
     def _accept(self, frame: Frame, T: np.ndarray, fit: SurfaceFit, version: int) -> TrackResult:
         self._since_keyframe += 1
         is_due = self._since_keyframe >= self._slam.keyframes.every_frames
-        is_keyframe = is_due and not self._localise_only
+        is_keyframe = is_due and not self._localise_only and self._store.has_room()
         if is_keyframe:
             self._since_keyframe = 0
             k, T_keyframe_cam = self._store.append(frame, T), np.eye(4)

@@ -37,7 +37,7 @@ def predicted_pose(
 ) -> np.ndarray:
     """T_world_cam [4, 4] at stamp_ns by constant SE(3) velocity; at rest without a frame before.
 
-    longest: the last motion is carried on at most so many times its own length.
+    longest: the last motion is extrapolated to at most this many times its own length.
     """
     T_last = last.pose(store)
     if before is None:

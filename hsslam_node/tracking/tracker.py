@@ -9,6 +9,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.acceptance import (
     is_acceptable,
     is_confirmed,
@@ -19,7 +20,7 @@ from hsslam_node.tracking.acceptance import (
 )
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
 from hsslam_node.tracking.dynamic_mask import DynamicMask
-from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.map_view import MapView, TornMapError
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.reference_keyframe import (
     PyramidLevel,
@@ -62,6 +63,8 @@ class Tracker:
         self._relocalisation = Relocalisation(config.tracker, store, seed)
         self._exposure = Exposure()  # of the last good frame against the reference
         self._dynamic = DynamicMask(store)
+        self._still = StillCamera(store, config.keyframes.still)
+        self._aligned_at = np.eye(4), 0  # pose of the reference and its version, in the alignment
         self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
         self._since_keyframe = 0
         self._lost_frames = 0
@@ -89,6 +92,9 @@ class Tracker:
         """Pose of the frame; a keyframe is appended to the store where one is due.
 
         `localise_only`: none is, and the keyframes that there are serve as references.
+
+        Raises:
+            TornMapError: the map was overwritten meanwhile; nothing has changed, track again.
         """
         self.settle()
         self._localise_only = localise_only
@@ -100,13 +106,17 @@ class Tracker:
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
         before = self._reference, self._exposure, self._coverage
-        for guess in self._guesses(frame, prediction, after_gap=expected is None):
-            best = self._try(points, levels, guess, view)
-            good = self._is_good(best, guess, frame.stamp_ns)
-            if good and self._reference is before[0]:  # else a place, which has been checked
-                good = self._is_confirmed(best, expected, frame)
-            if good:
-                return self._accept(frame, levels, best, view)
+        try:
+            for guess in self._guesses(frame, prediction, after_gap=expected is None):
+                best = self._try(points, levels, guess, view)
+                good = self._is_good(best, guess, frame.stamp_ns)
+                if good and self._reference is before[0]:  # else a place, which has been checked
+                    good = self._is_confirmed(best, expected, frame)
+                if good:
+                    return self._accept(frame, levels, best, view)
+        except TornMapError:
+            self._reference, self._exposure, self._coverage = before
+            raise
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
 
@@ -156,10 +166,15 @@ class Tracker:
     ) -> Alignment | None:  # fmt: skip
         if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
+        version = self._store.pose_version
         T_world_ref = self._store.pose(self._reference.id)
-        return align(
+        self._aligned_at = T_world_ref, version
+        found = align(
             points, levels, T, view, self._reference, T_world_ref, self._config, self._exposure
         )
+        if view is not None:
+            view.expect_intact()
+        return found
 
     def _is_good(self, alignment: Alignment | None, prediction: np.ndarray, stamp_ns: int) -> bool:
         assert self._last is not None
@@ -186,20 +201,14 @@ class Tracker:
         view: MapView | None,
     ) -> TrackResult:  # fmt: skip
         assert alignment is not None and self._reference is not None
-        T = orthonormal(alignment.T_world_cam)
+        T, version = self._followed(orthonormal(alignment.T_world_cam))
         self._since_keyframe += 1
         self._coverage = max(self._coverage, alignment.surface_coverage)
-        is_keyframe = not self._localise_only and (
-            self._since_keyframe >= self._slam.keyframes.every_frames
-            or (
-                self._since_keyframe >= _FEWEST_BETWEEN
-                and is_left_behind(alignment, self._coverage, self._config)
-            )
-        )
+        is_keyframe = self._is_keyframe(alignment, T, levels)
         if is_keyframe:
             self._since_keyframe = 0
             still = self._dynamic.left_out(frame, T)
-            k = self._store.append(still, T)
+            k = self._store.append(still, T, version)
             self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
         else:
@@ -225,6 +234,32 @@ class Tracker:
             residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
             is_keyframe=is_keyframe, outside=alignment.outside,
         )  # fmt: skip
+
+    def _followed(self, T: np.ndarray) -> tuple[np.ndarray, int]:
+        """An aligned pose [4, 4], and the pose version that it is of: now, if the reference was corrected
+        meanwhile."""
+        assert self._reference is not None
+        then, version = self._aligned_at
+        newest = self._store.pose_version
+        if newest == version:
+            return T, version
+        now = self._store.pose(self._reference.id)
+        return (T if (now == then).all() else orthonormal(now @ inverse(then) @ T)), newest
+
+    def _is_keyframe(
+        self, alignment: Alignment, T: np.ndarray, levels: tuple[PyramidLevel, ...]
+    ) -> bool:
+        """Whether the frame is due as a keyframe, there is room for it, and the camera does not stand
+        still."""
+        if self._localise_only:
+            return False
+        is_left = self._since_keyframe >= _FEWEST_BETWEEN and is_left_behind(
+            alignment, self._coverage, self._config
+        )
+        is_due = is_left or self._since_keyframe >= self._slam.keyframes.every_frames
+        if not is_due or not self._store.has_room():
+            return False
+        return not self._still.has_enough(T, levels[0].grey) or is_left
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
         assert self._last is not None

@@ -36,7 +36,7 @@ class Rejected:
     """Why a payload was not read, in one line for the operator."""
 
     topic: str
-    reason: Literal["encoding", "schema", "version", "size", "attachment", "malformed"]
+    reason: Literal["encoding", "schema", "version", "size", "attachment", "malformed", "sequence"]
     text: str
 
 

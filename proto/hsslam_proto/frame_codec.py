@@ -9,11 +9,15 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.image_header import image_header
 from hsslam_proto import messages
 
 
-def frame_message(frame: Frame, stamp_ns: int) -> messages.Frame:
-    """The frame as an uncompressed message that shares its arrays; `stamp_ns`: wall clock."""
+def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.Frame:
+    """The frame as an uncompressed message that shares its arrays; `stamp_ns`: wall clock.
+
+    `publisher`: number of the camera, from `new_publisher`; 0: it has none.
+    """
     camera = frame.camera
     return messages.Frame(
         index=frame.index,
@@ -28,6 +32,7 @@ def frame_message(frame: Frame, stamp_ns: int) -> messages.Frame:
         color=np.ascontiguousarray(frame.color).data.cast("B"),
         depth=np.ascontiguousarray(frame.depth_raw, "<u2").data.cast("B"),
         depth_units_per_m=frame.depth_units_per_m,
+        publisher=publisher,
     )
 
 
@@ -57,9 +62,10 @@ def color_image(message: messages.Frame) -> np.ndarray:
         return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
     import cv2
 
+    expect_headers(message)
     image = _imdecode(message.color, cv2.IMREAD_COLOR)
     if image is None or image.shape[:2] != _size(message):
-        raise _not_an_image(message, "color", message.color_encoding.upper(), image)
+        raise _not_an_image(message, "color", message.color_encoding.upper(), _found(image))
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
@@ -70,10 +76,37 @@ def depth_image(message: messages.Frame) -> np.ndarray:
         return np.frombuffer(message.depth, "<u2").reshape(_size(message))
     import cv2
 
+    expect_headers(message)
     image = _imdecode(message.depth, cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.shape != _size(message):
-        raise _not_an_image(message, "depth", "16-bit PNG", image)
+        raise _not_an_image(message, "depth", "16-bit PNG", _found(image))
     return image
+
+
+def expect_headers(message: messages.Frame) -> None:
+    """Look at the headers of compressed images, without decoding them.
+
+    Raises:
+        UserError: an image is of another kind or size than the message says, or a depth of other pixels.
+    """
+    for field, encoding in (("color", message.color_encoding), ("depth", message.depth_encoding)):
+        if encoding not in ("jpeg", "png"):
+            continue
+        header = image_header(getattr(message, field))
+        kind = encoding.upper() if field == "color" else "16-bit PNG"
+        if header is None:
+            raise _not_an_image(message, field, kind, "unreadable")
+        is_meant = header.kind == encoding and {header.width_px, header.height_px} == set(
+            _size(message)
+        )
+        if field == "depth":
+            is_meant &= (header.channels, header.bits) == (1, 16)
+        if not is_meant:
+            size = f"{header.width_px}x{header.height_px}"
+            found = (
+                f"a {header.kind.upper()} of {size}, {header.bits} bit, {header.channels} channels"
+            )
+            raise _not_an_image(message, field, kind, found)
 
 
 def _owned(view: np.ndarray) -> np.ndarray:
@@ -94,15 +127,18 @@ def _imdecode(data: memoryview, flags: int) -> Any:
         return None
 
 
-def _not_an_image(message: messages.Frame, field: str, kind: str, image: Any) -> UserError:
-    found = "unreadable" if image is None else f"{image.dtype}{list(image.shape)}"
+def _found(image: Any) -> str:
+    return "unreadable" if image is None else f"{image.dtype}{list(image.shape)}"
+
+
+def _not_an_image(message: messages.Frame, field: str, kind: str, found: str) -> UserError:
     height, width = _size(message)
     return UserError(
         f"in/frame {message.index}: {field} is {found}: expected a {kind} of {width}x{height}"
     )
 
 
-def restamped(frame: messages.Frame) -> messages.Frame:
-    """The frame as if the sensor took it now, so that latencies are those of the replay; the stamp of
+def restamped(frame: messages.Frame, publisher: int) -> messages.Frame:
+    """The frame as if this camera took it now, so that latencies are those of the replay; the stamp of
     the source, which goes into trajectories, stays."""
-    return msgspec.structs.replace(frame, stamp_ns=time.time_ns())
+    return msgspec.structs.replace(frame, stamp_ns=time.time_ns(), publisher=publisher)

@@ -4,21 +4,21 @@ from hsslam_proto.messages import Message
 
 
 class EpochOrder:
-    """Follows the number `world` of messages, in whatever order they come.
+    """Follows the number `map_epoch` of messages, in whatever order they come.
 
-    `now`: the newest world. Messages without a number, as frames and events, are of any.
+    `now`: the newest map epoch. Messages without a number, as frames and events, are of any.
     """
 
     def __init__(self) -> None:
         self.now = 0
 
     def begins_with(self, message: Message) -> bool:
-        """Whether the message is the first of a new world."""
-        world = getattr(message, "world", self.now)
-        is_first = world > self.now
-        self.now = max(world, self.now)
+        """Whether the message is the first of a new map epoch."""
+        map_epoch = getattr(message, "map_epoch", self.now)
+        is_first = map_epoch > self.now
+        self.now = max(map_epoch, self.now)
         return is_first
 
     def is_past(self, message: Message) -> bool:
-        """Whether the message is of a world that has ended."""
-        return getattr(message, "world", self.now) < self.now
+        """Whether the message is of a map epoch that has ended."""
+        return getattr(message, "map_epoch", self.now) < self.now

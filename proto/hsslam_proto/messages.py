@@ -7,10 +7,13 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from hsslam_proto.frame_order import LARGEST_INDEX
+
 Real = Annotated[float, Meta(ge=-1e30, le=1e30)]  # finite: nan and inf are no readings
 Vector = tuple[Real, Real, Real]
 Quaternion = tuple[Real, Real, Real, Real]
 Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+FrameIndex = Annotated[int, Meta(ge=0, le=LARGEST_INDEX)]
 StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 SizePx = Annotated[int, Meta(ge=1, le=8192)]
 Name = Annotated[str, Meta(max_length=64)]
@@ -36,9 +39,13 @@ class Frame(Message, frozen=True, kw_only=True):
     `stamp_ns` is the wall clock of the sensor, `source_stamp_ns` the stamp in the source's files.
     `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
     endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement.
+
+    `publisher` is a random number from 2**62 on that a camera draws each time it counts from 0, so that its
+    frames are known by publisher and index. Without one (0) the publisher in the attachment stands for it,
+    and a lower index with a later `stamp_ns` begins a new count.
     """
 
-    index: Index
+    index: FrameIndex
     stamp_ns: StampNs
     source_stamp_ns: StampNs
     width_px: SizePx
@@ -52,6 +59,7 @@ class Frame(Message, frozen=True, kw_only=True):
     depth: memoryview
     depth_encoding: Literal["u16", "png"] = "u16"
     depth_units_per_m: Real
+    publisher: Index = 0
 
     def __post_init__(self) -> None:
         _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
@@ -77,11 +85,13 @@ class SourceEnd(Message, frozen=True, kw_only=True):
 class Pose(Message, frozen=True, kw_only=True):
     """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw).
 
-    `world`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
-    of its own, so poses of two worlds cannot be compared.
+    `publisher`: the camera of the frame; one without a number of its own has another after each restart.
+    `map_version`, `pose_version`: of the map and of the keyframes' poses that the frame was aligned to.
+    `map_epoch`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
+    of its own, so poses of two map epochs cannot be compared.
     """
 
-    index: Index
+    index: FrameIndex
     stamp_ns: StampNs
     source_stamp_ns: StampNs
     publish_ns: StampNs
@@ -94,7 +104,9 @@ class Pose(Message, frozen=True, kw_only=True):
     map_version: Index
     keyframe: Annotated[int, Meta(ge=-1, le=2**63 - 1)]
     stage_ms: StageTimes = {}
-    world: Index = 0
+    map_epoch: Index = 0
+    publisher: Index = 0
+    pose_version: Index = 0
 
     def __post_init__(self) -> None:
         _expect_pose(self.t, self.q)
@@ -104,11 +116,11 @@ class Keyframe(Message, frozen=True, kw_only=True):
     """A frame has become keyframe `id`; its pixels are in the arena."""
 
     id: Index
-    frame_index: Index
+    frame_index: FrameIndex
     source_stamp_ns: StampNs
     t: Vector
     q: Quaternion
-    world: Index = 0
+    map_epoch: Index = 0
 
     def __post_init__(self) -> None:
         _expect_pose(self.t, self.q)
@@ -122,11 +134,11 @@ class MapVersion(Message, frozen=True, kw_only=True):
     loss: Real
     keyframes: Index
     mapping_ms: Real
-    world: Index = 0
+    map_epoch: Index = 0
 
 
 class Correction(Message, frozen=True, kw_only=True):
-    """New poses of keyframes from global BA, valid on top of `base_version` of the poses.
+    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses.
 
     `loops`: pairs of keyframes, the older one first, that were newly seen to show the same place.
     """
@@ -139,7 +151,7 @@ class Correction(Message, frozen=True, kw_only=True):
     loss_before: Real
     loss_after: Real
     loops: list[tuple[Index, Index]] = []
-    world: Index = 0
+    map_epoch: Index = 0
 
     def __post_init__(self) -> None:
         if not len(self.keyframes) == len(self.t) == len(self.q):
@@ -158,7 +170,7 @@ class Mesh(Message, frozen=True, kw_only=True):
     faces: memoryview
     colors: memoryview
     final: bool = False
-    world: Index = 0
+    map_epoch: Index = 0
 
     def __post_init__(self) -> None:
         counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
@@ -181,7 +193,7 @@ class View(Message, frozen=True, kw_only=True):
     width_px: SizePx
     height_px: SizePx
     color: memoryview
-    world: Index = 0
+    map_epoch: Index = 0
 
     def __post_init__(self) -> None:
         size, expected = memoryview(self.color).nbytes, 3 * self.width_px * self.height_px
@@ -190,17 +202,21 @@ class View(Message, frozen=True, kw_only=True):
 
 
 class Step(Message, frozen=True, kw_only=True):
-    """Lockstep: frame `index` has been mapped, or all work on it is done."""
+    """Lockstep: frame `index` of a camera has been mapped, all work of the map on it is done, or the recorder
+    has it in the log (or has refused it)."""
 
-    stage: Literal["mapped", "done"]
-    index: Index
+    stage: Literal["mapped", "done", "logged"]
+    index: FrameIndex
+    publisher: Index = 0
 
 
 class TopicCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Messages of one topic that a process did not take: missed (`dropped`), unreadable (`rejected`)."""
+    """Messages of one topic that came to a process (`received`), and those that it did not take: missed
+    (`dropped`), unreadable or refused (`rejected`)."""
 
     dropped: Index = 0
     rejected: Index = 0
+    received: Index = 0
 
 
 class Health(Message, frozen=True, kw_only=True):

@@ -34,7 +34,8 @@ class SetMode(RequestMessage, frozen=True, kw_only=True):
 class Status(Message, frozen=True, kw_only=True):
     """How the run goes; counts since its start, rate and latency of the last seconds.
 
-    `world`: how often the map was thrown away; `keyframes` and `map_version` are those of the new one.
+    `map_epoch`: how often the map was thrown away; `keyframes` and `map_version` are those of the new one.
+    `load_level`: how much of the work gives way to the latency, 0: nothing.
     """
 
     run_id: Name
@@ -61,19 +62,20 @@ class Status(Message, frozen=True, kw_only=True):
     processes: dict[Name, Name]
     restarts: Counters
     mode: Mode = "mapping"
-    world: Index = 0
+    map_epoch: Index = 0
+    load_level: Index = 0
 
 
 class TrajectoryRows(Message, frozen=True, kw_only=True):
     """Poses so far as refined, lost frames left out: `stamps_ns` [N] int64 of the source, `poses`
     [N, 7] float64 x y z (m) and unit quaternion x y z w, camera to world; both little endian.
 
-    After a reset: those of the new map, whose number is `world`."""
+    After a reset: those of the new map, whose number is `map_epoch`."""
 
     count: Index
     stamps_ns: memoryview
     poses: memoryview
-    world: Index = 0
+    map_epoch: Index = 0
 
     def __post_init__(self) -> None:
         for name, width in (("stamps_ns", 8), ("poses", 56)):

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 from hsslam_proto import messages as m
+from hsslam_proto.mesh.blocks_message import MeshBlocks
 
 M = TypeVar("M", bound=m.Message)
 
@@ -13,7 +14,8 @@ class Topic(Generic[M]):
     """One row: what travels under `hsslam/<robot>/<name>`.
 
     qos "latest": never blocks the publisher, the newest wins. qos "keep": nothing is lost while the
-    link lives. The publisher caches the last `history` messages for subscribers that come later.
+    link lives. The publisher caches the last `history` messages for subscribers that come later; one that
+    `keeps_state` answers a `get` on the key with all that its messages so far amount to.
     """
 
     name: str
@@ -25,6 +27,7 @@ class Topic(Generic[M]):
     history: int = 0
     logged: bool = True
     drawn: bool = False
+    keeps_state: bool = False
 
     @property
     def schema(self) -> str:
@@ -51,11 +54,17 @@ KEYFRAME = Topic(
 )
 MAP = Topic("out/map", m.MapVersion, "mapper", "1 to 10 Hz", "keep", 8 * _KIB, 16, drawn=True)
 CORRECTION = Topic(
-    "out/correction", m.Correction, "global_ba", "below 1 Hz", "keep", 4 * _MIB, 16, drawn=True
+    *("out/correction", m.Correction, "mapper, global_ba", "about 1 Hz", "keep", 4 * _MIB, 16),
+    drawn=True,
 )
-MESH = Topic("out/mesh", m.Mesh, "mesher, saver", "below 1 Hz", "keep", 256 * _MIB, 1, drawn=True)
+MESH = Topic("out/mesh", m.Mesh, "mesh_saver", "at the end", "keep", 256 * _MIB, 1, drawn=True)
+MESH_BLOCKS = Topic(
+    *("out/mesh_blocks", MeshBlocks, "mesher", "below 4 Hz", "keep", 64 * _MIB),
+    drawn=True,
+    keeps_state=True,
+)
 VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
-STEP = Topic("sys/step", m.Step, "mapper, global_ba", "lockstep only", "keep", 8 * _KIB)
+STEP = Topic("sys/step", m.Step, "mapper, global_ba, recorder", "lockstep; end", "keep", 8 * _KIB)
 HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)
 EVENT = Topic("sys/event", m.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
 HOLD = Topic("sys/hold", m.Hold, "supervisor", "rare", "keep", 8 * _KIB, history=1)
@@ -69,6 +78,7 @@ TOPICS: tuple[Topic, ...] = (
     MAP,
     CORRECTION,
     MESH,
+    MESH_BLOCKS,
     VIEW,
     STEP,
     HEALTH,

@@ -16,23 +16,32 @@ _TOPIC_HEAD = (
     *("key `hsslam/<robot>/`", "message", "from", "rate", "QoS", "kept", "limit", "log", "view"),
 )
 _HEAD = f"""\
-A run is a [zenoh](https://zenoh.io) router (`tcp/127.0.0.1:7447`; `--zenoh-port`, `--bind`) with all its
-processes as clients. Anybody else is a client as well: session mode `client`, the router as the endpoint to
-connect to, scouting off. All keys begin with `hsslam/<robot>/` (`--robot`, default `robot`).
+A run is a [zenoh](https://zenoh.io) router with all its processes as clients. They and `hsslam-ctl` meet on a
+socket that only this user can reach (`endpoint` in `run.json`). Other programs need a TCP port:
+`--zenoh-port 7447` opens `tcp/127.0.0.1:7447`; `--bind`, `--security`, `--source zenoh:` and `--source ros2:`
+open it as well. These programs are clients: session mode `client`, the router as the endpoint to connect to,
+scouting off. Through the port a client may publish `in/**`, hear everything and ask everything; with
+[certificates](security.md) it may do what its role allows. A client that reads too slowly misses messages;
+topics with history give them again on request. All keys begin with `hsslam/<robot>/` (`--robot`, default
+`robot`).
 
 - **Payload**: one [MessagePack](https://msgpack.org) map, field names as keys. Readers ignore fields that
   they do not know and take the default of one that is missing; a field without a default must be there.
 - **Encoding** of the zenoh message: `{MEDIA_TYPE};hsslam.<Message>.v<major>`. Another message, another major
-  version or no such encoding: not read, counted, told as an event.
+  version or no such encoding: the receiver does not read it, counts it and publishes an event.
 - **Attachment** of messages on topics (may be missing): 24 bytes, little endian: uint32 publisher, uint32
   number in its sequence, int64 stamp of the sensor, int64 time of publication (ns since 1970). A message
   with any other attachment is not read.
+- **Kept**: the number of messages that the publisher caches for subscribers of zenoh's `ext` that come
+  later. `all`: a `get` on the key, without consolidation, is answered with messages that amount to everything
+  sent so far.
 - **Units**: metres, seconds, nanoseconds (`_ns`), pixels (`_px`); poses are camera to world, OpenCV axes (x
   right, y down, z forward), quaternions x y z w. Arrays in `bin` fields are little endian.
 - **Limits**: a payload above the limit of its topic or request is not read. Nothing is ever unpickled.
 - **Shared memory**: on the same machine large messages may come through that of zenoh, which locks it. What
-  is beyond the receiver's limit (`ulimit -l`) never arrives, and nobody says so: with a limit below 512 MiB
-  set `transport/shared_memory/enabled` to `false`, as the processes here do for what is not their own camera.
+  is beyond the receiver's limit (`ulimit -l`) never arrives, and zenoh reports no error: with a limit below
+  512 MiB set `transport/shared_memory/enabled` to `false`, as the processes here do for what is not their own
+  camera.
 
 A client that uses `eclipse-zenoh` and `msgpack` alone: [`{_EXAMPLE}`](../{_EXAMPLE}).
 """
@@ -45,7 +54,7 @@ here, so that nothing is done other than meant. There is one answer:
 - a reply: done, the payload is the message answered;
 - an error reply with encoding `{refusal}`: refused, the payload says why;
 - an error reply of any other encoding: zenoh's own, no answer within the query's timeout;
-- no reply at all: nobody is there, such as no run of that robot.
+- no reply: no service of that robot is connected.
 
 | `rpc/` | asked | answered | limit | wait at least | |
 | --- | --- | --- | --- | --- | --- |
@@ -80,7 +89,7 @@ def _topic_row(topic: Topic) -> tuple[str, ...]:
         topic.publisher,
         topic.rate,
         topic.qos.upper(),
-        str(topic.history or "-"),
+        "all" if topic.keeps_state else str(topic.history or "-"),
         _size_text(topic.size_limit_bytes),
         "yes" if topic.logged else "-",
         "yes" if topic.drawn else "-",

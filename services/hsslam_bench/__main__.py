@@ -4,7 +4,6 @@
 `... plots FILE.json` and `... keep FILE.json` take results; see `result_commands`.
 """
 
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -24,6 +23,7 @@ from hsslam_bench.results.report import machine, report, write_report
 from hsslam_bench.runs.session import Session
 from hsslam_bench.tables.command import table_command
 from hsslam_bench.tables.paper_tables import TABLES
+from hsslam_node.environment import BENCH_DATA
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 
@@ -61,9 +61,9 @@ def _parsed(args: Sequence[str]) -> tuple[BenchOptions, list[str]]:
 def _bench(options: BenchOptions, extra: list[str]) -> int:
     checks = select(catalogue(), list(options.only))
     if options.list:
-        print("\n".join(check.name for check in checks))
+        print("\n".join(check.name for check in (checks if options.only else catalogue())))
         return 0
-    data = options.data or Path(os.environ.get("HSSLAM_TEST_DATA", "../shared/data"))
+    data = options.data or Path(BENCH_DATA.value() or "../shared/data")
     out = options.out or Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"
     session = Session(data, out.with_suffix(""), options.quick, extra)
     on = machine()

@@ -101,7 +101,10 @@ def test_unknown_row_is_one_line(tmp_path: Path):
 def test_groups_select_their_rows():
     names = [check.name for check in catalogue()]
     assert len(set(names)) == len(names)
-    assert [c.name for c in select(catalogue(), [])] == names
+    ordinary = [check.name for check in catalogue() if not check.by_name_only]
+    assert [c.name for c in select(catalogue(), [])] == ordinary
+    assert not any(name.startswith("faults:") for name in ordinary)
+    assert len(select(catalogue(), ["faults"])) == sum(n.startswith("faults:") for n in names)
     chosen = [c.name for c in select(catalogue(), ["mesh", "realtime:kitchen"])]
     assert chosen == [n for n in names if n.startswith(("mesh:", "realtime:kitchen:"))]
     assert [c.name for c in select(catalogue(), ["ate:house"])] == ["ate:house"]

@@ -72,10 +72,10 @@ def test_a_service_has_what_it_needs(name):
 def test_only_what_is_behind_certificates_has_a_port():
     for name, service in _compose()["services"].items():
         options = parse_command_line(service["command"])
-        is_open = options.bind != "127.0.0.1"
+        is_open = options.bind == "0.0.0.0"
         assert is_open == bool(options.security) == ("ports" in service), name
         if is_open:
-            assert service["ports"] == [f"{options.zenoh_port}:{options.zenoh_port}"]
+            assert service["ports"] == ["7447:7447"] and options.outside_place == "0.0.0.0:7447"
 
 
 def test_secrets_and_results_stay_out_of_the_image():

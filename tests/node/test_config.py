@@ -17,7 +17,7 @@ ABOVE_ZERO = {
     "field": "coarse_cell_m geometry_fine_cell_m appearance_fine_cell_m "
     "hash_base_resolution hash_finest_cell_m truncation_m beta_init",
     "sampling": "free_reach surface_reach",
-    "keyframes": "every_frames capacity",
+    "keyframes": "every_frames recent views still capacity",
     "mapper": "rays first_rate_factor window_keyframes max_depth_m plane_rate hash_rate "
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
@@ -33,8 +33,8 @@ ABOVE_ZERO = {
 ZERO_OR_MORE = {
     "field": "hash_levels",
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
-    "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats",
-    "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope",
+    "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats pose_rate",
+    "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope sdf_weight",
     "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "pose_graph": "loops least_shift_m",
@@ -51,8 +51,11 @@ OTHERS = [  # value, and the nearest one that is good
     ("field", "geometry_feature_width", 16, 15),
     ("field", "geometry_fine_cell_m", 0.07, 0.06),
     ("field", "appearance_fine_cell_m", 0.25, 0.24),
+    ("keyframes", "new_share", 1.1, 1.0),
     ("mapper", "newest_share", 1.1, 1.0),
     ("mapper", "newest_share", -0.1, 0.0),
+    ("mapper", "moved_share", 1.1, 1.0),
+    ("mapper", "moved_share", -0.1, 0.0),
     ("mapper", "least_color_weight", 0.2, 0.1),
     ("mapper", "least_color_weight", -0.1, 0.0),
     ("mapper", "smoothness_vertices", 1, 2),
@@ -130,11 +133,25 @@ def test_neighbours_lie_before_a_keyframe():
         replace(SlamConfig().pose_graph, neighbours=(1, 0))
 
 
+@pytest.mark.parametrize(
+    "box", [(0.0,), (-1.0, 0.0, 1.0), (1.0, -1.0, -1.0, 1.0, 1.0, 1.0), (-math.inf, 0, 0, 1, 1, 1)]
+)
+def test_a_box_has_two_corners(box):
+    with pytest.raises(UserError, match=r"^bound\.box = \(.*\): expected six numbers, each of"):
+        replace(SlamConfig().bound, box=box)
+
+
+def test_a_box_on_the_command_line():
+    box = (-3.0, -1.2, -3.0, 3.0, 1.2, 3.5)
+    assert parse_command_line(["--slam.bound.box", *map(str, box)]).slam.bound.box == box
+    assert parse_command_line([]).slam.bound.box == ()
+
+
 def test_every_number_is_tested_here():
     """A new parameter without a test of its limits fails."""
     known = {*_fields(ABOVE_ZERO), *_fields(ZERO_OR_MORE), *((g, n) for g, n, _, _ in OTHERS)}
     known |= {("sampling", "free_samples"), ("sampling", "surface_samples")}
-    known |= {("pose_graph", "neighbours")}
+    known |= {("pose_graph", "neighbours"), ("bound", "box")}
     for group in dataclasses.fields(SlamConfig):
         for field in dataclasses.fields(getattr(SlamConfig(), group.name)):
             if field.type in (bool, "bool"):
@@ -167,6 +184,14 @@ def test_the_baselines_have_their_encodings_and_nothing_of_ours():
         assert preset.tracker.method == "rendering"
         assert preset.weights.patch == 0
         assert not preset.ba.enabled or preset.ba.selection == "uniform"
+    assert co_slam.mapper.decoder_rate == 1e-2
+    assert eslam.mapper.pose_rate == 1e-3 and co_slam.mapper.pose_rate == 0  # Co-SLAM: in its BA
+
+
+@pytest.mark.parametrize("name", ["paper", "eslam", "co-slam"])
+def test_publications_have_neither_cooldown_nor_favour_for_moved_keyframes(name):
+    assert PRESETS[name].ba.cooldown_rounds == 0
+    assert PRESETS[name].mapper.moved_share == 0
 
 
 def test_the_paper_is_the_default():

@@ -1,3 +1,5 @@
+import time
+
 import cv2
 import msgspec
 import numpy as np
@@ -9,6 +11,8 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.frame_codec import frame_from_message, frame_message
+from hsslam_services.log.frame_compression import compress_frame
+from tests.claimed_image import png_that_claims
 
 
 def test_raw_frames_come_back_equal():
@@ -57,6 +61,20 @@ def test_unreadable_images_are_told(field, data):
     )
     with pytest.raises(UserError, match=f"in/frame 7: {field} is unreadable"):
         frame_from_message(message)
+
+
+@pytest.mark.parametrize("field", ["color", "depth"])
+@pytest.mark.parametrize("width, height, bits, kind", [(16384, 16384, 1, 0), (61, 40, 16, 0)])
+def test_images_of_another_size_are_refused_by_their_header(field, width, height, bits, kind):
+    data = png_that_claims(width, height, bits, kind)
+    message = msgspec.structs.replace(
+        frame_message(_frame(), 1), **{field: memoryview(data), f"{field}_encoding": "png"}
+    )
+    begin_s = time.process_time()
+    for read in (frame_from_message, compress_frame):
+        with pytest.raises(UserError, match=f"{field} is a PNG of {width}x{height}.*of 60x40"):
+            read(message)
+    assert time.process_time() - begin_s < 0.2  # 16384 x 16384 take 0.6 s and 0.8 GB
 
 
 def _frame() -> Frame:

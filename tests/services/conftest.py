@@ -11,6 +11,7 @@ import pytest
 from hsslam_services.arena.arena_folder import ArenaFolder
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import free_endpoint, open_router
+from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import ServeProcess
@@ -32,6 +33,7 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
     router = open_router(endpoint)
     arena = ArenaFolder("test", tmp_path, root=tmp_path)
     MapState.create(arena.path, localise_only=False)
+    SharedLevel.create(arena.path)
 
     def make(**options: Any) -> RunInfo:
         info = RunInfo(
@@ -45,6 +47,7 @@ def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
             options=ServeOptions(**options),
         )
         info.write()
+        info.write_into_arena()
         return info
 
     yield make

@@ -16,6 +16,10 @@ def _run(worker: Worker) -> None:
         raise UserError("field = 3: expected 4")
     if behaviour == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if behaviour == "warm":
+        from hsslam_node.warm_start import warm_start
+
+        assert warm_start(worker.options.slam).is_inherited
     (worker.run.path / "at_work").touch()
     if behaviour in ("deaf", "stuck"):
         time.sleep(60)

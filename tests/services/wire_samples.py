@@ -5,7 +5,8 @@ import time
 import numpy as np
 
 from hsslam_proto import messages
-from hsslam_proto.mesh_codec import mesh_message
+from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message, mesh_message
 from hsslam_services.log.frame_compression import compress_frame
 
 
@@ -60,6 +61,24 @@ def keyframe(index: int) -> messages.Keyframe:
         t=(float(index), 0.0, 0.0),
         q=(0.0, 0.0, 0.0, 1.0),
     )
+
+
+def blocks(revision: int, *chosen: int) -> MeshBlocks:
+    """A triangle in each block (i, 0, 2) of 1 m."""
+    faces = np.array([[0, 1, 2]], np.uint32)
+    changed = [
+        (
+            (i, 0, 2),
+            Triangles(
+                np.array([[i, 0, 2], [i + 1, 0, 2], [i + 1, 1, 2]], np.float32),
+                faces,
+                np.full((3, 3), 200, np.uint8),
+            ),
+        )
+        for i in chosen
+    ]
+    lattice = BlockLattice(0.5, 1.0)
+    return blocks_message(changed, lattice, series=1, revision=revision, map_version=1)
 
 
 def mesh(final: bool = False) -> messages.Mesh:

@@ -74,7 +74,7 @@ class MeshJudge:
     def score_depth(
         self, mesh: trimesh.Trimesh, views: int = DEPTH_VIEWS, track: Track = silently
     ) -> DepthL1:
-        """Depth error over the first so many virtual views."""
+        """Depth error over the first `views` virtual views."""
         chosen = self.virtual[:views]
         watched = track(chosen, len(chosen), description="depth of virtual views")
         return depth_l1(mesh, watched, self.virtual_camera, self.given)

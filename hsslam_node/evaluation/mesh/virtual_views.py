@@ -32,7 +32,7 @@ def virtual_views(
     A given camera is drawn, moved by up to 0.5 m in any direction, and turned by up to 45 degrees
     about any axis. The view counts if nothing stands between the two places, nothing is nearer than
     20 cm, and 99 % of its pixels show surface that a given camera observed: it fills the small
-    gaps that objects hide, and does not ask for rooms that nobody has been to. It sees no farther
+    gaps that objects hide, and does not ask for rooms that the camera has not been to. It sees no farther
     than the given cameras did.
     """
     rng = np.random.default_rng(seed)

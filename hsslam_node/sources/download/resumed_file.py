@@ -33,7 +33,7 @@ def download(url: str, target: Path, report: Report, room_factor: float = 1.0) -
     `room_factor` times the size must be free on the disk.
 
     Raises:
-        UserError: no answer, refused, broken off again and again, no room, or somebody else is at it.
+        UserError: no answer, refused, broken off again and again, no room, or another process fetches it.
     """
     if not re.match(r"https?://", url):
         raise UserError(f"{url}: expected an address that begins with https:// or http://")

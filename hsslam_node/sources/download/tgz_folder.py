@@ -12,6 +12,7 @@ from hsslam_node.progress import Report
 
 _DAMAGED = (tarfile.ReadError, gzip.BadGzipFile, EOFError, zlib.error)
 _CHUNK_BYTES = 1 << 20
+_MOST_MEMBERS, _MOST_BYTES = 1_000_000, 64 << 30  # a sequence has 10 000 files and 2 GB
 
 
 def unpack_tgz(archive: Path, folder: Path, report: Report) -> None:
@@ -49,7 +50,14 @@ def _extract(archive: Path, place: Path, report: Report) -> None:
     total = archive.stat().st_size
     with archive.open("rb") as packed, gzip.open(packed) as stream:
         with tarfile.open(fileobj=stream, mode="r|") as members:
+            count = unpacked_bytes = 0
             for member in members:
+                count, unpacked_bytes = count + 1, unpacked_bytes + member.size
+                if count > _MOST_MEMBERS or unpacked_bytes > _MOST_BYTES:
+                    raise UserError(
+                        f"{archive}: {count} files of {unpacked_bytes} bytes: expected at most "
+                        f"{_MOST_MEMBERS} and {_MOST_BYTES}"
+                    )
                 members.extract(member, place, filter="data")
                 report(packed.tell(), total)
         while stream.read(_CHUNK_BYTES):  # up to the checksum, which comes last

@@ -1,13 +1,14 @@
 """The published TUM RGB-D sequences: their names, and how they come onto the disk."""
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from hsslam_node.environment import TUM_URL
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.kernels.cache_folder import cache_root
 from hsslam_node.progress import bytes_bar
+from hsslam_node.sources.download.data_folder import data_folder
 from hsslam_node.sources.download.resumed_file import download
 from hsslam_node.sources.download.tgz_folder import unpack_tgz
 
@@ -45,14 +46,14 @@ class TumArchive:
         if match is None:
             return None
         folder_name = f"rgbd_dataset_freiburg{match[1]}_{match[2]}"
-        site = os.environ.get("HSSLAM_TUM_URL") or _SITE
+        site = TUM_URL.value() or _SITE
         url = f"{site.rstrip('/')}/freiburg{match[1]}/{folder_name}.tgz"
         return cls(name, folder_name, url)
 
     def fetch(self) -> Path:
         """The folder of the sequence in the first of `data_folders()`, fetched and unpacked.
 
-        An archive that somebody has put there by hand is taken as it is.
+        An archive that the user has put there is taken as it is.
 
         Raises:
             UserError: what went wrong, the address, and what to do by hand.
@@ -90,5 +91,5 @@ class TumArchive:
 def data_folders() -> list[Path]:
     """Where sequences lie: $HSSLAM_DATA if that is set, and a folder of the user's cache. They are fetched
     to the first."""
-    data = os.environ.get("HSSLAM_DATA")
-    return [*([Path(data)] if data else []), cache_root() / "sequences"]
+    data = data_folder()
+    return [*([data] if data else []), cache_root() / "sequences"]

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.image_header import LARGEST_PIXELS, image_header
 
 _PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
@@ -22,7 +23,7 @@ def read_color(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, or of another size than the camera.
     """
-    image = read_any_color(path)
+    image = _as_rgb(_decode(path, cv2.IMREAD_COLOR, camera))
     _expect_size(path, image, camera)
     return image
 
@@ -43,7 +44,7 @@ def read_depth(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, not 16 bit, or of another size than the camera.
     """
-    image = read_any_depth(path)
+    image = _as_depth(_decode(path, cv2.IMREAD_UNCHANGED, camera), str(path))
     _expect_size(path, image, camera)
     return image
 
@@ -58,17 +59,35 @@ def decode_depth(data: bytes, name: str) -> np.ndarray:
     return _as_depth(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_UNCHANGED), name)
 
 
-def _decode(path: Path, flags: int) -> np.ndarray:
+def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = None) -> None:
+    """Look at the header of a PNG or JPEG before it is decoded; of other formats there is none to see.
+
+    Raises:
+        BadImageError: too many pixels for any image, or of another size than the camera, either way round.
+    """
+    header = image_header(data)
+    if header is None:
+        return
+    size = header.width_px, header.height_px
+    found = f"{name}: {size[0]}x{size[1]} pixels"
+    if not 0 < header.pixels <= LARGEST_PIXELS:
+        raise BadImageError(f"{found}: expected at most {LARGEST_PIXELS} in all")
+    if camera is not None and set(size) != {camera.width_px, camera.height_px}:
+        raise BadImageError(f"{found}: expected {camera.width_px}x{camera.height_px}")
+
+
+def _decode(path: Path, flags: int, camera: Camera | None = None) -> np.ndarray:
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
-    return _decoded(data, str(path), flags)
+    return _decoded(data, str(path), flags, camera)
 
 
-def _decoded(data: np.ndarray, name: str, flags: int) -> np.ndarray:
+def _decoded(data: np.ndarray, name: str, flags: int, camera: Camera | None = None) -> np.ndarray:
     if data.size == 0:
         raise BadImageError(f"{name}: empty file")
+    expect_header(data.data, name, camera)
     # libjpeg fills what is missing with grey and calls it a success, so look for the end marker.
     start, tail = data[:4].tobytes(), data[-_TAIL_BYTES:].tobytes()
     if (start.startswith(_PNG_START) and _PNG_END not in tail) or (

@@ -37,9 +37,10 @@ class ImagePairSource:
         self.frame_count: int | None = len(self._pairs)
         self.rate_hz = _rate_hz([stamp for stamp, _, _ in self._pairs])
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """Every pair of images; one that cannot be read comes as a `BadFrame`."""
-        for index, (stamp_ns, color_file, depth_file) in enumerate(self._pairs):
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Every pair of images from `first` on; one that cannot be read comes as a `BadFrame`."""
+        for index in range(first, len(self._pairs)):
+            stamp_ns, color_file, depth_file = self._pairs[index]
             try:
                 color = read_color(color_file, self.camera)
                 depth = read_depth(depth_file, self.camera)
@@ -57,5 +58,5 @@ class ImagePairSource:
 
 
 def _rate_hz(stamps_ns: list[int]) -> float:
-    period_ns = float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 0.0
+    period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
     return 1e9 / period_ns if period_ns > 0 else 30.0

@@ -1,6 +1,5 @@
 """A ScanNet scene as exported or as `.sens`: the same frames, cameras and poses from both."""
 
-import os
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.sens_file import SensFile
 from hsslam_node.sources.files.truth_files import read_matrix
 
@@ -87,8 +87,7 @@ class ScanNetScene:
         Raises:
             UserError: not on disk, or a damaged file.
         """
-        data = os.environ.get("HSSLAM_DATA")
-        for path in (Path(name).expanduser(), *([Path(data) / name] if data else [])):
+        for path in possible_places(name):
             if path.is_dir():
                 return cls(path, folder=ScanNetFolder(path))
             if path.is_file():

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hsslam_node.sources.files.image_files import BadImageError, decode_color, decode_depth
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.image_files import (
+    BadImageError,
+    decode_color,
+    decode_depth,
+    expect_header,
+)
 
 FLOAT_UNITS_PER_M = 5000.0  # of depth that comes as metres in floats: up to 13.1 m
 MILLIMETRES_PER_M = 1000.0  # of depth in whole numbers, REP 118
@@ -74,6 +80,16 @@ class RawImage:
         raise BadImageError(
             f"depth in encoding {self.encoding!r}: expected 16UC1 (mm) or 32FC1 (m)"
         )
+
+    def expect_size(self, camera: Camera) -> None:
+        """Look at the header of a compressed image, before it is decoded.
+
+        Raises:
+            BadImageError: it is not of the camera's size.
+        """
+        if self.is_compressed:
+            start = 12 if self.data[12:16].tobytes() == _PNG_START else 0
+            expect_header(self.data[start:].data, f"image in format {self.encoding!r}", camera)
 
     def _compressed_depth(self) -> np.ndarray:
         """A PNG of 16 bit, behind the 12 bytes that image_transport's compressedDepth puts before it."""

@@ -78,7 +78,7 @@ def fridge(front: str) -> list[Primitive]:
 
 
 def dining_set(length: float, wood: str, cover: str, seats: int) -> list[Primitive]:
-    """A table along x with so many chairs on either side, set for a meal."""
+    """A table along x with `seats` chairs on either side, set for a meal."""
     parts = [*table(length, 0.85, 0.75, wood), box((0, 0, 0.756), (length, 0.30, 0.008), cover)]
     for k in range(seats):
         x = length * ((k + 0.5) / seats - 0.5)

@@ -16,7 +16,7 @@ class Kind(IntEnum):
 
 
 HIDDEN = "hidden"
-"""Material of a face that nobody can see."""
+"""Material of a face that no camera can see."""
 
 FACE_COUNT = {Kind.ROOM: 6, Kind.BOX: 6, Kind.CYLINDER: 3, Kind.ELLIPSOID: 1}
 

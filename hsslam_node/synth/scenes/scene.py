@@ -29,7 +29,7 @@ class Scene:
     """Scales the texels: large scenes have coarser ones, or the atlas would take a gigabyte."""
 
     person: Person | None = None
-    """Somebody who moves, lit as part of the first zone; casts no shadow."""
+    """A person who moves, lit as part of the first zone; casts no shadow."""
 
     @cached_property
     def still_parts(self) -> list[Primitive]:

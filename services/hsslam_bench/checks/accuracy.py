@@ -1,13 +1,14 @@
 """Accuracy, reproducibility and mesh: rows measured by lockstep runs."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Any
+from typing import Any, get_args
 
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
-from hsslam_bench.runs.session import Session
+from hsslam_bench.runs.session import Session, Terms
 
 TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
 _ATE_BOUNDS_M = {
@@ -18,6 +19,8 @@ _ATE_BOUNDS_M = {
     "room-kinect": 0.008,
 }
 _REPEATED = ("livingroom", "room-kinect")
+_NOISY = ("house", "room", "corridor", "apartment", "livingroom")
+_MAP_TERM = (*(f"{name}-kinect" for name in _NOISY), "kitchen")
 _ACCURACY_M, _COMPLETION = 0.006, 0.98
 
 
@@ -100,6 +103,45 @@ def lockstep_checks() -> list[Check]:
             _mesh_completion,
         ),
     ]
+
+
+def map_term_checks() -> list[Check]:
+    """What the map is worth to tracking: with and without it, each with and without the pose graph."""
+    return [
+        _map_term_check(sequence, refined) for sequence in _MAP_TERM for refined in (True, False)
+    ]
+
+
+def _map_term_check(sequence: str, refined: bool) -> Check:
+    def measure(session: Session) -> Measured:
+        found = {
+            terms: Accuracy.of(
+                [
+                    finished(session.poses(sequence, seed, refined=refined, terms=terms))
+                    for seed in session.seeds
+                ]
+            )
+            for terms in get_args(Terms)
+        }
+        texts = [
+            f"{terms} {100 * its.mean_m:.3f} cm ({its.each_cm(3)}), {its.lost} lost"
+            for terms, its in found.items()
+        ]
+        saved = 1 - found["both"].mean_m / found["keyframe"].mean_m
+        return Measured(
+            f"{'; '.join(texts)}; the map takes off {saved:.1%}",
+            None,
+            {terms: its.values(math.inf) for terms, its in found.items()},
+            saved,
+            "higher",
+        )
+
+    graph = "on" if refined else "off"
+    what = (
+        f"{sequence}, lockstep, pose graph {graph}: ATE RMSE, final, mean of the seeds, if map and "
+        "keyframe, the keyframe alone, or the map alone move the poses"
+    )
+    return Check(f"map-term:{sequence}:graph-{graph}", what, "", measure, by_name_only=True)
 
 
 def _ate_check(sequence: str, bound_m: float) -> Check:

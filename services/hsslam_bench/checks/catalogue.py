@@ -1,18 +1,21 @@
 """All rows of the benchmark's table, in its order."""
 
-from hsslam_bench.checks.accuracy import lockstep_checks
+from hsslam_bench.checks.accuracy import lockstep_checks, map_term_checks
 from hsslam_bench.checks.camera import gap_checks, kidnapping_checks, localise_checks
 from hsslam_bench.checks.check import Check
 from hsslam_bench.checks.faithful import faithful_checks
+from hsslam_bench.checks.faults import fault_checks
 from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
+from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
     refinement_checks,
     robustness_checks,
     stride_checks,
 )
+from hsslam_bench.checks.soak import soak_checks
 from hsslam_bench.checks.speed import gpu_checks, kernel_checks
 from hsslam_bench.checks.viewer import frozen_checks, viewer_checks
 
@@ -31,10 +34,14 @@ def catalogue() -> list[Check]:
         *faithful_checks(),
         *viewer_checks(),
         *frozen_checks(),
+        *quota_checks(),
         *fuzz_checks(),
         *realtime_checks(),
         *growth_checks(),
         *kernel_checks(),
         *baseline_checks(),
         *gpu_checks(),
+        *map_term_checks(),
+        *fault_checks(),
+        *soak_checks(),
     ]

@@ -31,6 +31,7 @@ class Check:
     what: str
     bound: str  # "" without one
     measure: Callable[[Session], Measured]
+    by_name_only: bool = False  # takes long, or is no figure of the documents
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ def unmeasured(check: Check) -> Row:
 
 
 def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
-    """The checks of these names or groups ("ate" has "ate:house"), in the table's order; no name: all.
+    """The checks of these names or groups ("ate" has "ate:house"), in the table's order.
+
+    Without a name: all but those that are measured by name only.
 
     Raises:
         UserError: there is no such name; the nearest is suggested.
@@ -96,5 +99,5 @@ def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
             hint = did_you_mean(name, sorted(known))
             raise UserError(f"--only {name}: no such row{hint or '; --list has the names'}")
     if not names:
-        return checks
+        return [check for check in checks if not check.by_name_only]
     return [c for c in checks if any(f"{c.name}:".startswith(f"{name}:") for name in names)]

@@ -1,1 +1,1 @@
-"""Messages and requests that nobody can read, sent to a run."""
+"""Messages and requests that no process can read, sent to a run."""

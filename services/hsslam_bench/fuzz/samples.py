@@ -2,6 +2,7 @@
 
 from hsslam_proto import messages as m
 from hsslam_proto import request_messages as r
+from hsslam_proto.mesh.blocks_message import MeshBlocks
 
 _T, _Q = (0.5, -1.0, 2.0), (0.0, 0.0, 0.0, 1.0)
 _WIDTH, _HEIGHT = 4, 3
@@ -58,6 +59,19 @@ _ALL: tuple[m.Message, ...] = (
         map_version=7,
         vertex_count=3,
         face_count=1,
+        vertices=_zeros(36),
+        faces=memoryview(bytes([0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0])),
+        colors=_zeros(9),
+    ),
+    MeshBlocks(
+        series=7,
+        revision=7,
+        map_version=7,
+        voxel_m=0.03,
+        block_m=0.96,
+        blocks=_zeros(12),
+        vertex_counts=memoryview(bytes([3, 0, 0, 0])),
+        face_counts=memoryview(bytes([1, 0, 0, 0])),
         vertices=_zeros(36),
         faces=memoryview(bytes([0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0])),
         colors=_zeros(9),

@@ -1,4 +1,4 @@
-"""Sends malformed messages and requests to a run, as somebody outside."""
+"""Sends malformed messages and requests to a run, as a client from outside."""
 
 import random
 import time
@@ -12,7 +12,10 @@ from hsslam_bench.fuzz.malformed import Malformed, malformed, too_large
 from hsslam_proto.codec import encoding_of
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request, rpc_prefix
 from hsslam_proto.topics import TOPICS, Topic
+from hsslam_services.bus.zenoh_session import open_client
 
+# a message of 256 MiB on a busy machine: rather wait than lose what was to be counted
+_PATIENT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000}  # us
 _AT_A_TIME = 8  # of each topic and request, between two rests
 _LARGE_BYTES = 2**20
 _REPLY_S = 60.0
@@ -26,6 +29,15 @@ _NAMES = (
     "stop ",
     "a" * 200,
 )  # of requests that there are not
+
+
+def open_sending_session(endpoint: str) -> zenoh.Session:
+    """A client session for `FuzzSender`, which loses nothing if the other end is slow.
+
+    Raises:
+        UserError: no router answers there.
+    """
+    return open_client(endpoint, settings=_PATIENT)
 
 
 @dataclass
@@ -42,7 +54,7 @@ class Sent:
 class FuzzSender:
     """Messages on every topic and queries for every request of one robot, all from one seed.
 
-    `rate_hz`: at most so many of each a second.
+    `rate_hz`: the highest number of each per second.
     """
 
     def __init__(self, session: zenoh.Session, robot: str, seed: int, rate_hz: float) -> None:
@@ -53,7 +65,7 @@ class FuzzSender:
         self._rest_s = _AT_A_TIME / rate_hz
 
     def send(self, count: int, should_stop: Callable[[], bool] = lambda: False) -> Sent:
-        """Send so many of each, and a payload above each limit; returns what was sent so far."""
+        """Send `count` of each, and a payload above each limit; returns what was sent so far."""
         for topic in TOPICS:
             if topic.size_limit_bytes > _LARGE_BYTES:
                 self._put(topic, too_large(topic))

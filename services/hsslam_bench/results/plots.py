@@ -88,7 +88,7 @@ def _stages(runs: Mapping[str, Any]) -> Figure:
 
 
 def _latency(runs: Mapping[str, Any]) -> Figure:
-    """Share of the poses that were published within so many ms of the sensor's stamp."""
+    """Share of the poses that were published within a latency (ms) of the sensor's stamp."""
     figure = Figure((8.5, 4.0), layout="constrained")
     axes = figure.subplots()
     longest = _P99_BOUND_MS

@@ -1,5 +1,6 @@
 """One run of `hsslam-serve` as a user makes it, and everything that is read off it afterwards."""
 
+import contextlib
 import dataclasses
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import Any, Protocol
 
 import psutil
 
+from hsslam_bench.runs.cpu_quota import NoQuotaError, cpu_quota
 from hsslam_bench.runs.run_log import LogContent, read_log
 from hsslam_bench.runs.usage import Sample, Usage, core_ms_per_frame
 from hsslam_services.bus.bus import free_endpoint
@@ -29,7 +31,7 @@ class Watcher(Protocol):
 
 
 class Outsider(Watcher, Protocol):
-    """Somebody who deals with a run from outside: a viewer, a client."""
+    """A viewer or a client that takes part in a run from outside."""
 
     def close(self) -> None: ...
 
@@ -70,7 +72,7 @@ class ServeRun:
         return self.core_ms_of_last(None)
 
     def core_ms_of_last(self, frames: int | None) -> dict[str, float]:
-        """The same over the last so many frames (None: all)."""
+        """The same over the last frames (None: all)."""
         window = self.log.tracking_ns
         if window is None or len(self.usage) < 2:
             return {}
@@ -96,10 +98,12 @@ def serve(
     *,
     viewer: str = "none",
     outsider: Callable[[Path], Outsider] | None = None,
+    cores: float | None = None,
 ) -> ServeRun:
     """Run the service to its end in `folder`; bulky results are not kept.
 
-    `outsider` makes somebody who deals with it meanwhile, from its folder.
+    `cores`: so much of two cores is all that it gets (None: the machine). `outsider` makes a viewer or
+    client of it from its folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     port = int(free_endpoint().rpartition(":")[2])
@@ -112,12 +116,17 @@ def serve(
             command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
         )
         usage = Usage(psutil.Process(process.pid), folder.absolute())
-        somebody = outsider(folder) if outsider else None
+        client = outsider(folder) if outsider else None
         try:
-            _wait(process, [usage, somebody] if somebody else [usage])
+            with cpu_quota(process.pid, cores, 2) if cores else contextlib.nullcontext():
+                _wait(process, [usage, client] if client else [usage])
+        except NoQuotaError:
+            process.terminate()
+            process.wait()
+            raise
         finally:
-            if somebody:
-                somebody.close()
+            if client:
+                client.close()
         ended_ns = time.time_ns()
     run = ServeRun(
         name=name,
@@ -132,7 +141,7 @@ def serve(
         view_error=_verify_view(folder / "run.rrd"),
         usage=usage.samples,
         disk_bytes=_sizes(folder),
-        outside=somebody.found() if somebody else {},
+        outside=client.found() if client else {},
         left_behind=_left_behind(folder, port),
     )
     for pattern in _BULKY:
@@ -182,7 +191,7 @@ def _left_behind(folder: Path, port: int) -> tuple[str, ...]:
     left = [
         f"process {process.pid}"
         for process in psutil.process_iter(["cmdline", "status"])
-        if str(folder) in (process.info["cmdline"] or [])
+        if str(folder) in " ".join(process.info["cmdline"] or []).split()
         and process.info["status"] != psutil.STATUS_ZOMBIE
     ]
     if (folder / "run.json").exists() and (arena := RunInfo.read(folder).arena_dir):

@@ -4,10 +4,12 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
+from hsslam_bench.runs.cpu_quota import NoQuotaError
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
 from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_node.kernels.cache_folder import warm_stamp
@@ -20,6 +22,14 @@ _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion 
 _HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
 _SEEDS = (0, 1, 2)
+Terms = Literal["both", "keyframe", "map"]  # of tracking: what moves a pose; all judge it
+_TERMS: Mapping[Terms, tuple[str, ...]] = {
+    "both": (),
+    "keyframe": ("--slam.tracker.sdf-weight", "0"),
+    "map": ("--slam.tracker.surface-weight", "0", "--slam.tracker.photometric-pixels", "0"),
+}
+_QUOTA_CORES = 1.2
+_AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
 _SCENES = ("room", "apartment", "corridor", "person")
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
@@ -76,10 +86,11 @@ class Session:
         pace: str = "lockstep",
         stride: int = 1,
         refined: bool = True,
+        terms: Terms = "both",
     ) -> ServeRun:
         """A run for its poses alone: what comes after the last frame, which cannot move them, is cut short.
 
-        `stride`: only every so many-th frame. `refined`: with bundle adjustment.
+        `stride`: use every n-th frame. `refined`: with bundle adjustment. `terms`: what moves a pose.
         """
         name = f"poses-{pace}-{sequence}-seed{seed}"
         options = (*self._source(sequence), "--pace", pace, "--seed", str(seed), *_POSES_ALONE)
@@ -89,12 +100,41 @@ class Session:
             name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
         if not refined:
             name, options = f"{name}-unrefined", (*options, "--slam.ba.no-enabled")
+        if terms != "both":
+            name, options = f"{name}-{terms}", (*options, *_TERMS[terms])
         return self._run(name, options)
 
     def viewer(self, sequence: str) -> ServeRun:
-        """The same with a web viewer that somebody looks at."""
+        """The same with a web viewer and a client of it."""
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
         return self._run(f"viewer-{sequence}", options, outsider=AttachedViewer, viewer="web")
+
+    def quota(self, sequence: str) -> ServeRun:
+        """As `viewer`, with 60 % of two cores.
+
+        Raises:
+            NotMeasured: this machine lets us hold no process to a share.
+        """
+        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
+        try:
+            return self._run(
+                f"quota-{sequence}",
+                options,
+                outsider=AttachedViewer,
+                viewer="web",
+                cores=_QUOTA_CORES,
+            )
+        except NoQuotaError as error:
+            raise NotMeasured(str(error)) from None
+
+    def avx2(self, sequence: str) -> ServeRun:
+        """As `viewer`, with kernels compiled for a processor without AVX-512."""
+        options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
+        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        environment |= _AVX2 | {"XDG_CACHE_HOME": str((self.folder / "avx2-cache").absolute())}
+        return self._run(
+            f"avx2-{sequence}", options, environment, outsider=AttachedViewer, viewer="web"
+        )
 
     def sixty(self, sequence: str) -> ServeRun:
         """The same at 60 Hz and half the size, 320x240."""
@@ -110,12 +150,12 @@ class Session:
         *options: str,
         viewer: str = "none",
     ) -> ServeRun:
-        """A run that somebody (None: nobody) deals with meanwhile; `sequence` as in the others."""
+        """A run with a viewer or client from outside, if any; `sequence` as in the others."""
         options = (*self._source(sequence), "--seed", "0", *options)
         return self._run(name, options, outsider=outsider, viewer=viewer)
 
     def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
-        """So many frames of the built-in room in real time; `room_m`: length of its sides."""
+        """This many frames of the built-in room in real time; `room_m`: length of its sides."""
         if self.quick:
             frames = max(frames // 25, 12)
         name = f"growth-{frames}" if room_m is None else f"growth-{room_m:g}m"
@@ -140,7 +180,7 @@ class Session:
         """What a module prints, run alone, once, with one numeric thread and compiled kernels."""
         key = (module, *arguments)
         if key not in self.outputs:
-            self._warm_up()
+            self.warm_up()
             self.say(" ".join((module.rpartition(".")[2], *arguments)))
             quick = ("--quick",) if self.quick else ()
             self.outputs[key] = _python(module, *quick, *arguments)
@@ -167,15 +207,22 @@ class Session:
         *,
         outsider: Callable[[Path], Outsider] | None = None,
         viewer: str = "none",
+        cores: float | None = None,
     ) -> ServeRun:
         if name not in self.runs:
             if environment is None:
-                self._warm_up()
+                self.warm_up()
             self.say(name)
             arguments = (*options, *self.extra)
             folder = self.folder / name
             self.runs[name] = serve(
-                name, folder, arguments, environment, viewer=viewer, outsider=outsider
+                name,
+                folder,
+                arguments,
+                environment,
+                viewer=viewer,
+                outsider=outsider,
+                cores=cores,
             )
         return self.runs[name]
 
@@ -188,7 +235,7 @@ class Session:
         frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
         return ("--source", self.source(place), "--noise", noise, *exposure, *size, *frames)
 
-    def _warm_up(self) -> None:
+    def warm_up(self) -> None:
         """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
         if not warm_stamp().exists():
             self.say("compiling kernels")

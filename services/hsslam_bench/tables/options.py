@@ -4,7 +4,6 @@ Changes to a configuration by name: `field.plane_channels` = 16.
 """
 
 import dataclasses
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import msgspec
 
 from hsslam_bench.tables.paper_tables import TWICE, Override
 from hsslam_node.config import SlamConfig
+from hsslam_node.environment import BENCH_DATA, DATA
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PresetName
 
@@ -22,10 +22,7 @@ def data_folder(given: Path | None) -> Path:
     """The folder of the sequences: the given one, that of the environment, or the default."""
     if given is not None:
         return given
-    for name in ("HSSLAM_DATA", "HSSLAM_TEST_DATA"):
-        if os.environ.get(name):
-            return Path(os.environ[name])
-    return Path("../shared/data")
+    return Path(DATA.value() or BENCH_DATA.value() or "../shared/data")
 
 
 @dataclass(frozen=True)

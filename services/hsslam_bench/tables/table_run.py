@@ -22,7 +22,6 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.pose_log import (
     INITIAL,
     LOST,
@@ -37,7 +36,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import Source
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.warm_start import warm_start
-from hsslam_services.processes.saver import final_mesh
+from hsslam_services.artefacts.mesh_file import final_mesh
 
 RESULT = "result.json"
 _STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
@@ -80,8 +79,8 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
     stamps = slam.store.stamps_ns()[: len(poses)]
     write_tum(folder / "keyframes.txt", Trajectory(stamps, poses))
     params = slam.parameters
-    checkpoint = MapCheckpoint(params.layout, params.params, stamps, poses)
-    mesh = final_mesh(checkpoint, slam.store, job.config.mesher.final_voxel_m, device)
+    voxel_m = job.config.mesher.final_voxel_m
+    mesh = final_mesh(params.layout, params.params, slam.store, voxel_m, device)
     if len(mesh.faces):
         mesh.export(folder / "mesh.ply")
     found = score(job, folder)

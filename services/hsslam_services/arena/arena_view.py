@@ -55,7 +55,7 @@ class ArenaView:
         """The array, where its maker has made it with this shape and type.
 
         Raises:
-            KeyError: nobody has made it yet.
+            KeyError: it is not made yet.
             ValueError: it is another one.
         """
         array = self.open(name)

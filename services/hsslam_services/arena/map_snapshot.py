@@ -20,29 +20,41 @@ def map_snapshot(
     """
     if store is None or parameters is None or parameters.version == 0 or store.count == 0:
         raise UserError("there is no map yet: expected a first keyframe")
+    return _checkpoint(store, parameters, published_params(parameters)[1], sampling)
+
+
+def published_params(
+    parameters: FieldParameters, copy: np.ndarray | None = None
+) -> tuple[int, np.ndarray]:
+    """The newest published version and a copy of its parameters [P], whole though others publish.
+
+    `copy`: an earlier copy, which is written again if it has the size.
+    """
     while True:
         version, slot = parameters.published()
-        params = slot.copy()
+        if copy is None or len(copy) != len(slot):
+            copy = np.empty_like(slot)
+        np.copyto(copy, slot)
         if parameters.is_intact(version):
-            return map_checkpoint(store, parameters, params, sampling)
+            return version, copy
 
 
-def map_checkpoint(
+def _checkpoint(
     store: KeyframeStore,
     parameters: FieldParameters,
     params: np.ndarray,
     sampling: SamplingPattern,
 ) -> MapCheckpoint:
     """Everything that going on in the map needs; `params` [P] lie as `parameters.layout` says."""
-    poses = store.poses()
+    keyframes, images = KeyframeImages.of(store)
     return MapCheckpoint(
         layout=parameters.layout,
         params=params,
-        keyframe_stamps_ns=store.stamps_ns()[: len(poses)],
-        T_world_keyframe=poses,
+        keyframe_stamps_ns=store.stamps_ns()[keyframes],
+        T_world_keyframe=store.poses_of(keyframes),
         camera=store.camera,
         sampling=sampling,
-        images=KeyframeImages.of(store, len(poses)),
+        images=images,
         second_moment=parameters.second_moment.copy(),
         step=parameters.step,
     )

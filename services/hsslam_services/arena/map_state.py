@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hsslam_node.map.memory_order import load_ordered, store_ordered
+
 _FILE = "map_state"
-_LOCALISE_ONLY, _WORLD, _IS_GIVEN_UP = 0, 1, 2  # fields
+_LOCALISE_ONLY, _MAP_EPOCH, _IS_GIVEN_UP, _STOPPED_NS = 0, 1, 2, 3  # fields
 
 
 class MapState:
@@ -25,29 +27,38 @@ class MapState:
     @property
     def localise_only(self) -> bool:
         """Keyframes, their poses and the parameters stay as they are."""
-        return bool(self._row[_LOCALISE_ONLY])
+        return bool(load_ordered(self._row, _LOCALISE_ONLY))
 
     @localise_only.setter
     def localise_only(self, value: bool) -> None:
-        self._row[_LOCALISE_ONLY] = value
+        store_ordered(self._row, _LOCALISE_ONLY, value)
 
     @property
-    def world(self) -> int:
+    def map_epoch(self) -> int:
         """Number of the map: how often one was thrown away."""
-        return int(self._row[_WORLD])
+        return load_ordered(self._row, _MAP_EPOCH)
 
-    @world.setter
-    def world(self, value: int) -> None:
-        self._row[_WORLD] = value
+    @map_epoch.setter
+    def map_epoch(self, value: int) -> None:
+        store_ordered(self._row, _MAP_EPOCH, value)
 
     @property
     def is_given_up(self) -> bool:
         """The map is about to be thrown away: no more work for it."""
-        return bool(self._row[_IS_GIVEN_UP])
+        return bool(load_ordered(self._row, _IS_GIVEN_UP))
 
     @is_given_up.setter
     def is_given_up(self, value: bool) -> None:
-        self._row[_IS_GIVEN_UP] = value
+        store_ordered(self._row, _IS_GIVEN_UP, value)
+
+    @property
+    def stopped_ns(self) -> int:
+        """Monotonic time of the stop signal or of the end of the source; 0: the run goes on."""
+        return int(self._row[_STOPPED_NS])
+
+    @stopped_ns.setter
+    def stopped_ns(self, value: int) -> None:
+        self._row[_STOPPED_NS] = value
 
     @property
     def may_change(self) -> bool:

@@ -32,6 +32,13 @@ class SharedMap:
             self._parameters = _attached(lambda: FieldParameters(self._arrays, self._config.field))
         return self._parameters
 
+    def published(self) -> tuple[KeyframeStore, FieldParameters] | None:
+        """Keyframes and parameters of a published map; None without one, as after a run that stops early."""
+        store, parameters = self.store(), self.parameters()
+        if store is None or parameters is None or not (store.count and parameters.version):
+            return None
+        return store, parameters
+
 
 def _attached(attach: Callable[[], T]) -> T | None:
     try:

@@ -1,4 +1,4 @@
-"""Asking a running service: nobody there, refused and timeout are told apart."""
+"""Asks a running service: no service, a refusal and a timeout are different errors."""
 
 from typing import TypeVar
 
@@ -20,8 +20,8 @@ class NotDoneError(Exception):
     """A request that was not done; the text says in its first words which way."""
 
 
-class NobodyThereError(NotDoneError):
-    """There is no router, or nobody behind it answers for this robot."""
+class NoServiceError(NotDoneError):
+    """There is no router, or no service behind it answers for this robot."""
 
 
 class RefusedError(NotDoneError):
@@ -46,7 +46,7 @@ def ask(
     `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
 
     Raises:
-        NobodyThereError, RefusedError, NoAnswerError: one line each.
+        NoServiceError, RefusedError, NoAnswerError: one line each.
         UserError: the certificate cannot be used.
     """
     wait_s = request.takes_s if timeout_s is None else timeout_s
@@ -54,7 +54,7 @@ def ask(
     try:
         session = open_client(endpoint, connect_s, settings)
     except UserError as error:
-        raise NobodyThereError(f"nobody there: {error}") from None
+        raise NoServiceError(f"no service: {error}") from None
     with session:
         replies = session.get(
             request.key(robot),
@@ -68,7 +68,7 @@ def ask(
             assert reply.err is not None
             _raise_refusal(request, reply.err, wait_s)
     refused = f", or this certificate may not ask for {request.name}" if security else ""
-    raise NobodyThereError(f"nobody there: no service of robot {robot!r} at {endpoint}{refused}")
+    raise NoServiceError(f"no service: no run of robot {robot!r} at {endpoint}{refused}")
 
 
 def _answer(request: Request[Q, A], payload: bytes, encoding: str) -> A:

@@ -6,14 +6,16 @@ import re
 import secrets
 import threading
 import time
+from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
 from hsslam_node.errors import UserError
+from hsslam_proto.codec import Rejected, decode
 from hsslam_proto.messages import Message
 from hsslam_proto.topics import Topic
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.requests import RequestQueue
-from hsslam_services.bus.subscription import Subscription
+from hsslam_services.bus.subscription import Subscription, get_state
 from hsslam_services.bus.zenoh_session import (
     NO_SETTINGS,
     Settings,
@@ -72,10 +74,15 @@ class Bus:
         token_key = f"{self._live_prefix}/{process}/{os.getpid()}"
         self._token = self._session.liveliness().declare_token(token_key)
 
-    def publisher(self, topic: Topic[M], block: bool | None = None) -> Publisher[M]:
-        """A publisher of the topic; `block` overrides its qos (lockstep blocks for frames)."""
+    def publisher(
+        self, topic: Topic[M], block: bool | None = None, follows_all: bool = False
+    ) -> Publisher[M]:
+        """A publisher of the topic; `block` overrides its qos (lockstep blocks for frames).
+
+        `follows_all`: its messages overtake nothing that this process sent before, on any topic.
+        """
         key = topic.key(self.robot)
-        publisher = Publisher(self._session, key, topic, secrets.randbits(32), block)
+        publisher = Publisher(self._session, key, topic, secrets.randbits(32), block, follows_all)
         self._publishers.append(publisher)
         return publisher
 
@@ -93,11 +100,18 @@ class Bus:
             topic.key(self.robot),
             topic,
             depth,
-            wanted and topic.history > 0,
+            wanted and (topic.history > 0 or topic.keeps_state),
             self._arrivals,
         )
         self._subscriptions.append(subscription)
         return subscription
+
+    def state(self, topic: Topic[M]) -> Iterator[M]:
+        """What the messages of a topic that keeps its state amount to now; waits for its publisher."""
+        for sample in get_state(self._session, topic.key(self.robot)):
+            message = decode(topic, sample.payload.to_bytes(), str(sample.encoding))
+            if not isinstance(message, Rejected):
+                yield message
 
     def requests(self) -> RequestQueue:
         """The requests to this robot; one process answers them."""

@@ -5,9 +5,11 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from hsslam_proto import topics
+from hsslam_proto.messages import Health
 from hsslam_services.bus.bus import Bus
 
 _POLL_S = 0.1
+_ON_ITS_WAY_S = 2.0  # a frame, at most; heartbeats come every 0.5 s
 _LONGEST_WAIT_S = 30.0  # for processes that the run can do without
 
 
@@ -23,6 +25,9 @@ class Peers:
     def __init__(self, bus: Bus) -> None:
         self._health = bus.subscribe(topics.HEALTH, 64)
         self._pids: dict[str, int] = {}
+        self._frames: dict[
+            str, tuple[int, float]
+        ] = {}  # received by each process, and when it said so
 
     def wait(self, names: Iterable[str], others: Iterable[str], waiting: CanStop) -> None:
         """Return when all of `names` run, and `others`, too, or have had their time.
@@ -37,8 +42,12 @@ class Peers:
                 return
             health = self._health.wait(_POLL_S)
             if health is not None and health.state == "running":
-                self._pids[health.process] = health.pid
+                self._take(health)
                 missing.discard(health.process)
+
+    def has_heard(self, name: str) -> bool:
+        """Whether this process took work when it was last heard."""
+        return name in self._pids
 
     def restarted(self) -> bool:
         """Whether one that ran has been replaced, and its successor runs, since the last call."""
@@ -46,5 +55,19 @@ class Peers:
         for health in self._health.drain():
             if health.state == "running":
                 found |= self._pids.get(health.process, health.pid) != health.pid
-                self._pids[health.process] = health.pid
+                self._take(health)
         return found
+
+    def frames_received(self, name: str) -> int:
+        """Frames that had come to this process by its last heartbeat that was looked at."""
+        return self._frames.get(name, (0, 0.0))[0]
+
+    def has_missed(self, name: str, before: int, sent_s: float) -> bool:
+        """Whether this process still counts `before` frames 2 s after another was sent, s monotonic."""
+        count, heard_s = self._frames.get(name, (0, 0.0))
+        return count <= before and heard_s - sent_s > _ON_ITS_WAY_S
+
+    def _take(self, health: Health) -> None:
+        self._pids[health.process] = health.pid
+        counts = health.topics.get(topics.FRAME.name)
+        self._frames[health.process] = counts.received if counts else 0, time.monotonic()

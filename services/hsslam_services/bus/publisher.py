@@ -1,8 +1,9 @@
 """The sending end of one topic."""
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Generic, Literal, TypeVar
 
 import zenoh
@@ -16,12 +17,25 @@ from hsslam_proto.topics import Topic
 M = TypeVar("M", bound=Message)
 Report = Callable[[Literal["info", "warning", "error"], str], None]  # publishes an event
 _HEARTBEAT_S = 0.25
+_LARGE_BYTES = 2**17  # of a message that may fill the queue of a link
+
+
+def priority(topic: Topic) -> zenoh.Priority:
+    """The queue of each link that a topic takes: what waits for room in one never holds up another.
+
+    Poses and heartbeats first, then what is small and must arrive, then frames, last meshes.
+    """
+    if topic.size_limit_bytes <= _LARGE_BYTES:
+        is_latest = topic.qos == "latest"
+        return zenoh.Priority.REAL_TIME if is_latest else zenoh.Priority.INTERACTIVE_HIGH
+    return zenoh.Priority.DATA if topic.qos == "latest" else zenoh.Priority.DATA_LOW
 
 
 class Publisher(Generic[M]):
     """Encodes and sends messages of one topic; `Bus.publisher` makes it.
 
     `block`: wait for a congested link (at most 1 s) rather than drop; default: for qos "keep".
+    `follows_all`: what it sends overtakes nothing that its process sent before, on any topic.
     """
 
     def __init__(
@@ -31,17 +45,21 @@ class Publisher(Generic[M]):
         topic: Topic[M],
         publisher_id: int,
         block: bool | None = None,
+        follows_all: bool = False,
     ) -> None:
         self.topic = topic
         self.sent = 0
         self._id = publisher_id
         self._lock = threading.Lock()
+        self._session, self._key = session, key
+        self._queryable: zenoh.Queryable | None = None
         blocks = topic.qos == "keep" if block is None else block
         congestion = zenoh.CongestionControl.BLOCK if blocks else zenoh.CongestionControl.DROP
         encoding = zenoh.Encoding(encoding_of(topic))
+        queue = zenoh.Priority.BACKGROUND if follows_all else priority(topic)
         if topic.history == 0:
             self._publisher = session.declare_publisher(
-                key, encoding=encoding, congestion_control=congestion
+                key, encoding=encoding, congestion_control=congestion, priority=queue
             )
             return
         self._publisher = zenoh.ext.declare_advanced_publisher(
@@ -49,6 +67,7 @@ class Publisher(Generic[M]):
             key,
             encoding=encoding,
             congestion_control=congestion,
+            priority=queue,
             cache=zenoh.ext.CacheConfig(topic.history),
             sample_miss_detection=zenoh.ext.MissDetectionConfig(
                 heartbeat=None, sporadic_heartbeat=_HEARTBEAT_S
@@ -73,6 +92,21 @@ class Publisher(Generic[M]):
             self.sent += 1
             self._publisher.put(payload, attachment=envelope.pack())
 
+    def answer_with(self, state: Callable[[], Iterable[M]]) -> None:
+        """Answer a `get` on the key of the topic with these messages; `state` runs in a thread of zenoh."""
+
+        def reply(query: zenoh.Query) -> None:
+            with query, contextlib.suppress(zenoh.ZError):  # whoever asked is gone
+                for message in state():
+                    payload = encode(self.topic, message)
+                    query.reply(
+                        self._key, payload, encoding=zenoh.Encoding(encoding_of(self.topic))
+                    )
+
+        self._queryable = self._session.declare_queryable(self._key, reply)
+
     def close(self) -> None:
         """Withdraw from the topic."""
+        if self._queryable is not None:
+            self._queryable.undeclare()
         self._publisher.undeclare()

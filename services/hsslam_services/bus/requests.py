@@ -3,6 +3,7 @@
 import contextlib
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from hsslam_proto.codec import Payload, Rejected, decode, encode, encoding_of
 from hsslam_proto.messages import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request, rpc_prefix
+from hsslam_services.bus.answer_thread import AnswerThread
 
 _LONGEST_QUEUE = 64  # requests that wait; more are refused as busy
 _RING = 4096  # queries between two turns of the reader thread
@@ -28,11 +30,26 @@ class PendingRequest:
     _queue: "RequestQueue"
 
     def answer(self, message: Message) -> None:
-        """Send the answer; ValueError if it is of another type or above the size limit."""
-        self.answer_payload(encode(self.request.answered, message))
+        """Send the answer, soon; one above the size limit is refused."""
+        self.answer_with(lambda: message)
 
-    def answer_payload(self, payload: bytes) -> None:
-        """Send an answer that is already encoded."""
+    def answer_with(self, make: Callable[[], Message | Refusal]) -> None:
+        """Compute the answer, or why not, and send it, all in another thread."""
+        self._queue.later(self._query, lambda: self._make_and_send(make))
+
+    def _make_and_send(self, make: Callable[[], Message | Refusal]) -> None:
+        try:
+            made = make()
+            if not isinstance(made, Refusal):
+                self._send(encode(self.request.answered, made))
+                return
+        except ValueError as error:
+            made = Refusal(reason="size", text=str(error)[:4096])
+        except Exception as error:  # whatever it is: the client waits for an answer
+            made = Refusal(reason="failed", text=f"{self.request.name}: {error}"[:4096])
+        self.refuse(made.reason, made.text)
+
+    def _send(self, payload: bytes) -> None:
         encoding = zenoh.Encoding(encoding_of(self.request.answered))
         with contextlib.suppress(zenoh.ZError):  # whoever asked is gone
             self._query.reply(self._query.key_expr, payload, encoding=encoding)
@@ -57,6 +74,7 @@ class RequestQueue:
         ring = zenoh.handlers.RingChannel(_RING)
         self._queryable = session.declare_queryable(f"{self._prefix}**", ring)
         self._lock = threading.Lock()
+        self._answers = AnswerThread()
         self._thread = threading.Thread(
             target=self._read, args=(self._queryable.handler,), name="requests", daemon=True
         )
@@ -70,16 +88,26 @@ class RequestQueue:
             return None
 
     def refuse(self, query: zenoh.Query, reason: Any, text: str) -> None:
-        """Answer a query with a refusal, and count it."""
+        """Answer a query with a refusal, soon, and count it."""
         with self._lock:
             self.refused += 1
         payload = encode(REFUSAL, Refusal(reason=reason, text=text[:4096]))
-        with contextlib.suppress(zenoh.ZError):
-            query.reply_err(payload, encoding=zenoh.Encoding(encoding_of(REFUSAL)))
-        query.drop()
+
+        def send() -> None:
+            with contextlib.suppress(zenoh.ZError):
+                query.reply_err(payload, encoding=zenoh.Encoding(encoding_of(REFUSAL)))
+            query.drop()
+
+        self.later(query, send)
+
+    def later(self, query: zenoh.Query, send: Callable[[], None]) -> None:
+        """Send an answer in another thread; with too many that wait, the client gets none."""
+        if not self._answers.do(send):
+            query.drop()
 
     def close(self) -> None:
         """Answer no more."""
+        self._answers.close()
         self._queryable.undeclare()
         self._thread.join(timeout=2.0)
 

@@ -1,8 +1,10 @@
 """The receiving end of one topic: a ring where the newest wins, filled by one reader thread."""
 
+import contextlib
 import threading
 import time
 from collections import OrderedDict, deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -18,6 +20,7 @@ M = TypeVar("M", bound=Message)
 _KEPT_REJECTIONS = 16
 _LARGE_BYTES = 2**23
 _RING, _LARGE_RING = 1024, 64  # messages between two turns of the reader; of topics of large ones
+_STATE_S = 10.0  # for a publisher to answer
 _PUBLISHERS = 64  # whose sequences are followed
 
 
@@ -36,7 +39,7 @@ class Subscription(Generic[M]):
 
     At most `depth` messages wait; one more pushes the oldest out. What cannot be read never waits,
     and so pushes nothing out. Counters: `received`, `dropped` (pushed out, or missing in a publisher's
-    sequence) and `rejected` (could not be read).
+    sequence) and `rejected` (could not be read, or was refused by who read it).
     """
 
     def __init__(
@@ -49,9 +52,11 @@ class Subscription(Generic[M]):
         arrivals: threading.Condition,
     ) -> None:
         self.topic = topic
+        self._session, self._key = session, key
         self.received = 0
         self.dropped = 0
-        self.rejected = 0
+        self._unreadable = 0
+        self._refused = 0
         self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
         self._next_sequence: OrderedDict[int, int] = OrderedDict()
         self._arrivals = arrivals
@@ -64,6 +69,12 @@ class Subscription(Generic[M]):
             target=self._read, args=(self._subscriber.handler,), name=topic.name, daemon=True
         )
         self._thread.start()
+        if history and topic.keeps_state:
+            self.ask_state()
+
+    def ask_state(self) -> None:
+        """Take in, beside what comes, all that the publishers' messages so far amount to."""
+        threading.Thread(target=self._read_state, name=self.topic.name, daemon=True).start()
 
     def poll(self) -> M | None:
         """The oldest waiting message, or None at once."""
@@ -107,6 +118,16 @@ class Subscription(Generic[M]):
         """Messages that wait now."""
         return len(self._waiting)
 
+    @property
+    def rejected(self) -> int:
+        """Messages that could not be read or were refused."""
+        return self._unreadable + self._refused
+
+    def refuse(self, text: str) -> None:
+        """Count a message that was read as rejected; one thread calls this, the one that takes them."""
+        self._refused += 1
+        self._rejections.append(Rejected(self.topic.name, "sequence", f"{self.topic.name}: {text}"))
+
     def take_rejections(self) -> list[Rejected]:
         """Why payloads were rejected since the last call (at most the last 16)."""
         taken = []
@@ -133,16 +154,21 @@ class Subscription(Generic[M]):
             except zenoh.ZError:  # the subscriber is undeclared or the session closed
                 return
 
+    def _read_state(self) -> None:
+        with contextlib.suppress(zenoh.ZError):  # the session is closed
+            for sample in get_state(self._session, self._key):
+                self._take(sample)
+
     def _take(self, sample: zenoh.Sample) -> None:
-        self.received += 1
         received = self._readable(sample)
-        if isinstance(received, Rejected):
-            self.rejected += 1
-            self._rejections.append(received)
-            return
-        if received.envelope is not None:
-            self._count_gap(received.envelope)
         with self._arrivals:
+            self.received += 1
+            if isinstance(received, Rejected):
+                self._unreadable += 1
+                self._rejections.append(received)
+                return
+            if received.envelope is not None:
+                self._count_gap(received.envelope)
             if len(self._waiting) >= self._depth:
                 self._waiting.popleft()
                 self.dropped += 1
@@ -172,6 +198,16 @@ class Subscription(Generic[M]):
         self._next_sequence[envelope.publisher] = max(expected or 0, envelope.sequence + 1)
         if len(self._next_sequence) > _PUBLISHERS:
             self._next_sequence.popitem(last=False)
+
+
+def get_state(
+    session: zenoh.Session, key: str, timeout_s: float = _STATE_S
+) -> Iterator[zenoh.Sample]:
+    """What the publisher of a topic that keeps its state answers: none, if there is no publisher."""
+    each = zenoh.ConsolidationMode.NONE  # all replies have the same key
+    for reply in session.get(key, consolidation=each, timeout=timeout_s):
+        if reply.ok is not None:
+            yield reply.ok
 
 
 def _declare(

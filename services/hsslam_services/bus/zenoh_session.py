@@ -18,15 +18,15 @@ from types import MappingProxyType
 import zenoh
 
 from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_services.bus.dead_pools import POOL_BYTES, pool_bytes
 
 _SHARED = "transport/shared_memory"
 _POOL = f"{_SHARED}/transport_optimization/pool_size"
 _FROM = f"{_SHARED}/transport_optimization/message_size_threshold"
-_POOL_BYTES = 32 * 2**20
 _LEAST_POOL_BYTES = 2**20
 _LARGE_BYTES = 65_536  # frames and meshes; what is smaller is cheaper on the socket
 _NEVER = 2**40
-_ALL_POOLS_BYTES = 16 * _POOL_BYTES  # of all senders of a run that a process may come to hear
+_ALL_POOLS_BYTES = 16 * POOL_BYTES  # of all senders of a run that a process may come to hear
 _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
 _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not count
 Settings = Mapping[str, object]
@@ -35,7 +35,7 @@ NO_SETTINGS: Settings = MappingProxyType({})
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    "scouting/delay": 0,  # nobody is scouted, so open at once
+    "scouting/delay": 0,  # no scouting, so open at once
     "timestamping/enabled": True,  # the caches of AdvancedPublisher need it
     "queries_default_timeout": 3000,  # ms; by so much a frozen publisher delays a new subscriber
     "transport/link/rx/max_message_size": 512 * 2**20,
@@ -48,21 +48,30 @@ _COMMON: Settings = {
 def shared_memory_settings() -> dict[str, object]:
     """Of any session: shared memory if there is room for the pools of all."""
     is_roomy = lockable_bytes() >= _ALL_POOLS_BYTES
-    return {f"{_SHARED}/enabled": is_roomy, _POOL: _POOL_BYTES, _FROM: _LARGE_BYTES}
+    return {f"{_SHARED}/enabled": is_roomy, _POOL: POOL_BYTES, _FROM: _LARGE_BYTES}
 
 
-def shared_memory_of_run(has_camera: bool, sends_frames: bool) -> dict[str, object]:
+def shared_memory_of_run(
+    has_camera: bool, sends_frames: bool, process_number: int = 0
+) -> dict[str, object]:
     """Of a process of a run, or its router: where there is little room, it is the camera's alone.
 
     `sends_frames`: of the first camera; the pool of one that died still counts. `has_camera`: whether a
     process of the run sends the frames. Those of another program may be in any pool, so sockets carry them.
     """
     lockable = lockable_bytes()
-    pool = min(lockable - _BESIDE_POOL_BYTES, _POOL_BYTES)
-    if lockable >= _ALL_POOLS_BYTES or pool < _LEAST_POOL_BYTES or not has_camera:
+    if lockable >= _ALL_POOLS_BYTES:
+        return {_POOL: pool_bytes(process_number)}
+    pool = pool_bytes(process_number, most_pool_bytes())
+    if pool < _LEAST_POOL_BYTES or not has_camera:
         return {}
     threshold = _LARGE_BYTES if sends_frames else _NEVER
     return {f"{_SHARED}/enabled": True, _POOL: pool, _FROM: threshold}
+
+
+def most_pool_bytes() -> int:
+    """Size of the largest pool of a run."""
+    return min(lockable_bytes() - _BESIDE_POOL_BYTES, POOL_BYTES)
 
 
 def lockable_bytes() -> int:

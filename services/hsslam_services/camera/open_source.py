@@ -25,7 +25,7 @@ def open_any_source(
     return open_source(spec, options, should_stop, ALL_SOURCES)
 
 
-def expect_source(options: ServeOptions) -> None:
+def check_source_exists(options: ServeOptions) -> None:
     """Open the source and leave it; a published sequence that is not on disk is fetched.
 
     A live camera is left to the camera process: only one can have it, and it may need our router.

@@ -2,7 +2,7 @@
 
 import queue
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -13,10 +13,14 @@ _POLL_S = 0.2
 class Prefetch(Generic[T]):
     """Iterate over `items`, computed up to `depth` ahead; an error of theirs is raised here.
 
-    `close` lets the thread go when the consumer stops early.
+    `close` lets the thread go when the consumer stops early. `waiting` is called several times a second
+    while the next item is not there; if it returns True, the iteration ends.
     """
 
-    def __init__(self, items: Iterable[T], depth: int) -> None:
+    def __init__(
+        self, items: Iterable[T], depth: int, waiting: Callable[[], bool] = lambda: False
+    ) -> None:
+        self._waiting = waiting
         self._queue: queue.Queue = queue.Queue(depth)
         self._closed = threading.Event()
         self._thread = threading.Thread(
@@ -26,7 +30,12 @@ class Prefetch(Generic[T]):
 
     def __iter__(self) -> Iterator[T]:
         while True:
-            item = self._queue.get()
+            try:
+                item = self._queue.get(timeout=_POLL_S)
+            except queue.Empty:
+                if self._waiting():
+                    return
+                continue
             if item is _END:
                 return
             if isinstance(item, Exception):

@@ -26,6 +26,7 @@ from hsslam_services.camera.ros2_messages import (
 
 _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
+_LARGEST_BYTES = 2**26  # of a message
 _SILENCE_S = 5.0
 _LOOK_AROUND_S = 1.0
 _RATE_HZ = 30.0  # of frames that come when they come
@@ -70,7 +71,7 @@ class Ros2Source:
         self.frame_count: int | None = options.frames
         self.depth_units_per_m = options.camera.depth_scale or self._encoded_units
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`."""
         try:
             yield from selected_live(self._live(), self._options)
@@ -97,6 +98,8 @@ class Ros2Source:
     def _frame(self, pair: tuple[RawImage, RawImage]) -> Frame | BadFrame:
         color, depth = pair
         try:
+            for image in pair:
+                image.expect_size(self.camera)
             depth_raw, units = depth.depth()
             if units != self._encoded_units:
                 raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
@@ -118,6 +121,9 @@ class Ros2Source:
             (self._depth, self._pairs.add_depth),
         ):
             while (sample := subscriber.try_recv()) is not None:
+                if len(sample.payload) > _LARGEST_BYTES:
+                    text = f"{len(sample.payload)} bytes: expected at most {_LARGEST_BYTES}"
+                    raise BadImageError(f"{topic_of(str(sample.key_expr))}: {text}")
                 pair = add(
                     self._cdr.image(sample.payload.to_bytes(), type_of(str(sample.key_expr)))
                 )

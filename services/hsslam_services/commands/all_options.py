@@ -15,6 +15,7 @@ OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" with
         "hsslam completion": f"{_ROOM}.completion.options:CompletionOptions",
         "hsslam-serve": "hsslam_services.run.options:ServeOptions",
         "hsslam-serve warm-up": "",
+        "hsslam-serve rescue": "",
         "hsslam-ctl": f"{_ROOM}.ctl_options:CtlOptions",
         "hsslam-doctor": f"{_ROOM}.doctor:DoctorOptions",
         "hsslam-log": "",

@@ -11,7 +11,7 @@ from rich.table import Table
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import tum_text
 from hsslam_proto import requests as rpc
-from hsslam_proto.mesh_codec import mesh_arrays
+from hsslam_proto.mesh.codec import mesh_arrays
 from hsslam_proto.messages import Mesh, Message
 from hsslam_proto.request_messages import (
     Ask,
@@ -22,7 +22,7 @@ from hsslam_proto.request_messages import (
     Status,
     TrajectoryRows,
 )
-from hsslam_services.bus.ask import NobodyThereError, NotDoneError, ask
+from hsslam_services.bus.ask import NoServiceError, NotDoneError, ask
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
@@ -44,7 +44,7 @@ def print_status(status: Status) -> None:
 
 
 def _rows(status: Status) -> list[tuple[str, str]]:
-    resets = f", thrown away {status.world} x" if status.world else ""
+    resets = f", thrown away {status.map_epoch} x" if status.map_epoch else ""
     processes = "  ".join(f"{name}:{state}" for name, state in status.processes.items())
     restarts = ", ".join(f"{name} {count} x" for name, count in status.restarts.items())
     return [
@@ -115,7 +115,7 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
     runs = [run for run in running_runs() if options.robot in ("", run.robot)]
     if not runs:
         of_robot = f" of robot {options.robot!r}" if options.robot else ""
-        raise NobodyThereError(f"nobody there: no run{of_robot} on this machine; see --connect")
+        raise NoServiceError(f"no service: no run{of_robot} on this machine; see --connect")
     if len(runs) > 1:
         found = ", ".join(f"--run {run.run_dir}" for run in runs)
         raise UserError(f"{len(runs)} runs on this machine: expected one of {found}")

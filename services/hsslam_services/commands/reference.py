@@ -5,11 +5,13 @@
 
 from collections.abc import Iterator, Sequence
 
+from hsslam_node.environment import environment_table
 from hsslam_services.commands.all_options import OPTIONS, options_class, options_of, subcommands
 from hsslam_services.commands.hsslam import COMMANDS
 from hsslam_services.commands.options.config_file import camera_names
 from hsslam_services.commands.options.help_text import names_of, own_options, usage
 from hsslam_services.commands.options.option_table import Option, group_purposes, purpose
+from hsslam_services.commands.rescue import RESCUE_HELP
 from hsslam_services.commands.warm_up import WARM_UP_HELP
 
 _HEAD = """\
@@ -48,11 +50,15 @@ A file that names its preset cannot be combined with another `--preset`.
 """
 
 
+_OWN_HELP = {"hsslam-serve warm-up": WARM_UP_HELP, "hsslam-serve rescue": RESCUE_HELP}
+
+
 def reference() -> str:
     """The whole document."""
     cameras = ", ".join(f"`camera:{name}`" for name in camera_names())
     parts = [
         _HEAD.format(cameras=cameras),
+        f"## Environment variables\n\n{environment_table()}\n\n",
         "## hsslam\n\n| command | what it does |\n| --- | --- |\n",
     ]
     parts += [
@@ -70,7 +76,7 @@ def _section(command: str) -> Iterator[str]:
         below = " | ".join(subcommands(command))
         yield from (
             "```text",
-            WARM_UP_HELP if not below else f"usage: {command} {below} ...",
+            _OWN_HELP.get(command, f"usage: {command} {below} ..."),
             "```",
         )
         return

@@ -1,10 +1,13 @@
 """`hsslam-serve`: runs the service; apart from the supervisor, so that an early Ctrl-C is quiet."""
 
+import os
 import sys
+
+_ONLY_MINE = 0o077  # folders 0700, files 0600
 
 
 def main() -> None:
-    """Run the command; exit code 0 if the run is complete, 1 if it failed, 2 on bad input."""
+    """Run the command; its exit codes are those of `ExitCode`."""
     try:
         from hsslam_services.commands.cli import exit_code
 
@@ -19,9 +22,14 @@ def _serve() -> int:
             from hsslam_services.commands.warm_up import warm_up_command
 
             return warm_up_command(sys.argv[2:])
+        if sys.argv[1:2] == ["rescue"]:
+            from hsslam_services.commands.rescue import rescue_command
+
+            return rescue_command(sys.argv[2:])
         from hsslam_services.commands.serve_command_line import parse_command_line
 
         options = parse_command_line(sys.argv[1:])
+        os.umask(_ONLY_MINE)  # of all processes of the run: their results, logs and folders
         from hsslam_services.supervisor.supervisor import Supervisor  # --help is quicker without
 
         return Supervisor(options).run()

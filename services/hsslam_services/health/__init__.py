@@ -1,1 +1,1 @@
-"""What is known of a run, and who is told: status, metrics, the status line."""
+"""The state of a run and its outputs: status, metrics, the status line."""

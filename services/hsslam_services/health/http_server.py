@@ -1,17 +1,21 @@
 """`/metrics` and `/healthz` over HTTP, served by threads that never ask the supervisor's loop."""
 
+import contextlib
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
+from typing import Any
 
 from hsslam_node.errors import UserError
 from hsslam_services.health.snapshot import Snapshot, health_of
 
 _EVERY_S = 0.5
 _SLOWEST_CLIENT_S = 5.0
+_MOST_CONNECTIONS = 16  # each holds a descriptor and a thread of the supervisor
 _JSON = "application/json"
 
 
@@ -53,12 +57,35 @@ class MetricsServer:
 class _Server(ThreadingTCPServer):
     """Not wsgiref's server: that one asks the name service for this machine's name before it listens.
 
-    prometheus_client's WSGI application would refuse HEAD, and save about 15 lines.
+    prometheus_client's WSGI application would refuse HEAD, and save about 15 lines. A connection too
+    many ends the oldest one, so idle ones do not keep a client from being served.
     """
 
     allow_reuse_address = True
     daemon_threads = True
     snapshot: Snapshot | None = None
+
+    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
+        self._lock = threading.Lock()
+        self._open: dict[socket.socket, None] = {}  # oldest first
+        super().__init__(address, handler)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve it in a thread of its own."""
+        with self._lock:
+            self._open[request] = None
+            if len(self._open) > _MOST_CONNECTIONS:
+                oldest = next(iter(self._open))
+                del self._open[oldest]
+                with contextlib.suppress(OSError):
+                    oldest.shutdown(socket.SHUT_RDWR)  # its thread closes it
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close it, at the end of its thread."""
+        with self._lock:
+            self._open.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, *_: object) -> None:
         """A client that has gone is no news."""

@@ -55,6 +55,8 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
     yield _counter("frames_lost", "Frames whose pose was not found", run.frames_lost)
     yield _counter("frames_dropped", "Frames that came too late", run.frames_dropped)
     yield _gauge("pose_rate_hertz", "Poses per second, of the last seconds", run.fps)
+    text = "How long frames have come without a pose"
+    yield _gauge("silence_seconds", text, snapshot.silent_s)
     buckets = [str(bound / 1e3) for bound in BOUNDS_MS] + ["+Inf"]
     yield HistogramMetricFamily(
         "hsslam_latency_seconds",
@@ -63,14 +65,19 @@ def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
         sum_value=snapshot.latency_sum_ms / 1e3,
     )
     yield _gauge("tracking_quality", "Share of depth within 2 cm of the map, 0 to 1", run.quality)
+    yield _gauge("load_level", "How much work gives way to the latency, 0: nothing", run.load_level)
     yield _gauge("keyframes", "Keyframes", run.keyframes)
     yield _gauge("map_version", "Version of the map", run.map_version)
-    yield _counter("resets", "How often the map was thrown away", run.world)
+    yield _counter("resets", "How often the map was thrown away", run.map_epoch)
     yield _counter("map_iterations", "Iterations of the map", snapshot.iterations)
     yield _counter("ba_rounds", "Rounds of global bundle adjustment", run.ba_rounds)
     yield _gauge("memory_bytes", "Memory of all processes (PSS)", 1e6 * run.memory_mb)
     yield _counter("requests", "Requests that came", run.requests)
     yield _counter("requests_refused", "Requests that were refused", run.requests_refused)
+    if (days := snapshot.certificate_days) is not None:
+        yield _gauge(
+            "certificate_valid_days", "Days until the certificate of --security ends", days
+        )
     rejected = CounterMetricFamily(
         "hsslam_messages_rejected", "Messages that could not be read", labels=["topic"]
     )

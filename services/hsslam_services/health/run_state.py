@@ -1,16 +1,21 @@
 """Counts of a run heard on the bus, and a histogram of latencies as Prometheus has it."""
 
 import statistics
+import time
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 from hsslam_proto import topics
 from hsslam_proto.messages import Event, Health, MapVersion, Pose, SourceEnd
 from hsslam_services.bus.bus import Bus
+from hsslam_services.health.silence import Silence
 
 BOUNDS_MS = (5, 10, 15, 20, 25, 33, 50, 75, 100, 150, 200, 300, 500, 1000)
 _RECENT = 64  # poses for rate and latency
+_RECENT_S = 5.0  # older ones say nothing of now
+_STILL_S = 1.0  # without a pose: the rate falls
 
 
 class LatencyBins:
@@ -42,21 +47,32 @@ class RunState:
     tracked: int = 0
     lost: int = 0
     ba_rounds: int = 0
-    pose_times_s: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
-    latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    started_s: float = field(default_factory=time.monotonic)
+    recent: deque["PoseTimes"] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    silence: Silence = field(default_factory=Silence)
     latency_bins: LatencyBins = field(default_factory=LatencyBins)
 
-    @property
-    def fps(self) -> float:
-        """Poses per second, of the last few seconds."""
-        times = self.pose_times_s
-        span_s = times[-1] - times[0] if times else 0.0
+    def fps(self, now_s: float) -> float:
+        """Poses per second, of the last few seconds; falls to 0 when none come."""
+        times = [pose.heard_s for pose in self._since(now_s)]
+        if len(times) < 2:
+            return 0.0
+        span_s = (now_s if now_s - times[-1] > _STILL_S else times[-1]) - times[0]
         return (len(times) - 1) / span_s if span_s > 0 else 0.0
 
-    @property
-    def latency_ms(self) -> float:
-        """Median of the last latencies from sensor stamp to published pose."""
-        return statistics.median(self.latencies_ms) if self.latencies_ms else 0.0
+    def latency_ms(self, now_s: float) -> float:
+        """Median of the last latencies from sensor stamp to published pose; 0 if none is of now."""
+        latencies = [pose.latency_ms for pose in self._since(now_s)]
+        return statistics.median(latencies) if latencies else 0.0
+
+    def tracking(self, now_s: float) -> Literal["none", "initial", "tracked", "lost"]:
+        """Status of the last pose; none if frames have come without one for so long that it is not of
+        now."""
+        is_silent = self.silence.seconds(now_s) > _RECENT_S
+        return "none" if self.pose is None or is_silent else self.pose.status
+
+    def _since(self, now_s: float) -> "list[PoseTimes]":
+        return [pose for pose in self.recent if now_s - pose.heard_s <= _RECENT_S]
 
     def has_answered(self, end: SourceEnd, dropped: int) -> bool:
         """Whether there is a pose of the last frame; else, whether each frame is answered or dropped."""
@@ -69,14 +85,24 @@ class RunState:
         self.pose = self.map = None
         self.last_keyframe = -1
 
-    def posed(self, pose: Pose) -> None:
+    def posed(self, pose: Pose, now_s: float) -> None:
+        """A pose came; `now_s` is of the monotonic clock."""
+        is_again = self.pose is not None and self.pose.publish_ns == pose.publish_ns
         self.pose = pose
+        self.silence.posed()
         self.tracked += pose.status != "lost"
         self.lost += pose.status == "lost"
-        self.pose_times_s.append(pose.publish_ns / 1e9)
-        latency_ms = (pose.publish_ns - pose.stamp_ns) / 1e6
-        self.latencies_ms.append(latency_ms)
+        latency_ms = max((pose.publish_ns - pose.stamp_ns) / 1e6, 0.0)  # below 0: a clock was set
+        if not is_again:
+            self.recent.append(PoseTimes(now_s, latency_ms))
         self.latency_bins.add(latency_ms)
+
+
+class PoseTimes(NamedTuple):
+    """When a pose came, by the monotonic clock, and how old its frame was."""
+
+    heard_s: float
+    latency_ms: float
 
 
 class Listener:
@@ -94,13 +120,16 @@ class Listener:
 
     def listen(self) -> tuple[list[Health], list[Event]]:
         """Take in what has come; returns the heartbeats and events of this time."""
-        state = self.state
+        state, now_s = self.state, time.monotonic()
         for pose in self._poses.drain():
-            state.posed(pose)
+            state.posed(pose, now_s)
         for version in self._maps.drain():
             state.map = version
         for keyframe in self._keyframes.drain():
             state.last_keyframe = max(state.last_keyframe, keyframe.id)
         state.ba_rounds += len(self._corrections.drain())
         state.source_end = self._end.poll() or state.source_end
-        return self._health.drain(), self._events.drain()
+        beats = self._health.drain()
+        for health in beats:
+            state.silence.heard(health, now_s)
+        return beats, self._events.drain()

@@ -11,6 +11,7 @@ from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 
 _HUNG_S = 10.0  # the supervisor comes round every 50 ms
+_SILENT_S = 5.0  # frames come, and no pose does
 _CAMERA = "camera"
 
 
@@ -26,10 +27,16 @@ class Snapshot:
     rejected: Mapping[str, int]  # by topic
     health: Mapping[str, Health]  # the last heartbeat of each process that lives
     taken_s: float
+    silent_s: float = 0.0  # how long frames have come without a pose
+    certificate_days: float | None = None  # until it ends; None without `security`
 
 
 def take_snapshot(
-    status: Status, rejected: Mapping[str, int], state: RunState, children: Mapping[str, Child]
+    status: Status,
+    rejected: Mapping[str, int],
+    state: RunState,
+    children: Mapping[str, Child],
+    certificate_days: float | None = None,
 ) -> Snapshot:
     """Copies of everything that changes."""
     return Snapshot(
@@ -41,8 +48,10 @@ def take_snapshot(
         latency_counts=tuple(state.latency_bins.cumulative()),
         latency_sum_ms=state.latency_bins.sum_ms,
         rejected=dict(rejected),
+        certificate_days=certificate_days,
         health={n: c.health for n, c in children.items() if c.health is not None and c.is_alive},
         taken_s=time.monotonic(),
+        silent_s=state.silence.seconds(time.monotonic()),
     )
 
 
@@ -50,7 +59,7 @@ def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[in
     """Status code of HTTP and body. 200: all needed processes run, or the run ends in order; else 503.
 
     `status` in the body: ok, paused, degraded (runs without one that it can do without), stopping;
-    starting, down, hung.
+    starting, down, hung, silent (frames have come for 5 s and no pose did).
     """
     if snapshot is None:
         return 503, {"status": "starting"}
@@ -66,8 +75,9 @@ def health_of(snapshot: Snapshot | None, now_s: float | None = None) -> tuple[in
         "seconds": round(run.seconds, 1),
         "tracking": run.tracking,
         "fps": round(run.fps, 1),
+        "silent_s": round(snapshot.silent_s, 1),
     }
-    return 503 if body["status"] in ("starting", "down", "hung") else 200, body
+    return 503 if body["status"] in ("starting", "down", "hung", "silent") else 200, body
 
 
 def _word(snapshot: Snapshot, missing: dict[str, str], age_s: float) -> str:
@@ -80,6 +90,8 @@ def _word(snapshot: Snapshot, missing: dict[str, str], age_s: float) -> str:
     if needed:
         never_ran = not run.restarts and all(state in ("waiting", "starting") for state in needed)
         return "starting" if never_ran and run.state == "starting" else "down"
+    if snapshot.silent_s > _SILENT_S:
+        return "silent"
     if run.state == "paused":
         return "paused"
     return "degraded" if missing else "ok"

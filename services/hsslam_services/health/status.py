@@ -27,7 +27,7 @@ def run_status(
     rejected: int = 0,
 ) -> Status:
     """The run in numbers; `phase` is refined to starting before the first pose in a map."""
-    pose = state.pose
+    pose, now_s = state.pose, time.monotonic()
     is_starting = pose is None and phase == "running"
     return Status(
         run_id=run.run_id,
@@ -35,19 +35,20 @@ def run_status(
         source=run.options.source,
         preset=run.options.preset,
         pace=run.options.pace,
-        seconds=(time.time_ns() - run.started_ns) / 1e9,
+        seconds=now_s - state.started_s,
         frames_sent=_sent(children, state),
         frames_tracked=state.tracked,
         frames_lost=state.lost,
         frames_dropped=frames_dropped(children),
-        fps=state.fps,
-        latency_ms=state.latency_ms,
-        tracking="none" if pose is None else pose.status,
+        fps=state.fps(now_s),
+        latency_ms=state.latency_ms(now_s),
+        tracking=state.tracking(now_s),
         quality=0.0 if pose is None else pose.quality,
         keyframes=state.last_keyframe + 1,
         map_version=state.map.version if state.map else 0,
         ba_rounds=state.ba_rounds,
         memory_mb=memory_mb,
+        load_level=load_level(children),
         requests=requests.received,
         requests_refused=requests.refused,
         messages_rejected=rejected,
@@ -111,6 +112,12 @@ def frames_dropped(children: Mapping[str, Child]) -> int:
     """Frames that the tracker missed because newer ones came, by its last heartbeat."""
     health = children["tracker"].health if "tracker" in children else None
     return health.topics.get(FRAME.name, TopicCounts()).dropped if health else 0
+
+
+def load_level(children: Mapping[str, Child]) -> int:
+    """How much of the work gives way to the latency of poses, by the tracker's last heartbeat."""
+    health = children["tracker"].health if "tracker" in children else None
+    return health.counters.get("load_level", 0) if health else 0
 
 
 def rejected_messages(own: Iterable[Subscription], children: Mapping[str, Child]) -> dict[str, int]:

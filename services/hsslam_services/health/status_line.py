@@ -17,6 +17,7 @@ from rich.text import Text
 from hsslam_proto.messages import TopicCounts
 from hsslam_proto.topics import FRAME
 from hsslam_services.health.run_state import RunState
+from hsslam_services.health.status import load_level
 from hsslam_services.launch.child import Child
 
 _REDRAW_S = 0.25
@@ -25,7 +26,7 @@ _STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended
 
 
 class ResilientStream(io.TextIOBase):
-    """Writes to `stream` until nobody reads it any more (a pipe closed, a terminal gone), then nowhere."""
+    """Writes to `stream` until its reader is gone (a pipe closed, a terminal closed), then nowhere."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -113,13 +114,18 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     tracker = children["tracker"].health
     sent = camera.counters.get("sent", 0) if camera else 0
     frames = tracker.topics.get(FRAME.name, TopicCounts()) if tracker else TopicCounts()
-    quality = "-" if pose is None else "lost" if pose.status == "lost" else f"{pose.quality:.2f}"
+    now_s = time.monotonic()
+    is_silent = state.tracking(now_s) == "none"
+    quality = "lost" if pose and pose.status == "lost" else f"{pose.quality:.2f}" if pose else "-"
     frame = "-" if pose is None else str(pose.index)
     text = Text(
-        f"frame {frame}/{sent}  {state.fps:.1f} FPS  {state.latency_ms:.0f} ms  quality {quality}  "
+        f"frame {frame}/{sent}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "
+        f"quality {'-' if is_silent else quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
         f"dropped {frames.dropped}  lost {state.lost}  memory {memory_mb} MB  "
     )
+    if level := load_level(children):
+        text.append(f"load level {level}  ", style="yellow")
     for name, child in children.items():
         text.append(f"{name}:", style="dim")
         text.append(f"{child.state} ", style=_STYLES.get(child.state, "red"))

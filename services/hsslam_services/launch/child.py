@@ -1,44 +1,32 @@
 """One supervised process: started, watched, restarted by a policy, stopped."""
 
 import signal
+import subprocess
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from hsslam_proto.messages import Health
-from hsslam_services.launch.process_table import ProcessSpec
-from hsslam_services.launch.spawn import Process, Spawn, how_it_ended, last_error, log_path, spawn
+from hsslam_services.bus.dead_pools import free_pools
+from hsslam_services.bus.zenoh_session import most_pool_bytes
+from hsslam_services.launch.process_table import ProcessSpec, process_number
+from hsslam_services.launch.restart_policy import RestartPolicy
+from hsslam_services.launch.spawn import (
+    Process,
+    Spawn,
+    how_it_ended,
+    last_error,
+    log_path,
+    not_started,
+    spawn,
+)
 from hsslam_services.run.process_result import clear_result
 
-_MOST_RESTARTS = 5
-_WINDOW_S = 300.0
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
 _OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
 _PATIENCE_S = 10.0  # after it, for all to come round
-
-
-@dataclass
-class RestartPolicy:
-    """When a process that failed is started again; pure, time is an argument.
-
-    Delays double from `first_delay_s` to `longest_delay_s`; a quiet window starts them anew.
-
-    More than 5 restarts in 300 s are a crash loop.
-    """
-
-    first_delay_s: float
-    longest_delay_s: float
-    _failures_s: list[float] = field(default_factory=list)
-
-    def failed(self, now_s: float) -> float | None:
-        """A failure at this time (s, monotonic): seconds to wait, or None to give up."""
-        self._failures_s = [t for t in self._failures_s if now_s - t < _WINDOW_S] + [now_s]
-        count = len(self._failures_s)
-        if count > _MOST_RESTARTS:
-            return None
-        return min(self.first_delay_s * 2 ** (count - 1), self.longest_delay_s)
+_KILL_TIMEOUT_S = 10.0  # for the kernel to end a process, which may hang in a driver
 
 
 class Child:
@@ -63,8 +51,11 @@ class Child:
         self._process: Process | None = None
         self._start_at_s = 0.0
         self._started_s = 0.0
+        self._worked_since_s: float | None = None
         self._beat_s = 0.0
         self._stop_sent_s = 0.0
+        self._turned_s = 0.0
+        self._killed_s = 0.0
         self._ticked_s = time.monotonic()
         self._patient_until_s = 0.0
 
@@ -87,9 +78,12 @@ class Child:
         if health.pid == self.pid:
             self.health = health
             self._beat_s = time.monotonic()
+            self._turned_s = self._beat_s - 1e-3 * health.idle_ms
             stalled = health.idle_ms > 1e3 * self.spec.stall_timeout_s
             if self.state != "ended" and health.state != "stopping":
                 running = health.state == "running"
+                if running and self._worked_since_s is None:
+                    self._worked_since_s = self._beat_s
                 self.state = (
                     "stalled" if running and stalled else "running" if running else "starting"
                 )
@@ -100,6 +94,10 @@ class Child:
         self._forgive_own_pause(now)
         if self._process is not None and (code := self._process.poll()) is not None:
             self._exited(code, now)
+        if self._process is not None and self._killed_s:
+            if now - self._killed_s > _KILL_TIMEOUT_S:
+                self._leave()
+            return
         if self.wanted and self._process is None and self.state == "waiting":
             if now >= self._start_at_s:
                 self._start(now)
@@ -114,16 +112,35 @@ class Child:
             self.state, self._start_at_s = "waiting", 0.0
 
     def kill(self) -> None:
-        """End it at once and wait for it."""
+        """End it at once and wait for it, but not for ever."""
         self.wanted = False
-        if self._process is not None:
-            self._process.kill()
-            self._exited(self._process.wait(), time.monotonic())
+        if self._process is None:
+            return
+        self._process.kill()
+        try:
+            self._exited(self._process.wait(_KILL_TIMEOUT_S), time.monotonic())
+        except subprocess.TimeoutExpired:
+            self._leave()
 
     def _start(self, now: float) -> None:
-        clear_result(self._run_dir, self.spec.name)
-        self._process = self._spawn(self.spec.module, self._run_dir)
-        self.state, self._started_s, self._stop_sent_s, self.health = "starting", now, 0.0, None
+        self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
+        self._worked_since_s = None
+        try:
+            free_pools(process_number(self.spec.name), most_pool_bytes())
+            clear_result(self._run_dir, self.spec.name)
+            self._process = self._spawn(self.spec.module, self._run_dir)
+        except (
+            OSError,
+            MemoryError,
+        ) as error:  # no descriptors, no processes, no place for its log
+            self._failed(not_started(error), now)
+        else:
+            self.state, self._started_s = "starting", now
+
+    def _leave(self) -> None:
+        """Wait no more for a process that the kernel cannot end."""
+        self.news.append(f"{self.spec.name} (process {self.pid}) cannot be killed: left behind")
+        self._process, self.state = None, "failed"
 
     def _exited(self, code: int, now: float) -> None:
         self._process = None
@@ -134,8 +151,12 @@ class Child:
             self.state = "failed"
             self.user_error = last_error(self._run_dir, self.spec.module)
             return
-        how = how_it_ended(code)
-        delay_s = self._policy.failed(now)
+        self._failed(how_it_ended(code), now)
+
+    def _failed(self, how: str, now: float) -> None:
+        """Start it again after a while, or give up."""
+        worked_s = 0.0 if self._worked_since_s is None else now - self._worked_since_s
+        delay_s = self._policy.failed(now, worked_s)
         if delay_s is None:
             self.state = "failed"
             log = log_path(self._run_dir, self.spec.module)
@@ -170,7 +191,7 @@ class Child:
             return
         self.news.append(f"{spec.name} {why}: killed")
         self._process.kill()
-        self._process.wait()
+        self._killed_s = now
 
     def _stop(self, now: float) -> None:
         assert self._process is not None
@@ -178,9 +199,9 @@ class Child:
             self._process.terminate()
             self._process.send_signal(signal.SIGCONT)  # one that is frozen can end, too
             self._stop_sent_s = now
-        elif now - self._stop_sent_s > self.spec.stop_timeout_s:
+        elif now - max(self._stop_sent_s, self._turned_s) > self.spec.stop_timeout_s:
             self.news.append(
                 f"{self.spec.name} did not end in {self.spec.stop_timeout_s:g} s: killed"
             )
             self._process.kill()
-            self._process.wait()
+            self._killed_s = now

@@ -1,7 +1,6 @@
 """The supervisor's end of the fork server, and a forked process as `subprocess.Popen` would show it."""
 
 import contextlib
-import ctypes
 import os
 import signal
 import socket
@@ -10,27 +9,29 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from hsslam_services.launch.child import RestartPolicy
+from hsslam_services.launch.parent_death import adopt_orphans
 from hsslam_services.launch.process_table import FORK_SERVER
+from hsslam_services.launch.restart_policy import RestartPolicy
 from hsslam_services.launch.spawn import (
+    NOT_STARTED,
     Process,
     child_environment,
     how_it_ended,
     module_command,
+    not_started,
     open_log,
     spawn,
 )
 
 _POLL_S = 0.01
 _PATIENCE_S = 120.0  # for a fork server that still imports; one that is frozen is not waited for
-_PR_SET_CHILD_SUBREAPER = 36
 _END_TIMEOUT_S = 2.0
 
 
 class ForkedProcess:
-    """PendingRequest for, then born, then ended; `pid` is None until it is born.
+    """A process started by the fork server: requested (`pid` is None), running, ended.
 
-    `link`: the new process says its pid there, and runs when it is answered. If the link closes
+    `link`: the new process sends its pid and waits for an answer before it runs. If the link closes
     without a word the fork server is gone, and `plainly` starts the process without it.
     """
 
@@ -99,8 +100,12 @@ class ForkedProcess:
             word = b""
         self._part()
         if not word:
-            self._plain = self._plainly()
-            self.pid = self._plain.pid
+            try:
+                self._plain = self._plainly()
+            except OSError:
+                self.returncode = NOT_STARTED
+            else:
+                self.pid = self._plain.pid
 
     def _part(self) -> None:
         if self._link is not None:
@@ -121,16 +126,25 @@ class ForkClient:
         self._policy = RestartPolicy(first_delay_s=0.0, longest_delay_s=0.0)
         self._process: subprocess.Popen | None = None
         self._socket: socket.socket | None = None
-        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+        self._started_s = time.monotonic()
+        adopt_orphans()
 
     @property
     def pid(self) -> int | None:
         return self._process.pid if self._process else None
 
     def start(self) -> None:
-        """Start the fork server, if it does not run."""
+        """Start the fork server, if it does not run; if the system refuses, processes start without it."""
         if self._process is not None:
             return
+        try:
+            self._start()
+        except OSError as error:
+            self._close_socket()
+            self.news.append(f"fork server {not_started(error)}: processes start without it")
+
+    def _start(self) -> None:
+        self._started_s = time.monotonic()
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         fd = other.fileno()
         command = module_command(FORK_SERVER, str(self._run_dir))
@@ -150,10 +164,11 @@ class ForkClient:
         self.tick()
         if self._socket is None:
             return spawn(module, run_dir)
-        own, other = socket.socketpair()
-        with open_log(run_dir, module) as log, other, contextlib.suppress(OSError):
-            # on an error `other` closes: the process is then started without the fork server
-            socket.send_fds(self._socket, [module.encode()], [log.fileno(), other.fileno()])
+        with open_log(run_dir, module) as log:
+            own, other = socket.socketpair()
+            with other, contextlib.suppress(OSError):
+                # on an error `other` closes: the process is then started without the fork server
+                socket.send_fds(self._socket, [module.encode()], [log.fileno(), other.fileno()])
         return ForkedProcess(own, lambda: spawn(module, run_dir))
 
     def tick(self) -> None:
@@ -163,7 +178,8 @@ class ForkClient:
         how = how_it_ended(self._process.returncode)
         self._close_socket()
         self._process = None
-        if self._policy.failed(time.monotonic()) is None:
+        now_s = time.monotonic()
+        if self._policy.failed(now_s, now_s - self._started_s) is None:
             self.news.append(f"fork server {how}: too many restarts, processes start without it")
             return
         self.news.append(f"fork server {how}: restarted")

@@ -7,7 +7,6 @@ ends them.
 """
 
 import argparse
-import ctypes
 import gc
 import importlib
 import os
@@ -21,18 +20,18 @@ from typing import NamedTuple
 
 import setproctitle
 
+from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.spawn import module_command
 
-_PR_SET_PDEATHSIG = 1
 _PROCESSES = "hsslam_services.processes"
-# The camera waits for nobody, so it is born before the large imports.
+# The camera waits for no other process, so it is forked before the large imports.
 _FIRST_IMPORTS = ("hsslam_services.launch.worker", f"{_PROCESSES}.camera", "cv2", "numba")
 _IMPORTS = tuple(f"{_PROCESSES}.{name}" for name in ("tracker", "mapper", "global_ba"))
 _EARLY = (f"{_PROCESSES}.camera", f"{_PROCESSES}.recorder")
 
 
 def set_process_title(name: str, command: Sequence[str]) -> None:
-    """Show `name` (15 characters) and `command` in `ps` and /proc, where the watchdog finds the process.
+    """Show `name` (15 characters) and `command` in `ps` and /proc.
 
     Raises:
         OSError: the command line does not fit.
@@ -65,7 +64,7 @@ class _Request(NamedTuple):
 
 def main() -> None:
     """Serve the supervisor at the other end of the socket until it closes it, or dies."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    die_with_parent(signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parser = argparse.ArgumentParser(prog="hsslam fork server")
     parser.add_argument("--run", required=True, metavar="DIR", help="the run folder")
@@ -114,6 +113,7 @@ def _import(modules: tuple[str, ...]) -> None:
 
 
 def _load_kernels(run_dir: Path) -> None:
+    """Be warm before the first fork: `warm_start` of a forked process returns what this one has done."""
     from hsslam_node.warm_start import warm_start
     from hsslam_services.run.run_info import RunInfo
 
@@ -158,7 +158,7 @@ def _become(request: _Request, run_dir: str) -> None:
     with socket.socket(fileno=request.link) as link:
         link.send(str(os.getpid()).encode())
         if not link.recv(8):
-            os._exit(0)  # nobody wants it any more
+            os._exit(0)  # the supervisor no longer wants it
     os.dup2(request.log, sys.stdout.fileno())
     os.dup2(request.log, sys.stderr.fileno())
     os.close(request.log)

@@ -1,17 +1,29 @@
-"""Processes of a run that are not kept running: map loader, saver, evaluator, the watchdog."""
+"""Processes of a run that are not kept running: map loader, savers, evaluator, the watchdog."""
 
+import contextlib
 import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, WATCHDOG
-from hsslam_services.launch.spawn import Spawn, last_error, module_command, process_name, spawn
+from hsslam_services.launch.spawn import (
+    NOT_STARTED,
+    Process,
+    Spawn,
+    child_environment,
+    last_error,
+    module_command,
+    not_started,
+    open_log,
+    process_name,
+    spawn,
+)
 from hsslam_services.run.process_result import clear_result, read_result
-from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
 
 _WATCHDOG_TIMEOUT_S = 5.0
+_KILL_TIMEOUT_S = 5.0
 
 
 def run_one_shot(
@@ -29,28 +41,45 @@ def run_one_shot(
         return "cancelled"
     timeout_s = ONE_SHOT_TIMEOUT_S[module]
     name = process_name(module)
-    clear_result(run_dir, name)
-    process = spawn(module, run_dir)
+    try:
+        clear_result(run_dir, name)
+        process = spawn(module, run_dir)
+    except (OSError, MemoryError) as error:
+        return not_started(error)
     deadline = time.monotonic() + timeout_s
     while (code := process.poll()) is None:
         tick()
         if is_cancelled() or time.monotonic() > deadline:
-            process.kill()
-            process.wait()
+            _kill(process)
             return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
-    update_summary(run_dir, read_result(run_dir, name).summary)
-    return last_error(run_dir, module) if code else ""
+    if code == NOT_STARTED:
+        return "cannot be started"
+    error = last_error(run_dir, module) if code else ""
+    with contextlib.suppress(
+        OSError
+    ):  # the end of the run reports a summary that cannot be written
+        update_summary(run_dir, read_result(run_dir, name).summary)
+    return error
 
 
-def start_watchdog(run: RunInfo) -> subprocess.Popen:
-    """Start the process that cleans up behind a supervisor that was killed."""
-    return subprocess.Popen(
-        [*module_command(WATCHDOG, run.run_dir), "--arena", run.arena_dir],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+def _kill(process: Process) -> None:
+    """End it; one that hangs in a driver is not waited for."""
+    process.kill()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(_KILL_TIMEOUT_S)
+
+
+def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
+    """Start the process that saves and cleans up behind a supervisor that was killed."""
+    with open_log(run_dir, WATCHDOG) as log:
+        return subprocess.Popen(
+            [*module_command(WATCHDOG, str(run_dir)), "--arena", str(arena_dir)],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=child_environment(),
+            start_new_session=True,
+        )
 
 
 def expect_end(watchdog: subprocess.Popen) -> None:

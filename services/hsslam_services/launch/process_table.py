@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 from typing import Any
 
+from hsslam_node.image_header import LARGEST_PIXELS
+
 
 @dataclass(frozen=True)
 class ProcessSpec:
     """One row: a process that the supervisor keeps running, `python -m <module> --run DIR`.
 
-    `ends_run`: giving up on it in a crash loop stops the run with exit code 1.
+    `ends_run`: giving up on it in a crash loop stops the run.
     `stop_stage`: all processes of a stage have ended before those of the next stage are told to end.
     `restarts_with_map`: it keeps state of the map, so a reset replaces it.
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
@@ -29,7 +31,7 @@ class ProcessSpec:
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
     health_timeout_s: float = 15.0  # without a heartbeat; armed by the first
     stall_timeout_s: float = 150.0  # heartbeats, but the main loop has not come round
-    stop_timeout_s: float = 20.0
+    stop_timeout_s: float = 20.0  # told to end, and its main loop has not come round for so long
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
@@ -38,7 +40,7 @@ class ProcessSpec:
         return self.ends_run or (self.lockstep_needs and pace == "lockstep")
 
 
-CAMERA_STAGE, TRACKER_STAGE, MAP_STAGE, RECORDER_STAGE = 1, 2, 3, 4  # order of the stop
+CAMERA_STAGE, TRACKER_STAGE, BA_STAGE, MAP_STAGE, MESHER_STAGE, RECORDER_STAGE = range(6)
 
 
 def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
@@ -48,17 +50,19 @@ def _row(name: str, purpose: str, **fields: Any) -> ProcessSpec:
 WARM_UP = "hsslam_services.launch.warm_up"
 WATCHDOG = "hsslam_services.launch.watchdog"
 FORK_SERVER = "hsslam_services.launch.fork_server"
-SAVER = "hsslam_services.processes.saver"
 EVALUATOR = "hsslam_services.processes.evaluator"
 MAP_LOADER = "hsslam_services.processes.map_loader"
 MAP_SAVER = "hsslam_services.processes.map_saver"
 TRAJECTORY_SAVER = "hsslam_services.processes.trajectory_saver"
+FINAL_MAP_SAVER = "hsslam_services.processes.final_map_saver"
+MESH_SAVER = "hsslam_services.processes.mesh_saver"
 ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     WARM_UP: 600.0,
     MAP_LOADER: 300.0,
     MAP_SAVER: 300.0,
-    SAVER: 300.0,
-    EVALUATOR: 300.0,
+    FINAL_MAP_SAVER: 600.0,
+    MESH_SAVER: 3600.0,  # it shows its progress; a second signal ends it
+    EVALUATOR: 3600.0,
     TRAJECTORY_SAVER: 60.0,
 }
 
@@ -70,6 +74,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=TRACKER_STAGE,
         ends_run=True,
         restarts_with_map=True,
+        stall_timeout_s=10.0,  # a frame takes some 10 ms, the search for a place a second
     ),
     _row(
         "mapper",
@@ -78,9 +83,14 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=MAP_STAGE,
         ends_run=True,
         restarts_with_map=True,
-        stop_timeout_s=120.0,  # its last iterations
     ),
-    _row("recorder", "writes run.mcap and feeds rerun", nice=8, stop_stage=RECORDER_STAGE),
+    _row(
+        "recorder",
+        "writes run.mcap and feeds rerun",
+        nice=8,
+        stop_stage=RECORDER_STAGE,
+        stop_timeout_s=120.0,  # it recovers earlier parts and finishes its files
+    ),
     _row(
         "camera",
         "publishes the source",
@@ -88,21 +98,23 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         stop_stage=CAMERA_STAGE,
         reads_source=True,
         may_finish=True,
+        stall_timeout_s=60.0,  # no wait of its own is longer than a second
     ),
     _row(
         "global_ba",
         "refines keyframe poses",
         nice=14,
-        stop_stage=MAP_STAGE,
+        stop_stage=BA_STAGE,  # before the mapper, which holds the map for its last iterations
         is_late=True,
         restarts_with_map=True,
         lockstep_needs=True,
+        stop_timeout_s=60.0,  # it finishes its round
     ),
     _row(
         "mesher",
         "extracts the mesh",
         nice=19,
-        stop_stage=MAP_STAGE,
+        stop_stage=MESHER_STAGE,
         is_late=True,
         restarts_with_map=True,
     ),
@@ -110,9 +122,18 @@ PROCESSES: tuple[ProcessSpec, ...] = (
 
 
 def environment_of_threads(threads: int) -> dict[str, str]:
-    """Variables that keep numeric libraries to so many threads; set before any import."""
+    """Variables that limit the threads of numeric libraries and the image size that OpenCV reads; set before
+    any import."""
     names = ("OMP", "OPENBLAS", "MKL", "NUMBA")
     return {
         **{f"{name}_NUM_THREADS": str(threads) for name in names},
         "OPENCV_FOR_THREADS_NUM": str(threads),
+        "OPENCV_IO_MAX_IMAGE_PIXELS": str(
+            LARGEST_PIXELS
+        ),  # of formats whose headers we do not read
     }
+
+
+def process_number(name: str) -> int:
+    """Place in the table, from 1; 0: not in it."""
+    return next((k for k, spec in enumerate(PROCESSES, 1) if spec.name == name), 0)

@@ -34,6 +34,7 @@ class Process(Protocol):
 
 
 Spawn = Callable[[str, Path], Process]
+NOT_STARTED = 127  # exit code of a process that the system did not start, as a shell has it
 
 
 def module_command(module: str, run_dir: str) -> list[str]:
@@ -91,6 +92,14 @@ def last_error(run_dir: Path, module: str) -> str:
     return error or f"{process_name(module)} failed; see {log_path(run_dir, module)}"
 
 
+def not_started(error: BaseException) -> str:
+    """Why the system did not start a process, in words."""
+    reason = error.strerror if isinstance(error, OSError) else ""
+    return f"cannot be started: {reason or error or type(error).__name__}"
+
+
 def how_it_ended(code: int) -> str:
     """An exit code in words."""
+    if code == NOT_STARTED:
+        return "cannot be started"
     return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"

@@ -1,6 +1,5 @@
 """Compile every kernel once, into the cache: `hsslam-serve warm-up`."""
 
-import ctypes
 import dataclasses
 import os
 import signal
@@ -11,11 +10,11 @@ from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_services.launch.parent_death import die_with_parent
 
 if TYPE_CHECKING:
     from hsslam_node.config import SlamConfig
 
-_PR_SET_PDEATHSIG = 1
 _WIDTH_PX, _HEIGHT_PX = 160, 120
 
 
@@ -33,7 +32,7 @@ def warm_up(tell: Callable[[str], None]) -> bool:
         return False
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        os.environ["NUMBA_CACHE_DIR"] = str(folder)
+        os.environ.update(NUMBA_CACHE_DIR=str(folder))
         for part in _compile_all():
             tell(part)
         warm_stamp().touch()
@@ -64,7 +63,7 @@ def _compile_all() -> Iterator[str]:
 
 def _map_a_wall(parent_pid: int) -> None:
     """Mapping, bundle adjustment and tracking by rendering on three frames."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    die_with_parent(signal.SIGKILL)
     if os.getppid() != parent_pid:  # it died before that
         return
     from hsslam_node.presets import PRESETS
@@ -123,7 +122,10 @@ def _compile_the_rest() -> Iterator[str]:
 
     yield "meshing"
     from hsslam_node.meshing.extract_mesh import extract_mesh
+    from hsslam_node.meshing.live_mesh import LiveMesh
     from hsslam_node.meshing.map_queries import MapQueries
+    from hsslam_node.meshing.marked_keyframes import MarkedKeyframes
+    from hsslam_node.meshing.sparse_space import SparseSpace
 
     depth_m, T_world_cam = store.frame(0).depth_m(), store.pose(0)
     queries = MapQueries(parameters.layout, parameters.params)
@@ -134,6 +136,12 @@ def _compile_the_rest() -> Iterator[str]:
 
     keyframes = [(np.full_like(depth_m, depth_at_center_m), T_world_cam)]
     mesh = extract_mesh(plane, queries.color, bound, first.camera, keyframes, 0.1)
+    live = LiveMesh(SparseSpace(0.1), config.field.truncation_m)
+    marked = MarkedKeyframes(live)
+    marked.cover(bound)
+    marked.mark(T_world_cam[None], first.camera, lambda _: keyframes[0][0], lambda: True)
+    live.probe(plane, lambda: True)
+    live.refresh(plane, queries.color, lambda: True)
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes

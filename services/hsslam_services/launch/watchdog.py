@@ -1,4 +1,4 @@
-"""Outlives the supervisor by seconds: if it dies without cleaning up, nothing of the run is left.
+"""Outlives the supervisor: if that dies without an orderly end, what the arena holds is saved, then removed.
 
 A process of its own that only waits for the kernel to free the supervisor's lock on the arena.
 """
@@ -8,59 +8,99 @@ import contextlib
 import os
 import shutil
 import signal
+import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
-from hsslam_services.arena.arena_folder import wait_for_owner_death
+from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import holds_poses, owned_after_death
+from hsslam_services.arena.process_registry import living_processes
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
 
-_GRACE_S = 4.0  # for the recorder to finalise its file
-_POLL_S = 0.05
+_GRACE_S = 4.0  # for the processes to end; the recorder finishes its file
+_LONGEST_RECORDER_S = 30.0
+_POLL_S = 0.02
+_RECORDER = "recorder"  # its name in the registry
 
 
 def main() -> None:
-    """Wait for the supervisor to end; let the others end, kill the rest, free the arena."""
+    """Wait for the supervisor to end; let the others end, kill the rest, save and free the arena."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     parser = argparse.ArgumentParser(prog="hsslam watchdog")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     parser.add_argument("--arena", type=Path, required=True, metavar="DIR", help="the arena folder")
     args = parser.parse_args()
-    wait_for_owner_death(args.arena)
-    if not args.arena.exists():
-        return  # an orderly end
-    deadline, told = time.monotonic() + _GRACE_S, set()
-    while (pids := _processes_of(args.run)) and time.monotonic() < deadline:
-        for pid in pids - told:
-            _signal(pid, signal.SIGTERM)  # also one that was not yet listening when its parent died
-        told |= pids
+    with owned_after_death(args.arena) as is_there:
+        if is_there and not is_marked(args.arena):  # else an orderly end
+            _save_and_remove(args.arena, args.run)
+
+
+def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
+    with contextlib.suppress(
+        OSError
+    ):  # the memory is full: no process removes the arena while this one owns it
+        mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
+    for pid in living_processes(arena_dir):
+        _signal(pid, signal.SIGTERM)  # also one that was not yet listening when its parent died
+    if holds_poses(arena_dir):
+        _save(arena_dir, run_dir)
+    else:
+        _kill(_wait_for_end(arena_dir))
+        shutil.rmtree(arena_dir, ignore_errors=True)
+
+
+def _save(arena_dir: Path, run_dir: Path) -> None:
+    """Save all; the arena stays, marked, where this fails."""
+    from hsslam_services.artefacts.rescue import rescue  # while they end: PyTorch takes a second
+    from hsslam_services.run.process_result import read_result
+    from hsslam_services.run.summary import update_summary
+
+    recorders = _wait_for_end(arena_dir)
+    try:
+        not_saved = rescue(arena_dir, run_dir, _tell)
+        deadline = time.monotonic() + _LONGEST_RECORDER_S
+        while recorders & living_processes(arena_dir).keys() and time.monotonic() < deadline:
+            time.sleep(_POLL_S)
+        log = read_result(run_dir, "recorder").summary
+        reason = {"stop_reason": "the supervisor was killed", "not_saved": not_saved}
+        update_summary(run_dir, {**log, **reason})
+    except (UserError, OSError) as error:
+        _tell(f"error: {error}")
+        return
+    _kill(living_processes(arena_dir))
+    if not not_saved:
+        shutil.rmtree(arena_dir, ignore_errors=True)
+
+
+def _wait_for_end(arena_dir: Path) -> set[int]:
+    """Wait for the processes of the arena, kill those that do not end; the recorders that still write."""
+    deadline = time.monotonic() + _GRACE_S
+    while (living := living_processes(arena_dir)) and time.monotonic() < deadline:
+        recorders = {pid for pid, name in living.items() if name == _RECORDER}
+        if living.keys() == recorders:
+            return recorders
+        for pid in living.keys() - recorders:
+            _signal(pid, signal.SIGTERM)
         time.sleep(_POLL_S)
+    recorders = {pid for pid, name in living.items() if name == _RECORDER}
+    _kill(living.keys() - recorders)
+    return recorders
+
+
+def _kill(pids: Iterable[int]) -> None:
     for pid in pids:
         _signal(pid, signal.SIGKILL)
-    shutil.rmtree(args.arena, ignore_errors=True)
-
-
-def _processes_of(run_dir: Path) -> set[int]:
-    """Processes with a command line as `spawn.module_command` makes it, but this one.
-
-    A forked process shows its command line as one text with spaces, not as separate words.
-    """
-    of_run = b" --run " + os.fsencode(run_dir)
-    found = set()
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdecimal() or int(entry.name) == os.getpid():
-            continue
-        try:
-            command = (entry / "cmdline").read_bytes().rstrip(b"\0").replace(b"\0", b" ")
-        except OSError:
-            continue
-        if b" -P -m " in command and (command.endswith(of_run) or of_run + b" " in command):
-            found.add(int(entry.name))
-    return found
 
 
 def _signal(pid: int, number: signal.Signals) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, number)
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,7 @@
-"""What all processes of a run share: bus, arena, device, heartbeat, signals, death with the supervisor."""
+"""What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor."""
 
 import argparse
 import contextlib
-import ctypes
-import dataclasses
 import faulthandler
 import os
 import signal
@@ -18,15 +16,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
-from hsslam_node.device.choose_device import choose_device
-from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
 from hsslam_proto.messages import Event, Health, TopicCounts
+from hsslam_services.arena.process_registry import enter_process
 from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.bus.zenoh_session import shared_memory_of_run
-from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.launch.heartbeat_figures import HeartbeatFigures
+from hsslam_services.launch.parent_death import die_with_parent
+from hsslam_services.launch.process_table import PROCESSES, process_number
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.memory import OwnMemory
 from hsslam_services.run.process_result import ProcessResult, write_result
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 _HEARTBEAT_S = 0.5
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
-_PR_SET_PDEATHSIG = 1
 _EMA = 0.1  # weight of a new stage time
 _TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
 
@@ -56,20 +55,21 @@ class Worker:
         self.options = run.options
         first_camera = name == "camera" and not CameraProgress.exists(Path(run.arena_dir))
         shared_memory = shared_memory_of_run(
-            run.options.has_camera_process, sends_frames=first_camera
+            run.options.has_camera_process, first_camera, process_number(name)
         )
         self.bus = Bus(run.endpoint, run.robot, name, settings=shared_memory)
-        self.counters: dict[str, int] = {}
-        self.stage_ms: dict[str, float] = {}
+        self.counters = HeartbeatFigures[int]()
+        self.stage_ms = HeartbeatFigures[float]()
         self._state = "starting"
         self._stop = threading.Event()
         self._ended = threading.Event()
         self._turned_s = time.monotonic()
-        self._tell_rejected: dict[str, int] = {}  # of each topic, when so many were
+        self._tell_rejected: dict[str, int] = {}  # by topic: the count at which to tell it next
         self._memory = OwnMemory()
         self._result = ProcessResult()
         self._events = self.bus.publisher(topics.EVENT)
         self._health = self.bus.publisher(topics.HEALTH)
+        self._last_health = self.bus.publisher(topics.HEALTH, block=True, follows_all=True)
         self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
     def __enter__(self) -> "Worker":
@@ -101,13 +101,17 @@ class Worker:
         self._turned_s = time.monotonic()
         return self._stop.is_set()
 
+    def is_orphan(self) -> bool:
+        """Whether the supervisor is gone."""
+        return os.getppid() != self.run.supervisor_pid
+
     def stop_event(self) -> threading.Event:
         """Set when `should_stop`; to wait on instead of sleeping."""
         return self._stop
 
     def count(self, name: str, by: int = 1) -> None:
         """Add to a counter of the heartbeat."""
-        self.counters[name] = self.counters.get(name, 0) + by
+        self.counters.add(name, by)
 
     @contextlib.contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -154,20 +158,22 @@ class Worker:
             self._publish_health()
             if self._ended.wait(_HEARTBEAT_S):
                 break
-            if os.getppid() != self.run.supervisor_pid:
+            if self.is_orphan():
                 self._stop.set()
-        self._publish_health()
+        self._publish_health(self._last_health)  # the recorder waits for it: nothing comes after it
 
-    def _publish_health(self) -> None:
+    def _publish_health(self, publisher: Publisher[Health] | None = None) -> None:
         state = self._state  # first, so that what was counted before "running" goes with it
-        counters = dict(self.counters)
+        counters = self.counters.copy()
         counts: dict[str, TopicCounts] = {}
         for subscription in self.bus.subscriptions:
             counts[subscription.topic.name] = TopicCounts(
-                dropped=subscription.dropped, rejected=subscription.rejected
+                dropped=subscription.dropped,
+                rejected=subscription.rejected,
+                received=subscription.received,
             )
             self._tell_of(subscription)
-        self._health.put(
+        (publisher or self._health).put(
             Health(
                 process=self.name,
                 pid=os.getpid(),
@@ -177,7 +183,7 @@ class Worker:
                 idle_ms=int(1e3 * (time.monotonic() - self._turned_s)),
                 topics=counts,
                 counters=counters,
-                stage_ms=dict(self.stage_ms),
+                stage_ms=self.stage_ms.copy(),
             )
         )
 
@@ -198,13 +204,14 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     process's log) on anything else.
     """
     faulthandler.enable()
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    die_with_parent(signal.SIGTERM)
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run
     _give_way(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
     try:
         run = RunInfo.read(run_dir)
+        enter_process(Path(run.arena_dir), name)
         if os.getppid() != run.supervisor_pid:
             raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
         with Worker(name, run) as worker:
@@ -222,7 +229,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
 
 def _give_way(nice: int) -> None:
     """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
-    its own, only that of the session counts between them. Somebody else's session is left alone."""
+    its own, only that of the session counts between them. Sessions of other processes stay."""
     os.nice(nice)
     if os.getsid(0) != os.getpid():
         return
@@ -233,25 +240,3 @@ def _give_way(nice: int) -> None:
 def _rss_bytes() -> int:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def worker_device(worker: Worker, *, warm_started: bool = False) -> Device:
-    """What the run's option comes to in this process.
-
-    With `warm_started` a GPU's kernels are compiled and loaded now, not when a frame waits for them.
-
-    Raises:
-        UserError: CUDA is asked for and does not work; the run ends with that line.
-    """
-    device = choose_device(worker.options.device)
-    if warm_started and device.kind == "cuda":
-        from hsslam_node.warm_start import warm_start
-
-        warm_start(worker.options.slam, device)
-    return device
-
-
-def tell_device(worker: Worker, device: Device) -> None:
-    """For one process of the run: an event for status line, log and viewer, and a section of the summary."""
-    worker.event("info", f"the map is computed by {device}")
-    worker.add_to_summary({"device": dataclasses.asdict(device)})

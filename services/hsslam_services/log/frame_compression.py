@@ -6,7 +6,7 @@ import cv2
 import msgspec
 
 from hsslam_node.png import encode_png
-from hsslam_proto.frame_codec import color_image, depth_image
+from hsslam_proto.frame_codec import color_image, depth_image, expect_headers
 from hsslam_proto.messages import Frame
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
@@ -15,8 +15,12 @@ _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 def compress_frame(frame: Frame, color: Literal["jpeg", "png"] = "jpeg") -> Frame:
     """The frame with colour as JPEG (quality 90) or lossless PNG and depth as lossless 16-bit PNG.
 
-    Colour that comes as JPEG stays as it came.
+    Colour that comes as JPEG stays as it came; its header is looked at.
+
+    Raises:
+        UserError: an image cannot be read, or is of another size than the message says.
     """
+    expect_headers(frame)
     is_jpeg = color == "jpeg" or frame.color_encoding == "jpeg"
     return msgspec.structs.replace(
         frame,

@@ -1,19 +1,16 @@
-"""Poses of a log as published and as corrected by bundle adjustment, and its newest mesh."""
+"""Poses of a log as published and as corrected by bundle adjustment."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from hsslam_node.geometry.se3 import inverse, transform
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_proto import messages
-from hsslam_proto.map_epoch import EpochOrder
-from hsslam_proto.mesh_codec import mesh_arrays
 from hsslam_proto.messages import Quaternion, Vector
-from hsslam_proto.topics import CORRECTION, KEYFRAME, MESH, POSE
-from hsslam_services.log.reader import Logged, bus_messages
+from hsslam_proto.topics import CORRECTION, KEYFRAME, POSE
+from hsslam_services.log.reader import bus_messages
 
 
 @dataclass(frozen=True)
@@ -31,43 +28,48 @@ class LoggedPoses:
 
 
 def logged_poses(files: list[Path]) -> LoggedPoses:
-    """Read them from the files of one log, in order; those of the last world.
+    """Read them from the files of one log, in order; those of the last map epoch.
 
     Raises:
         UserError: a file is damaged, or of a version that cannot be read.
     """
-    worlds = logged_worlds(files)
-    return worlds[max(worlds)]
+    epochs = logged_epochs(files)
+    return epochs[max(epochs)]
 
 
-def logged_worlds(files: list[Path]) -> dict[int, LoggedPoses]:
-    """The same of all worlds, by number: one more each time that the map was thrown away."""
-    worlds: dict[int, _Found] = {}
+def logged_epochs(files: list[Path]) -> dict[int, LoggedPoses]:
+    """The same of all map epochs, by number: one more each time that the map was thrown away."""
+    epochs: dict[int, _Found] = {}
     for logged in bus_messages(files, {POSE.name, KEYFRAME.name, CORRECTION.name}):
         match logged.message():
             case messages.Pose() as pose:
-                worlds.setdefault(pose.world, _Found()).add_pose(pose)
+                epochs.setdefault(pose.map_epoch, _Found()).add_pose(pose)
             case messages.Keyframe() as keyframe:
-                worlds.setdefault(keyframe.world, _Found()).add_keyframe(keyframe)
+                epochs.setdefault(keyframe.map_epoch, _Found()).add_keyframe(keyframe)
             case messages.Correction() as moved:
-                worlds.setdefault(moved.world, _Found()).correct(moved)
-    return {world: found.all() for world, found in sorted(worlds.items())} or {0: _Found().all()}
+                epochs.setdefault(moved.map_epoch, _Found()).correct(moved)
+    return {map_epoch: found.all() for map_epoch, found in sorted(epochs.items())} or {
+        0: _Found().all()
+    }
+
+
+Name = tuple[int, int]  # publisher and index of a frame
 
 
 @dataclass
 class _Found:
     """What was read so far; keyframe poses are those of now."""
 
-    poses: dict[int, messages.Pose] = field(default_factory=dict)  # by frame index
-    T_keyframe_cam: dict[int, np.ndarray] = field(default_factory=dict)  # by frame index
+    poses: dict[Name, messages.Pose] = field(default_factory=dict)
+    T_keyframe_cam: dict[Name, np.ndarray] = field(default_factory=dict)
     waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
     keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
     stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes, by id
 
     def add_pose(self, pose: messages.Pose) -> None:
-        if pose.index in self.poses:
+        if _name(pose) in self.poses:
             return  # a frame that was sent again is answered again
-        self.poses[pose.index] = pose
+        self.poses[_name(pose)] = pose
         if pose.status == "lost":
             return
         if pose.keyframe in self.keyframes:
@@ -102,12 +104,16 @@ class _Found:
 
     def _refer(self, pose: messages.Pose) -> None:
         T_keyframe_world = inverse(self.keyframes[pose.keyframe])
-        self.T_keyframe_cam[pose.index] = T_keyframe_world @ _matrix(pose.t, pose.q)
+        self.T_keyframe_cam[_name(pose)] = T_keyframe_world @ _matrix(pose.t, pose.q)
 
     def _carried(self, pose: messages.Pose) -> np.ndarray:
-        if pose.index not in self.T_keyframe_cam:
+        if _name(pose) not in self.T_keyframe_cam:
             return _matrix(pose.t, pose.q)
-        return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[pose.index]
+        return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[_name(pose)]
+
+
+def _name(pose: messages.Pose) -> Name:
+    return pose.publisher, pose.index
 
 
 def _matrix(t: Vector, q: Quaternion) -> np.ndarray:
@@ -116,25 +122,3 @@ def _matrix(t: Vector, q: Quaternion) -> np.ndarray:
 
 def _trajectory(stamps_ns: list[int], poses: list[np.ndarray]) -> Trajectory:
     return Trajectory(np.array(stamps_ns, np.int64), np.array(poses).reshape(-1, 4, 4))
-
-
-def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
-    """Coloured triangles (m, world of the poses) from the files of one log; None where they hold none of
-    the last map.
-
-    Raises:
-        UserError: a file is damaged, or of a version that cannot be read.
-    """
-    newest: Logged | None = None
-    worlds = EpochOrder()
-    for logged in bus_messages(files, {MESH.name, KEYFRAME.name}):
-        if logged.topic is MESH:
-            newest = logged
-        else:
-            worlds.begins_with(logged.message())
-    message = None if newest is None else newest.message()
-    if message is None or worlds.is_past(message):
-        return None
-    assert isinstance(message, messages.Mesh)
-    vertices, faces, colors = mesh_arrays(message)
-    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)

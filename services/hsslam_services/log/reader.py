@@ -2,28 +2,27 @@
 
 import errno
 import fcntl
-import struct
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
+import msgspec
 from mcap.reader import McapReader, make_reader
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.messages import Message
 from hsslam_proto.topics import TOPICS, Topic
-from hsslam_services.log.recovery import MAGIC, is_finished, parts, recover
+from hsslam_services.log.file_index import is_finished
+from hsslam_services.log.parts import parts
+from hsslam_services.log.recovery import recover
+from hsslam_services.log.whole_records import MAGIC, TORN
 from hsslam_services.run.source_table import log_place
 
-_TORN = (
-    *(McapError, struct.error, ValueError, RuntimeError, EOFError, KeyError),
-    *(OverflowError, MemoryError),  # of a size that is none
-)
 Say = Callable[[str], None]
 _TOPICS = {topic.name: topic for topic in TOPICS}
+_FORMER_KEY = b"\xa5world"  # msgpack of the string
 
 
 @contextmanager
@@ -36,7 +35,7 @@ def log_reader(path: Path) -> Iterator[McapReader]:
     with path.open("rb") as stream:
         try:
             yield make_reader(stream, validate_crcs=True)
-        except _TORN as error:
+        except TORN as error:
             raise _damaged(path, error) from None
         except OSError as error:
             if error.errno != errno.EINVAL:  # of a place that no file has
@@ -59,12 +58,15 @@ def end_ns(reader: McapReader) -> int:
 
 
 def _damaged(path: Path, error: Exception) -> UserError:
-    return UserError(f"{path}: damaged ({error!s:.120}): expected a whole MCAP file")
+    return UserError(
+        f"{path}: damaged ({error!s:.120}): expected a whole MCAP file "
+        "(hsslam-log recover keeps what is whole)"
+    )
 
 
 @dataclass(frozen=True)
 class Logged:
-    """One message of the bus as it lies in a log: exact payload, wall clock times."""
+    """One message of the bus of a log: payload with the names of now, wall clock times."""
 
     robot: str
     topic: Topic
@@ -81,23 +83,44 @@ class Logged:
         return message
 
 
+def _with_map_epoch(topic: Topic, payload: bytes) -> bytes:
+    """The payload with the field `map_epoch`, which logs of before 0.1.0 call `world`."""
+    is_of_epoch = "map_epoch" in topic.message.__struct_fields__
+    if not is_of_epoch or _FORMER_KEY not in payload:
+        return payload
+    try:
+        fields = msgspec.msgpack.decode(payload)
+        return msgspec.msgpack.encode({"map_epoch": fields.pop("world"), **fields})
+    except (msgspec.MsgspecError, ValueError, KeyError, AttributeError, RecursionError):
+        return payload  # no such field, or malformed: `decode` says so
+
+
 def log_parts(place: str | Path, say: Say) -> list[Path]:
     """The files of a log (one MCAP file, or all parts in a run folder, in order), each readable.
 
-    An unfinished file is recovered in place; `say` takes the line that tells it.
+    An unfinished file is recovered; `say` takes the line that tells it.
 
     Raises:
         UserError: no such file or folder, no MCAP file, or one that a run is still writing.
     """
-    path = Path(place).expanduser()
-    if path.is_dir():
-        found = parts(path)
-        if not found:
-            raise UserError(f"{path}: no log there: expected a run folder with run.mcap")
-    else:
-        found = [path]
+    found = log_files(place)
     for file in found:
         make_readable(file, say)
+    return found
+
+
+def log_files(place: str | Path) -> list[Path]:
+    """The files of a log as they are.
+
+    Raises:
+        UserError: a folder without a log.
+    """
+    path = Path(place).expanduser()
+    if not path.is_dir():
+        return [path]
+    found = parts(path)
+    if not found:
+        raise UserError(f"{path}: no log there: expected a run folder with run.mcap")
     return found
 
 
@@ -110,7 +133,7 @@ def make_readable(path: Path, say: Say) -> bool:
     """Recover the file if it is unfinished, and tell it; False if there was nothing to do.
 
     Raises:
-        UserError: it cannot be read, is no MCAP file, or is being written.
+        UserError: it cannot be read, is no MCAP file, is being written, or is unfinished and not ours.
     """
     try:
         with path.open("rb") as stream:
@@ -123,7 +146,7 @@ def make_readable(path: Path, say: Say) -> bool:
         recovered = recover(path)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
-    say(f"{path}: was not finished: recovered {sum(recovered.counts.values())} messages")
+    say(f"{path}: {recovered.line()}")
     return True
 
 
@@ -144,10 +167,11 @@ def bus_messages(
                 continue
             for schema, channel, record in reader.iter_messages(wanted, starting_at=first_ns):
                 robot, name = _split(channel.topic)
+                topic = _TOPICS[name]
                 yield Logged(
                     robot=robot,
-                    topic=_TOPICS[name],
-                    payload=record.data,
+                    topic=topic,
+                    payload=_with_map_epoch(topic, record.data),
                     encoding=f"{MEDIA_TYPE};{schema.name if schema else ''}",
                     log_ns=record.log_time,
                     publish_ns=record.publish_time,

@@ -1,171 +1,228 @@
-"""Unfinished logs (SIGKILL, power cut) made readable, and what an earlier recorder has logged."""
+"""Unfinished or damaged logs made readable: every whole chunk stays, and so does a damaged original."""
 
 import contextlib
-import re
-import struct
-import threading
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+import fcntl
+import os
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
-from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
-from mcap.writer import CompressionType, Writer
+import lz4.frame
+from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata
 
-from hsslam_services.bus.publisher import Report
-
-MAGIC = b"\x89MCAP0\r\n"
-_PART = re.compile(r"run(?:\.(\d+))?\.mcap")
+from hsslam_node import __version__
+from hsslam_node.durable_file import sync_folder
+from hsslam_node.errors import UserError
+from hsslam_services.log.channel_copies import CHANNELS, LIBRARY, RUN_METADATA
+from hsslam_services.log.file_index import FileIndex, is_finished
+from hsslam_services.log.whole_records import (
+    MAGIC,
+    TORN,
+    Found,
+    Gap,
+    definitions,
+    record_at,
+    whole_records,
+    written,
+)
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was found in a log: messages per channel topic, and which were there.
+    """What a log holds: messages by channel topic.
 
-    `identities` has (topic, publish time ns, sequence) of each message.
+    `gaps`: damaged places that were skipped, of `skipped_bytes` together; `original`: where the damaged
+    file stays. `was_whole`: there was nothing to do.
     """
 
     counts: dict[str, int]
-    identities: frozenset[tuple[str, int, int]]
+    was_whole: bool = False
+    gaps: int = 0
+    skipped_bytes: int = 0
+    original: Path | None = None
 
-
-def parts(run_dir: Path) -> list[Path]:
-    """The parts of the log of a run, in order: run.mcap, run.1.mcap, ..."""
-    found = [path for path in run_dir.glob("run*.mcap") if _PART.fullmatch(path.name)]
-    return sorted(found, key=_number)
-
-
-def next_part(run_dir: Path) -> Path:
-    """Where the next part of the log of a run goes."""
-    existing = parts(run_dir)
-    if not existing:
-        return run_dir / "run.mcap"
-    return run_dir / f"run.{_number(existing[-1]) + 1}.mcap"
-
-
-def is_finished(path: Path) -> bool:
-    """Whether the file ends as a finished MCAP does."""
-    if path.stat().st_size < 2 * len(MAGIC):
-        return False
-    with path.open("rb") as stream:
-        stream.seek(-len(MAGIC), 2)
-        return stream.read() == MAGIC
+    def line(self) -> str:
+        """What was done, for the user."""
+        if self.was_whole:
+            return "was finished already"
+        found = f"recovered {sum(self.counts.values())} messages"
+        if self.original is None:
+            return f"was not finished: {found}"
+        places = f"{self.gaps} damaged place{'s' if self.gaps > 1 else ''}"
+        skipped = f"skipped {places} ({self.skipped_bytes / 1e3:.1f} kB)"
+        return f"was damaged: {found}, {skipped}; the original is {self.original.name}"
 
 
 def recover(path: Path) -> Recovered:
-    """Read every complete record; an unfinished file is replaced by an indexed one.
+    """Check the file as a whole and make it readable.
+
+    A file that only lacks its end gets one, in place. Of a damaged file the whole chunks, schemas,
+    channels, metadata and attachments are copied; the original stays as NAME.damaged.mcap beside it.
 
     Raises:
-        OSError: no room for the copy (the original stays).
+        UserError: another process has it open for writing, or it is no log of this program.
+        OSError: it cannot be written, or there is no room for the copy (the original stays).
     """
-    if is_finished(path):
-        return _scan(_records(path))
+    with path.open("r+b") as stream:
+        lock_log(stream, path)
+        survey = _survey(stream)
+        if not survey.is_ours:
+            raise UserError(
+                f"{path}: not finished, and no log of this program: expected a whole MCAP file"
+            )
+        if survey.damage:
+            return _copied(stream, path, survey)
+        if is_finished(path):
+            return Recovered(survey.index.counts, was_whole=True)
+        _finish(stream, survey)
+        return Recovered(survey.index.counts)
+
+
+def lock_log(stream: IO[bytes], path: Path) -> None:
+    """Keep others from writing the file while `stream` is open.
+
+    Raises:
+        UserError: another process writes it.
+    """
+    try:
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise UserError(
+            f"{path}: a run is still writing it: expected a log that is closed"
+        ) from None
+    except OSError:  # a file system without locks
+        return
+
+
+@dataclass
+class _Survey:
+    """What lies in a file; `end` is where its records end."""
+
+    index: FileIndex = field(default_factory=FileIndex)
+    damage: list[Gap] = field(default_factory=list)
+    profile: str = ""
+    is_ours: bool = False
+    end: int = 0
+    last: Found | None = None
+    size: int = 0
+
+
+def _survey(stream: IO[bytes]) -> _Survey:
+    survey = _Survey(size=stream.seek(0, 2))
+    inexact: list[Found] = []
+    for found in whole_records(stream, survey.size):
+        if isinstance(found, Gap):
+            if not found.is_tail:
+                survey.damage.append(found)
+            continue
+        if isinstance(found.record, DataEnd):
+            _define_from_summary(survey, stream, found.position + found.length)
+            break
+        _take(survey, found)
+        if not found.is_exact:
+            inexact.append(found)
+        survey.last, survey.end = found, found.position + len(found.data)
+    # message indexes may lack at the end of the last chunk; elsewhere they are damaged
+    survey.damage += [
+        Gap(found.position, found.position, False)
+        for found in inexact
+        if found is not survey.last or found.position + found.length != _data_end(survey, stream)
+    ]
+    stream.seek(0)
+    if survey.last is None and MAGIC.startswith(stream.read(len(MAGIC))):
+        survey.is_ours = not survey.damage  # nothing was written yet
+    survey.index.stand_in()
+    topics = [channel.topic for channel in survey.index.channels.values()]
+    survey.is_ours = survey.is_ours or any(topic.startswith("hsslam/") for topic in topics)
+    return survey
+
+
+def _take(survey: _Survey, found: Found) -> None:
+    survey.index.add(found, found.position)
+    record = found.record
+    if isinstance(record, Header):
+        survey.profile = record.profile
+        survey.is_ours |= record.library.startswith(LIBRARY)
+    elif isinstance(record, Metadata):
+        survey.is_ours |= record.name == RUN_METADATA
+    elif isinstance(record, Attachment) and record.name == CHANNELS:
+        with contextlib.suppress(*TORN):
+            survey.index.define(*definitions(lz4.frame.decompress(record.data)))
+
+
+def _data_end(survey: _Survey, stream: IO[bytes]) -> int:
+    """Where the last record ends in the file as it is, if only a torn record or nothing follows it."""
+    last = survey.last
+    if last is None:
+        return 0
+    end = last.position + last.length
+    return -1 if record_at(stream, end, survey.size) is not None else end
+
+
+def _define_from_summary(survey: _Survey, stream: IO[bytes], position: int) -> None:
+    """A finished file has its schemas and channels at its end once more."""
+    while (found := record_at(stream, position, survey.size)) is not None:
+        if isinstance(found.record, Chunk):
+            return
+        survey.index.add(found, found.position)
+        position += found.length
+
+
+def _finish(stream: IO[bytes], survey: _Survey) -> None:
+    """Write the end of the file behind its last whole record."""
+    if survey.last is None:
+        stream.seek(0)
+        stream.write(MAGIC + written(Header("", f"{LIBRARY} {__version__}")))
+        survey.end = stream.tell()
+    elif not survey.last.is_exact:  # its message indexes
+        stream.seek(survey.last.position)
+        stream.write(survey.last.data)
+    stream.truncate(survey.end)
+    stream.seek(survey.end)
+    stream.write(survey.index.end(survey.end))
+    stream.flush()
+    os.fsync(stream.fileno())
+
+
+def _copied(stream: IO[bytes], path: Path, survey: _Survey) -> Recovered:
     copy = path.with_name(f".{path.name}.recovering")
     try:
-        with copy.open("wb") as stream:
-            writer = Writer(stream, compression=CompressionType.LZ4)
-            writer.start(library="hsslam-node recovery")
-            recovered = _scan(_copied(_records(path), writer))
-            writer.finish()
+        with copy.open("wb") as out:
+            counts = _copy(stream, survey, out)
+            out.flush()
+            os.fsync(out.fileno())
+        original = _name_for_original(path)
+        try:
+            original.hardlink_to(path)
+        except OSError:  # a file system without links
+            path.rename(original)
         copy.replace(path)
+        sync_folder(path.parent)
     except OSError:
         copy.unlink(missing_ok=True)
         raise
-    return recovered
+    skipped = sum(gap.end - gap.position for gap in survey.damage)
+    return Recovered(counts, False, len(survey.damage), skipped, original)
 
 
-def _scan(records: Iterator[McapRecord]) -> Recovered:
-    topics: dict[int, str] = {}
-    counts: dict[str, int] = {}
-    identities: set[tuple[str, int, int]] = set()
-    for record in records:
-        if isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            topic = topics[record.channel_id]
-            counts[topic] = counts.get(topic, 0) + 1
-            identities.add((topic, record.publish_time, record.sequence))
-    return Recovered(counts, frozenset(identities))
+def _copy(stream: IO[bytes], survey: _Survey, out: IO[bytes]) -> dict[str, int]:
+    """Write all that is whole; what names schemas and channels comes first, as chunks may lack them."""
+    index = FileIndex()
+    index.define(survey.index.schemas, survey.index.channels)
+    out.write(MAGIC + written(Header(survey.profile, f"{LIBRARY} {__version__} recovery")))
+    out.write(written(*index.schemas.values(), *index.channels.values()))
+    for found in whole_records(stream, survey.size):
+        if isinstance(found, Found) and not isinstance(found.record, (Header, DataEnd)):
+            index.add(found, out.tell())
+            out.write(found.data)
+    index.stand_in()
+    out.write(index.end(out.tell()))
+    return index.counts
 
 
-def _records(path: Path) -> Iterator[McapRecord]:
-    """Records up to the first that is cut off or damaged."""
-    with path.open("rb") as stream:
-        records = StreamReader(stream, validate_crcs=True).records
-        # a torn record fails in whatever parses it: struct, LZ4 (RuntimeError) or the CRC check
-        with contextlib.suppress(McapError, struct.error, ValueError, RuntimeError, EOFError):
-            yield from records
-
-
-def _copied(records: Iterator[McapRecord], writer: Writer) -> Iterator[McapRecord]:
-    """The same records, each written on the way."""
-    schemas: dict[int, int] = {0: 0}
-    channels: dict[int, int] = {}
-    for record in records:
-        if isinstance(record, Schema) and record.id not in schemas:
-            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-        elif isinstance(record, Channel) and record.id not in channels:
-            channels[record.id] = writer.register_channel(
-                record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
-            )
-        elif isinstance(record, Message):
-            writer.add_message(
-                channels[record.channel_id],
-                record.log_time,
-                record.data,
-                record.publish_time,
-                record.sequence,
-            )
-        elif isinstance(record, Metadata):
-            writer.add_metadata(record.name, record.metadata)
-        yield record
-
-
-def _number(path: Path) -> int:
-    match = _PART.fullmatch(path.name)
-    return int(match.group(1) or 0) if match else 0
-
-
-class EarlierParts:
-    """Makes the parts readable in a thread of its own, beside the new recording.
-
-    `found` has what they hold once `is_done`. `tell(level, text)` takes its events.
-    """
-
-    def __init__(self, run_dir: Path, tell: Report) -> None:
-        self.found = Recovered({}, frozenset())
-        self._tell = tell
-        self._parts = parts(run_dir)
-        self._thread: threading.Thread | None = None
-        if self._parts and not is_finished(self._parts[-1]):
-            self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
-            self._thread.start()
-
-    def is_done(self) -> bool:
-        """Whether nothing is left to be made readable."""
-        return self._thread is None or not self._thread.is_alive()
-
-    def join(self) -> None:
-        """Wait until it is done."""
-        if self._thread is not None:
-            self._thread.join()
-
-    def has(self, topic: str, publish_ns: int, sequence: int) -> bool:
-        """Whether a message is there already; `topic`: its key."""
-        return (topic, publish_ns, sequence) in self.found.identities
-
-    def _run(self) -> None:
-        counts: Counter[str] = Counter()
-        identities: set[tuple[str, int, int]] = set()
-        for path in self._parts:
-            try:
-                recovered = recover(path)
-            except OSError as error:
-                self._tell("error", f"{path}: {error.strerror}: left unfinished")
-                continue
-            counts.update(recovered.counts)
-            identities |= recovered.identities
-        self.found = Recovered(dict(counts), frozenset(identities))
-        self._tell("info", f"{self._parts[-1].name}: recovered {counts.total()} messages")
+def _name_for_original(path: Path) -> Path:
+    name, number = f"{path.stem}.damaged{path.suffix}", 1
+    while path.with_name(name).exists():
+        number += 1
+        name = f"{path.stem}.damaged-{number}{path.suffix}"
+    return path.with_name(name)

@@ -15,13 +15,14 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.topics import FRAME
-from hsslam_services.log.mcap_writer import RUN_METADATA
+from hsslam_services.log.channel_copies import RUN_METADATA
 from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import log_place
 
-_RATE_FRAMES = 30  # the rate is told from the stamps of so many
+_RATE_FRAMES = 30  # the rate is computed from the stamps of this many
 _MOST_LOGS = 8  # a run from the log of a run from the log of ...
 
 
@@ -63,27 +64,33 @@ class McapSource:
         )
         self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
 
-    def frames(self) -> Iterator[Frame | BadFrame]:
-        """Selected frames; one whose images cannot be decoded comes as a `BadFrame`."""
-        last = max(self._rows)
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Selected frames from `first` on; one whose images cannot be decoded comes as a `BadFrame`."""
+        rows = frozenset(sorted(self._rows)[first:])
+        last = max(rows, default=-1)
         for row, message in enumerate(self._logged()):
             if row > last:
                 return
-            if row in self._rows:
+            if row in rows:
                 try:
                     yield frame_from_message(message)
                 except UserError as error:
                     yield BadFrame(message.index, message.source_stamp_ns, str(error))
 
     def _logged(self) -> Iterator[messages.Frame]:
-        """All frames, not decoded, in order of their indices."""
-        newest = -1
+        """Each frame once, not decoded; the indices of a further camera go on behind the last one's."""
+        order, camera, newest, first = FrameOrder(), None, -1, 0
         for logged in bus_messages(self._files, {FRAME.name}):
             message = logged.message()
             assert isinstance(message, messages.Frame)
-            if message.index > newest:
-                newest = message.index
-                yield message
+            place = order.place(message.publisher, message.index, message.stamp_ns)
+            if place.kind != "new":
+                continue
+            order.take(place)
+            if camera is not None and place.publisher != camera:
+                first = newest + 1 - message.index
+            camera, newest = place.publisher, first + message.index
+            yield msgspec.structs.replace(message, index=newest) if first else message
 
 
 def log_stamps(place: str) -> tuple[np.ndarray, None]:

@@ -6,21 +6,20 @@ Arena: reads map_state
 """
 
 import contextlib
-import itertools
 import time
-from collections.abc import Generator, Iterator
-from dataclasses import replace
+from collections.abc import Generator
 from pathlib import Path
 
-from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_proto import topics
 from hsslam_proto.messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.camera.pacing import Live, Lockstep, Pace, Realtime
+from hsslam_services.camera.last_frame import LastFrame
+from hsslam_services.camera.pacing import Live, Lockstep, Pace
 from hsslam_services.camera.prefetch import Prefetch
+from hsslam_services.camera.realtime import Realtime
+from hsslam_services.camera.reopening import live_frames, open_with_patience
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
@@ -29,7 +28,7 @@ _POLL_S = 0.1
 _AHEAD = 30  # frames decoded in advance: rides out a second of other load
 
 
-class CameraHold:
+class PauseListener:
     """Listens to `sys/hold`; a restarted camera hears the last word again."""
 
     def __init__(self, worker: Worker) -> None:
@@ -59,35 +58,33 @@ def main() -> None:
 
 def _run(worker: Worker) -> None:
     options = worker.options
-    try:
-        source = open_any_source(options.source, options.source_options, worker.should_stop)
-    except UserError:
-        if worker.should_stop():  # while it waited for a live camera
-            return
-        raise
     progress = CameraProgress.read(Path(worker.run.arena_dir))
+    source = open_with_patience(worker, had_frames=progress.sent > 0)
+    if source is None:
+        return
     # in lockstep all wait for a frame that is lost: rather wait for room on the way
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace
     if options.pace == "lockstep":
-        pace = Lockstep(worker, frames_topic)
+        pace = Lockstep(worker, frames_topic, progress.publisher)
     elif is_live(options.source):
-        pace = Live(worker, frames_topic)
+        pace = Live(worker, frames_topic, progress.publisher)
     else:
-        pace = Realtime(
-            worker, frames_topic, progress, _clock_scale(options.rate_hz, source.rate_hz)
-        )
-    hold, mode = CameraHold(worker), MapState(worker.run.arena_dir)
-    world = mode.world
-    with contextlib.closing(_items(source, options.source, progress.next_index)) as items:
+        scale = _clock_scale(options.rate_hz, source.rate_hz)
+        period_s = 1 / (options.rate_hz or source.rate_hz)
+        pace = Realtime(worker, frames_topic, progress, scale, period_s)
+    pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
+    last_frame, last_sent = LastFrame(worker), -1
+    map_epoch = mode.map_epoch
+    with contextlib.closing(_items(worker, source, progress.next_index)) as items:
         pace.wait_for_peers()
         worker.ready()
         progress.write(Path(worker.run.arena_dir))  # before the first frame goes out
         for item in items:
-            pace.held(hold.wait())
-            if mode.world != world:
-                world = mode.world
-                pace.begin_world()
+            pace.held(pause.wait())
+            if mode.map_epoch != map_epoch:
+                map_epoch = mode.map_epoch
+                pace.begin_map_epoch()
             if worker.should_stop():
                 break
             if isinstance(item, BadFrame):
@@ -96,6 +93,8 @@ def _run(worker: Worker) -> None:
             else:
                 pace.send(item)
                 progress.sent += 1
+                last_sent = item.index
+                progress.last_source_ns = item.stamp_ns
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad)
@@ -108,22 +107,17 @@ def _run(worker: Worker) -> None:
             reason=reason,
         )
     )
+    if last_sent >= 0:
+        last_frame.wait_until_logged(progress.publisher, last_sent)
 
 
 def _items(
-    source: Source, spec: str, first: int
+    worker: Worker, source: Source, first: int
 ) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
     """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
-    if is_live(spec):
-        return _renumbered(source.frames(), first)
-    return Prefetch(itertools.islice(source.frames(), first, None), _AHEAD)
-
-
-def _renumbered(
-    items: Iterator[Frame | BadFrame], first: int
-) -> Generator[Frame | BadFrame, None, None]:
-    for item in items:
-        yield replace(item, index=first + item.index)
+    if is_live(worker.options.source):
+        return live_frames(worker, source, first)
+    return Prefetch(source.frames(first), _AHEAD, worker.should_stop)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

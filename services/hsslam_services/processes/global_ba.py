@@ -2,20 +2,25 @@
 
 Subscribes: out/map, sys/step
 Publishes: out/correction, sys/step
-Arena: reads map_state; writes keyframes, map
+Arena: reads map_state, load_level; writes keyframes, map
 """
 
+from contextlib import nullcontext
 from functools import partial
 
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
 from hsslam_node.bundle_adjustment.report import BaReport, BundleAdjustment
+from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
-from hsslam_proto.messages import Correction, Step
-from hsslam_proto.pose_codec import wire_pose
+from hsslam_proto.frame_order import FrameOrder
+from hsslam_proto.messages import Step
 from hsslam_services.arena.arena import PARAMETERS_LEASE
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.launch.worker import Worker, run_worker, worker_device
+from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
 
@@ -29,15 +34,14 @@ def _run(worker: Worker) -> None:
     if worker.options.pace == "lockstep":
         steps = worker.bus.subscribe(topics.STEP, depth=64)
         done = worker.bus.publisher(topics.STEP)
-        newest = -1
+        order = FrameOrder()
         worker.ready()
         while not worker.should_stop():
             step = steps.wait(_POLL_S)
             if step is not None and step.stage == "mapped":
-                if step.index > newest:  # as in the mapper: one round a frame
+                if order.is_new(step.publisher, step.index):  # as in the mapper: one round a frame
                     loop.work_if_due()
-                newest = max(newest, step.index)
-                done.put(Step(stage="done", index=step.index))
+                done.put(Step(stage="done", index=step.index, publisher=step.publisher))
     else:
         maps = worker.bus.subscribe(topics.MAP, depth=1)
         worker.ready()
@@ -51,8 +55,10 @@ class _BaLoop:
         self._worker = worker
         self._device = worker_device(worker)
         self._link = SharedMap(worker.arena, worker.options.slam)
-        self._corrections = worker.bus.publisher(topics.CORRECTION)
         self._mode = MapState(worker.run.arena_dir)
+        self._corrector = PoseCorrector(worker.bus.publisher(topics.CORRECTION), self._mode)
+        self._level = SharedLevel(worker.run.arena_dir)
+        self._count_at_round = 0
         self._ba: BundleAdjustment | None = None
         self._loops: list[tuple[int, int]] = []  # closed since the last correction
 
@@ -66,8 +72,9 @@ class _BaLoop:
             return
         if self._ba is None:
             self._ba = open_adjustment(options.slam, parameters, options.seed, self._device)
-        if not self._ba.is_due(store):
+        if not self._ba.is_due(store) or not self._may_begin(store.count):
             return
+        self._count_at_round = store.count
         with self._worker.timed("round"):
             lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
             report = self._ba.round(store, lease, self._may_step)
@@ -76,32 +83,27 @@ class _BaLoop:
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
         if report.moved and self._may_step():
-            base = store.pose_version
-            version = store.correct_poses(report.keyframes, report.T_world_cam)
-            self._worker.count("corrections")
-            self._corrections.put(_correction(report, base, version, self._loops, self._mode.world))
-            self._loops = []
+            # where mapping refines poses as well, one of the two writes them at a time
+            alone = options.slam.mapper.pose_rate == 0
+            with nullcontext() if alone else lease():
+                self._correct(store, report)
+
+    def _correct(self, store: KeyframeStore, report: BaReport) -> None:
+        losses = report.loss_before, report.loss_after
+        self._corrector.correct(
+            store, report.keyframes, report.T_world_cam, report.known, losses, self._loops
+        )
+        self._worker.count("corrections")
+        self._loops = []
+
+    def _may_begin(self, count: int) -> bool:
+        """Whether rounds, which others may need the cores for, are far enough apart."""
+        every = self._worker.options.slam.ba.every_keyframes * self._level.now.ba_every
+        return self._level.number == 0 or count - self._count_at_round >= every
 
     def _may_step(self) -> bool:
         """Whether the map may change; asked anew before each step, as a client can say no meanwhile."""
         return self._mode.may_change
-
-
-def _correction(
-    report: BaReport, base: int, version: int, loops: list[tuple[int, int]], world: int
-) -> Correction:
-    poses = [wire_pose(T) for T in report.T_world_cam]
-    return Correction(
-        pose_version=version,
-        base_version=base,
-        keyframes=[int(k) for k in report.keyframes],
-        t=[t for t, _ in poses],
-        q=[q for _, q in poses],
-        loss_before=report.loss_before,
-        loss_after=report.loss_after,
-        loops=[(min(pair), max(pair)) for pair in loops],
-        world=world,
-    )
 
 
 if __name__ == "__main__":

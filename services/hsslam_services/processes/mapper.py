@@ -3,10 +3,11 @@
 In real time a keyframe message only wakes the loop; the arena says how many keyframes there are.
 
 Subscribes: out/keyframe, out/pose
-Publishes: out/map, sys/step
-Arena: reads keyframes, map_state; writes map
+Publishes: out/map, out/correction, sys/step
+Arena: reads map_state, load_level; writes keyframes, map
 """
 
+import math
 import time
 
 from hsslam_node.errors import OutOfMemoryError
@@ -17,14 +18,22 @@ from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_proto import topics
+from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.messages import MapVersion, Step
 from hsslam_services.arena.arena import PARAMETERS_LEASE
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.memory_budget import MemoryBudget
+from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.launch.worker import Worker, run_worker, tell_device, worker_device
+from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.worker_device import tell_device, worker_device
 
 _POLL_S = 0.05
 _LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
+_SLICE = 32  # last iterations between looks at signals and clock
+_SAVING_S = 3.0  # to write the map on a machine that is busy
+_SAVING_S_PER_MPX = 0.1  # and the images of its keyframes
 
 
 def main() -> None:
@@ -34,14 +43,14 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     loop = _MapperLoop(worker)
     _follow_keyframes(worker, loop)
-    loop.polish()
+    loop.do_last_iterations()
 
 
 def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
     if worker.options.pace == "lockstep":
         poses = worker.bus.subscribe(topics.POSE, depth=64, history=True)
         steps = worker.bus.publisher(topics.STEP)
-        newest = -1
+        order = FrameOrder()
         worker.ready()
         while not worker.should_stop():
             pose = poses.wait(_POLL_S)
@@ -49,10 +58,10 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
                 continue
             # the second answer to a frame that was sent again is only answered again: the next frame may be
             # on its way by now, and its keyframe's turn has not come
-            while pose.index > newest and loop.has_work():
+            is_new = order.is_new(pose.publisher, pose.index)
+            while is_new and loop.has_work():
                 loop.work()
-            newest = max(newest, pose.index)
-            steps.put(Step(stage="mapped", index=pose.index))
+            steps.put(Step(stage="mapped", index=pose.index, publisher=pose.publisher))
     else:
         keyframes = worker.bus.subscribe(topics.KEYFRAME, depth=64)
         worker.ready()
@@ -74,14 +83,18 @@ class _MapperLoop:
         tell_device(worker, self._device)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._mode = MapState(worker.run.arena_dir)
+        self._level = SharedLevel(worker.run.arena_dir)
         self._maps = worker.bus.publisher(topics.MAP)
+        self._corrector: PoseCorrector | None = None
+        if self._slam.mapper.pose_rate > 0:
+            self._corrector = PoseCorrector(worker.bus.publisher(topics.CORRECTION), self._mode)
+        self._budget = MemoryBudget(worker.arena.folder, worker.options.memory_gb)
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None
         self._keyframes_seen = 0
-        self._due = 0
+        self._due = 0.0  # iterations; fewer than all if others need the cores
         self._iterations = 0
-        store = self._link.store()
-        parameters = self._link.parameters()
+        store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:
             self._open(parameters)
             self._keyframes_seen = store.count - 1
@@ -98,12 +111,12 @@ class _MapperLoop:
         if self._mode.localise_only:
             self._keyframes_seen, self._due = store.count, 0
             return False
-        per_keyframe = self._slam.mapper.iterations
+        per_keyframe = self._slam.mapper.iterations * self._level.now.iterations
         self._due += per_keyframe * (store.count - self._keyframes_seen)
         self._keyframes_seen = store.count
         if self._worker.options.pace == "realtime":
             self._due = min(self._due, _LONGEST_BACKLOG * per_keyframe)
-        return self._due > 0
+        return self._due >= 1
 
     def work(self) -> None:
         """The first map, or the iterations of one keyframe; then publish."""
@@ -114,25 +127,38 @@ class _MapperLoop:
             return
         assert self._mapper is not None
         start = time.perf_counter()
-        n = min(self._due, max(self._slam.mapper.iterations, 1))
+        n = min(int(self._due), max(self._slam.mapper.iterations, 1))
         with self._worker.arena.lease(PARAMETERS_LEASE):
-            self._cover(store)
+            self._grow_bound(store)
             for _ in range(n):
                 with self._worker.timed("iteration"):
-                    report = self._mapper.iterate(store)
+                    report = self._mapper.iterate(store, self._level.now.rays)
                 if self._mode.is_given_up:
                     break
             self._mapper.publish()
+            refined = self._mapper.take_poses(store)
+            if self._corrector and refined and self._mode.may_change:
+                self._corrector.correct(store, *refined, losses=(report.loss, report.loss))
         self._due -= n
         self._iterations += n
+        self._select(store)
         self._publish(report, store, start)
 
-    def _cover(self, store: KeyframeStore) -> None:
+    def _select(self, store: KeyframeStore) -> None:
+        """Retire keyframes that show nothing of their own, more of them where memory gets scarce."""
+        assert self._mapper is not None
+        scarce = self._budget.apply(store)
+        if scarce is not None:
+            self._worker.event("warning", scarce)
+        with self._worker.timed("select"):
+            self._worker.count("keyframes retired", self._mapper.select(store))
+
+    def _grow_bound(self, store: KeyframeStore) -> None:
         """Let the map grow to what the new keyframes see; the caller holds the lease."""
         assert self._mapper is not None
         with self._worker.timed("cover"):
             try:
-                bound = self._mapper.cover(store)
+                bound = self._mapper.grow_bound(store)
             except OutOfMemoryError as error:
                 self._worker.event("warning", f"the map cannot grow any more: {error}")
                 return
@@ -141,24 +167,45 @@ class _MapperLoop:
             self._worker.count("growths")
             self._worker.event("info", f"the map grows to {sides} m")
 
-    def polish(self) -> None:
-        """The last iterations, over all keyframes alike; then publish."""
+    def do_last_iterations(self) -> None:
+        """The last iterations, over all keyframes alike, as many as the time until the map's saving allows.
+
+        Each slice is published, so that whoever ends this process loses no more than one.
+        """
         store = self._link.store()
         if store is None or self._mapper is None or self._parameters is None:
             return
         if not self._mode.may_change:
             return
-        n = self._slam.mapper.last_iterations * store.count
+        n = self._mapper.last_iterations(store)
         if n == 0:
             return
+        end_s = self._last_iterations_end_s(store)
+        if self._worker.is_orphan() or time.monotonic() >= end_s:
+            return
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
-        start = time.perf_counter()
-        with self._worker.arena.lease(PARAMETERS_LEASE):
-            for _ in range(n):
-                report = self._mapper.polish(store)
-            self._mapper.publish()
-        self._iterations += n
+        start, done = time.perf_counter(), 0
+        while done < n and time.monotonic() < end_s and not self._worker.is_orphan():
+            with self._worker.arena.lease(PARAMETERS_LEASE):
+                for _ in range(min(_SLICE, n - done)):
+                    report = self._mapper.refine_sparse(store)
+                    done += 1
+                self._mapper.publish()
+            self._worker.should_stop()  # this loop comes round, too
+        self._iterations += done
         self._publish(report, store, start)
+        if done < n:
+            self._worker.event(
+                "info", f"{done} of {n} last iterations: more do not fit (--finish-s)"
+            )
+
+    def _last_iterations_end_s(self, store: KeyframeStore) -> float:
+        """Monotonic time from which the map must be saved to be on disk in time."""
+        budget_s, stopped_ns = self._worker.options.finish_budget_s, self._mode.stopped_ns
+        if math.isinf(budget_s) or not stopped_ns:
+            return math.inf
+        mpx = len(store.kept()) * store.camera.width_px * store.camera.height_px / 1e6
+        return 1e-9 * stopped_ns + budget_s - _SAVING_S - _SAVING_S_PER_MPX * mpx
 
     def _first_map(self, store: KeyframeStore) -> None:
         start = time.perf_counter()
@@ -194,7 +241,7 @@ class _MapperLoop:
                 loss=report.loss,
                 keyframes=store.count,
                 mapping_ms=1e3 * (time.perf_counter() - start),
-                world=self._mode.world,
+                map_epoch=self._mode.map_epoch,
             )
         )
 

@@ -1,11 +1,13 @@
-"""The mesher process: turns the published map into a mesh now and then, and into small views of it.
+"""The mesher process: keeps a mesh of the published map, and publishes its blocks that change; small views.
 
 Subscribes: out/pose
-Publishes: out/mesh, out/view
-Arena: reads keyframes, map, map_state
+Publishes: out/mesh_blocks, out/view
+Arena: reads keyframes, map, map_state, load_level
 """
 
+import threading
 import time
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,31 +15,38 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.map.layout import FieldLayout
-from hsslam_node.map.parameters import FieldParameters
-from hsslam_node.map.store import KeyframeStore
-from hsslam_node.meshing.block_mesher import BlockMesher
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+from hsslam_node.meshing.block_surface import Block
+from hsslam_node.meshing.live_mesh import HasTime, LiveMesh
 from hsslam_node.meshing.map_queries import Queries, open_map_queries
-from hsslam_node.meshing.observed_space import ObservedSpace, surface_shift_m
+from hsslam_node.meshing.marked_keyframes import MarkedKeyframes
+from hsslam_node.meshing.sparse_space import SparseSpace
+from hsslam_node.meshing.weld import BlockMesh
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
-from hsslam_proto.mesh_codec import mesh_message
+from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
 from hsslam_proto.messages import Pose, View
+from hsslam_services.arena.map_snapshot import published_params
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
-from hsslam_services.launch.worker import Worker, run_worker, worker_device
+from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.worker_device import worker_device
 
-_WIDTH_PX = 64
 _EVERY_S = 2.5  # 52 ms of one core: 0.7 ms a frame at 30 Hz
 _POLL_S = 0.2
-_BLOCKS_AT_A_TIME = 8  # between looks at the clock
-_NOWHERE = np.zeros((0, 4, 4))
+_BETWEEN_S = 0.1
+_REFRESH_S = 0.4  # with the message that follows, half a second
+_BLOCKS_A_MESSAGE = 128
 
 
 class ModelView:
     """Publishes what the map looks like from the newest pose."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, level: SharedLevel) -> None:
+        self._level = level
         self._poses = bus.subscribe(topics.POSE, 1)
         self._views = bus.publisher(topics.VIEW)
         self._next_s = 0.0
@@ -49,12 +58,12 @@ class ModelView:
         pose = self._poses.poll()
         if pose is None or pose.status == "lost":
             return None
-        self._next_s = time.monotonic() + _EVERY_S
+        self._next_s = time.monotonic() + _EVERY_S * self._level.now.mesh_every
         return pose
 
     def show(self, pose: Pose, camera: Camera, layout: FieldLayout, queries: Queries) -> None:
         """Cast a ray for each pixel, and publish."""
-        camera = camera.scaled(min(1.0, _WIDTH_PX / camera.width_px))
+        camera = camera.scaled(min(1.0, self._level.now.view_width_px / camera.width_px))
         T_world_cam = np.eye(4)
         T_world_cam[:3, :3] = rotation_from_quaternion(np.array(pose.q))
         T_world_cam[:3, 3] = pose.t
@@ -67,7 +76,7 @@ class ModelView:
                 width_px=camera.width_px,
                 height_px=camera.height_px,
                 color=color.data.cast("B"),
-                world=pose.world,
+                map_epoch=pose.map_epoch,
             )
         )
 
@@ -97,31 +106,50 @@ def _run(worker: Worker) -> None:
         loop.show_if_due()
         if every_s > 0 and loop.has_news():
             loop.work()
-            worker.stop_event().wait(every_s)
-        else:
-            worker.stop_event().wait(_POLL_S)
+        worker.stop_event().wait(loop.pause_s())
 
 
 class _MesherLoop:
-    """Keeps the mesh of the observed blocks; asks those again that new keyframes see."""
+    """Keeps the blocks of the mesh, and publishes those that change."""
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
         self._device = worker_device(worker)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._mode = MapState(worker.run.arena_dir)
-        self._meshes = worker.bus.publisher(topics.MESH)
-        self._view = ModelView(worker.bus)
-        self._mesher: BlockMesher | None = None
+        self._blocks = worker.bus.publisher(topics.MESH_BLOCKS)
+        self._blocks.answer_with(self._all_blocks)
+        self._level = SharedLevel(worker.run.arena_dir)
+        self._view = ModelView(worker.bus, self._level)
+        config = worker.options.slam
+        self._lock = (
+            threading.Lock()
+        )  # of the mesh: a thread of the bus answers who asks for all of it
+        self._mesh = LiveMesh(SparseSpace(config.mesher.voxel_m), config.field.truncation_m)
+        self._marked = MarkedKeyframes(self._mesh)
         self._params = np.zeros(0, np.float32)
-        self._seen_from = _NOWHERE  # T_world_cam [k, 4, 4] of the keyframes observed so far
+        self._series = time.monotonic_ns()
+        self._revision = 0
+        self._version = 0
+        self._poses_version = (-1, -1)
+        self._begun_s = float("-inf")
 
     def has_news(self) -> bool:
-        """Whether keyframes have come since the last mesh."""
+        """Whether blocks wait, or, some seconds after the last time, keyframes or a newer map have come."""
         store, parameters = self._link.store(), self._link.parameters()
-        return bool(
-            store and parameters and parameters.version and store.count > len(self._seen_from)
-        )
+        if store is None or parameters is None or not parameters.version:
+            return False
+        if self._mesh.waiting or self._marked.is_behind:
+            return True
+        every_s = self._worker.options.slam.mesher.every_s * self._level.now.mesh_every
+        if time.monotonic() - self._begun_s < every_s:
+            return False
+        news = (store.count, store.pose_version) != self._poses_version
+        return news or parameters.version != self._version
+
+    def pause_s(self) -> float:
+        """How long the other processes have the core before the next turn."""
+        return _BETWEEN_S * self._level.now.mesh_every if self._mesh.waiting else _POLL_S
 
     def show_if_due(self) -> None:
         """The map from where the camera is, for whoever looks on."""
@@ -131,57 +159,80 @@ class _MesherLoop:
         pose = self._view.newest_pose()
         if pose is not None:
             with self._worker.timed("view"):
-                self._copy_map(parameters)
+                self._params = published_params(parameters, self._params)[1]
                 queries = open_map_queries(parameters.layout, self._params, self._device)
                 self._view.show(pose, store.camera, parameters.layout, queries)
 
     def work(self) -> None:
-        """Observe new keyframes, mesh what changed, publish."""
+        """One refresh: mark keyframes, mesh what changed, publish; what time does not permit waits."""
         store, parameters = self._link.store(), self._link.parameters()
         assert store is not None and parameters is not None
-        start = time.perf_counter()
-        version = self._copy_map(parameters)
-        mesher = self._mesher_over(parameters)
-        self._observe(mesher, store)
+        start = time.monotonic()
+        if not self._mesh.waiting:
+            self._begun_s = start
+        self._version, self._params = published_params(parameters, self._params)
+        self._poses_version = store.count, store.pose_version
         queries = open_map_queries(parameters.layout, self._params, self._device)
-        while not self._worker.should_stop():
-            if mesher.update(queries.sdf, queries.color, _BLOCKS_AT_A_TIME).waiting == 0:
-                break
-        mesh = mesher.mesh()
-        if len(mesh.faces) == 0 or self._worker.should_stop():
+
+        def has_time(share: float) -> HasTime:
+            end = start + share * _REFRESH_S
+            return lambda: time.monotonic() < end and not self._worker.should_stop()
+
+        with self._lock:
+            self._marked.cover(parameters.layout.bound)
+            self._marked.mark(
+                store.poses(), store.camera, lambda k: _depth_m(store, k), has_time(0.4)
+            )
+            self._mesh.probe(queries.sdf, has_time(0.6))
+            refresh = self._mesh.refresh(queries.sdf, queries.color, has_time(1.0))
+        self._publish(refresh.changed)
+        self._worker.stage_ms["mesh"] = 1e3 * (time.monotonic() - start)
+        self._worker.stage_ms["mesh_behind"] = 1e3 * (time.monotonic() - self._begun_s)
+        self._worker.counters["mesh_blocks"] = len(self._mesh.meshes)
+        self._worker.counters["mesh_blocks_waiting"] = refresh.waiting
+
+    def _publish(self, changed: Mapping[Block, BlockMesh | None]) -> None:
+        if not changed or self._worker.should_stop():
             return
-        colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
-        world = self._mode.world
-        self._meshes.put(mesh_message(mesh.vertices, mesh.faces, colors, version, world=world))
+        self._revision += 1
+        self._blocks.put(self._message(list(changed.items())))
         self._worker.count("meshes")
-        self._worker.stage_ms["mesh"] = 1e3 * (time.perf_counter() - start)
+        self._worker.count("mesh_blocks_sent", len(changed))
 
-    def _mesher_over(self, parameters: FieldParameters) -> BlockMesher:
-        bound = parameters.layout.bound
-        if self._mesher is None or self._mesher.space.bound != bound:  # or the map has grown
-            voxel_m = self._worker.options.slam.mesher.voxel_m
-            self._mesher = BlockMesher(ObservedSpace(bound, voxel_m))
-            self._seen_from = _NOWHERE
-        return self._mesher
+    def _all_blocks(self) -> Iterator[MeshBlocks]:
+        """What a subscriber that comes late needs, in messages of some megabytes."""
+        with self._lock:
+            known: list[tuple[Block, BlockMesh | None]] = [
+                (mesh.block, mesh) for mesh in self._mesh.meshes
+            ]
+            messages = [
+                self._message(known[k : k + _BLOCKS_A_MESSAGE])
+                for k in range(0, len(known), _BLOCKS_A_MESSAGE)
+            ]
+        yield from messages
 
-    def _observe(self, mesher: BlockMesher, store: KeyframeStore) -> None:
-        poses = store.poses()
-        observed = len(self._seen_from)
-        if surface_shift_m(self._seen_from, poses[:observed]) > mesher.space.voxel_m:
-            mesher.clear()  # after a loop; less than that stays within what is asked
-            observed, self._seen_from = 0, _NOWHERE
-        for k in range(observed, len(poses)):
-            mesher.observe(store.frame(k).depth_m(), store.camera, poses[k])
-        self._seen_from = np.concatenate([self._seen_from, poses[observed:]])
+    def _message(self, blocks: Sequence[tuple[Block, BlockMesh | None]]) -> MeshBlocks:
+        space = self._mesh.space
+        return blocks_message(
+            [(block, mesh and _triangles(mesh, space)) for block, mesh in blocks],
+            BlockLattice(space.voxel_m, space.block_m),
+            series=self._series,
+            revision=self._revision,
+            map_version=self._version,
+            map_epoch=self._mode.map_epoch,
+        )
 
-    def _copy_map(self, parameters: FieldParameters) -> int:
-        while True:
-            version, params = parameters.published()
-            if len(self._params) != len(params):
-                self._params = np.zeros(len(params), np.float32)
-            np.copyto(self._params, params)
-            if parameters.is_intact(version):
-                return version
+
+def _triangles(mesh: BlockMesh, space: SparseSpace) -> Triangles:
+    return Triangles(space.vertex_positions(mesh.block, mesh.vertices), mesh.faces, mesh.colors)
+
+
+def _depth_m(store: KeyframeStore, k: int) -> np.ndarray:
+    """Depth [H, W] float32 of keyframe k; none of one that is retired, as others show what it showed."""
+    try:
+        return store.frame(k).depth_m()
+    except RetiredKeyframeError:
+        return np.zeros((store.camera.height_px, store.camera.width_px), np.float32)
 
 
 if __name__ == "__main__":

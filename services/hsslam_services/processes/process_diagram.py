@@ -11,6 +11,7 @@ ARENA_ARRAYS = {  # group, as in a header: how the names of its arrays begin
     "keyframes": ("keyframe",),
     "map": ("params", "adam_", "published", "field_"),
     "map_state": ("map_state",),
+    "load_level": ("load_level",),
     "pose_log": ("pose_",),
 }
 _EVERY_TOPIC = "every logged topic"

@@ -1,6 +1,9 @@
-"""The recorder process: all topics into the MCAP log, run.rrd and the viewer. No process waits for it.
+"""The recorder process: all topics into the MCAP log, run.rrd and the viewer. Only the camera waits for it,
+in lockstep and at its end.
 
 Subscribes: every logged topic
+Publishes: sys/step
+Arena: reads load_level
 """
 
 import time
@@ -9,35 +12,56 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode
-from hsslam_proto.foxglove import cleared_scene, viz_messages
-from hsslam_proto.map_epoch import EpochOrder
-from hsslam_proto.messages import Frame, Health, Mesh, Message
-from hsslam_proto.topics import EVENT, FRAME, KEYFRAME, MESH, POSE, TOPICS, Topic
+from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.messages import Frame, Health, SourceEnd, Step
+from hsslam_proto.topics import (
+    EVENT,
+    FRAME,
+    KEYFRAME,
+    MESH,
+    MESH_BLOCKS,
+    POSE,
+    STEP,
+    TOPICS,
+    VIEW,
+    Topic,
+)
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Report
 from hsslam_services.bus.subscription import Received, Subscription
+from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.log.disk_report import DiskReport
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog, log_settings
-from hsslam_services.log.recovery import EarlierParts, parts
+from hsslam_services.log.parts import parts
+from hsslam_services.log.recorded_so_far import RecordedSoFar
+from hsslam_services.log.unfinished_parts import UnfinishedParts
+from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from hsslam_services.viewer.view import RerunView
 
-_FRAME_DEPTH = 16
+_DEPTHS = {FRAME: 16, VIEW: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages
 _DEPTH = 8192
+_LARGE = (FRAME, VIEW, MESH, MESH_BLOCKS)
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
 _TURN_S = 0.3  # for messages on their way from senders without heartbeats
-_VIZ_MESH_INTERVAL_S = 10.0
+_WHOLE_MESH_S = (
+    600.0  # between all blocks in the log: a viewer that comes late finds them near its time
+)
 
 
 class Recorder:
     """Logs all topics of the table that are logged and draws those that are drawn.
 
-    A restarted recorder makes the unfinished log of its predecessor readable and opens the next
-    part; what publishers kept meanwhile is logged once. `tell(level, text)` takes its events.
-    `viewer_memory_gb`: limit of a viewer that is started here (None: rerun's own).
+    A restarted recorder opens the next part at once, finishes that of its predecessor beside it, and
+    logs what publishers kept meanwhile once. Nearly full disk: frames, meshes and run.rrd are left out,
+    all else goes on. `tell(level, text)` takes its events.
+    `viewer_memory_gb`: limit of a viewer that is started here (None: rerun's own). `is_lockstep`: publishes
+    a step for each frame that is logged; otherwise only once the source has ended.
 
     Raises:
         UserError: the run folder cannot be written, or the viewer cannot be started.
@@ -52,56 +76,68 @@ class Recorder:
         tell: Report,
         log: LogSettings | None = None,
         viewer_memory_gb: float | None = None,
+        is_lockstep: bool = False,
     ) -> None:
         self._bus = bus
         self._run_dir = run_dir
         self._tell = tell
         self._skipped: Counter[str] = Counter()
+        self._disk = DiskReport(run_dir, tell)
         self._unusable = 0
         self._beating: set[str] = set()
-        self._viz_mesh_s = float("-inf")
-        self._earlier = EarlierParts(run_dir, tell)
-        self._worlds = EpochOrder()
+        self._whole_mesh_s = self._shown_whole_s = time.monotonic()
+        self._has_asked_again = self._shows_whole_mesh = False
         try:
+            self._unfinished = UnfinishedParts(run_dir, tell)
+            self._recorded = RecordedSoFar(run_dir, run_id)
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
             raise UserError(
                 f"{run_dir}: {error.strerror}: expected to write the log there"
             ) from None
+        self._part = self._log.path
+        self._foxglove = FoxgloveLayer(self._log.write_viz)
         rrd = self._log.path.with_suffix(".rrd")
         self._view = RerunView(rrd, viewer, run_id, tell, viewer_memory_gb)
+        self._steps = bus.publisher(STEP)
+        self._confirms = is_lockstep
+        self._logged: Step | None = None  # the newest frame
         self._subscriptions: list[Subscription] = [
             bus.subscribe(
-                topic, _FRAME_DEPTH if topic is FRAME else _DEPTH, history=topic.history > 0
+                topic,
+                _DEPTHS.get(topic, _DEPTH),
+                history=topic.history > 0 or topic.keeps_state,
             )
             for topic in sorted(TOPICS, key=lambda topic: topic is FRAME)  # frames come last
             if topic.logged
         ]
 
     def spin_once(self, timeout_s: float = 0.2) -> bool:
-        """Log what waits: all small messages, then one frame; False if nothing came."""
-        if not any(self._bus_has(subscription) for subscription in self._subscriptions):
+        """Log what waits: all small messages, one of each large kind, a frame last; False if nothing came."""
+        if not any(subscription.pending() for subscription in self._subscriptions):
             self._bus.wait(timeout_s)
         worked = False
         for subscription in self._subscriptions:
-            if subscription.topic.history and not self._earlier.is_done():
-                continue
             while (received := subscription.poll_received()) is not None:
                 worked = True
                 self._record(subscription.topic, received)
-                if subscription.topic is FRAME:
+                if isinstance(frame := received.message, Frame):
+                    self._logged = Step(
+                        stage="logged", index=frame.index, publisher=frame.publisher
+                    )
+                    self._confirm()
+                if subscription.topic in _LARGE:
                     break
-        if not worked and not self._earlier.is_done():
-            time.sleep(0.01)
-        self._log.tick()
+        self._foxglove.write_blocks()
+        self._ask_whole_mesh()
+        if self._log.tick():
+            self._recorded.save(*self._log.place)
+        self._disk.tell_of(self._log)
         return worked
 
     def counters(self) -> dict[str, int]:
         """Counts since the start of the run, earlier parts included."""
-        counts = Counter(self._log.counts)
-        if self._earlier.is_done():
-            for topic in TOPICS:
-                counts[topic.name] += self._earlier.found.counts.get(self._key(topic), 0)
+        counts = Counter({topic.name: self._recorded.counts[self._key(topic)] for topic in TOPICS})
         dropped = {s.topic.name: s.dropped for s in self._subscriptions}
         return {
             "frames_logged": counts[FRAME.name],
@@ -115,18 +151,26 @@ class Recorder:
             "viewer_dropped": self._view.dropped,
         }
 
+    def show_images_every(self, seconds: float) -> None:
+        """The least time between images in the live viewer, s."""
+        self._view.show_images_every(seconds)
+
     def close(self) -> dict[str, Any]:
         """Log what is still on its way, finish log and viewer; returns what the summary says of the log."""
-        self._earlier.join()
         self._drain()
+        self._foxglove.write_blocks(at_once=True)
         self._view.close()
-        lost_bytes = self._log.close()
-        if lost_bytes:
-            self._tell("error", f"{self._log.path}: disk full, {lost_bytes} bytes were not written")
+        lost_bytes, refused = self._log.close(), self._log.refused
+        self._recorded.close()
+        self._unfinished.close()
+        if lost_bytes or refused:
+            lost = f"{lost_bytes} bytes and {refused} messages were not written"
+            self._tell("error", f"{self._log.path}: disk full, {lost}")
         return {
             **self.counters(),
-            "complete": lost_bytes == 0,
+            "complete": lost_bytes == refused == 0,
             "parts": [path.name for path in parts(self._run_dir)],
+            "removed_parts": len(self._log.removed),
         }
 
     def _drain(self) -> None:
@@ -140,15 +184,20 @@ class Recorder:
         return bool(self._beating) and self._bus.is_connected()
 
     def _record(self, topic: Topic, received: Received) -> None:
-        envelope = received.envelope
+        envelope, key = received.envelope, self._key(topic)
         publish_ns = envelope.publish_ns if envelope else received.arrival_ns
         sequence = envelope.sequence if envelope else 0
-        if self._earlier.has(self._key(topic), publish_ns, sequence):
+        if self._recorded.has(key, envelope):
             return
         message, payload = received.message, received.payload
         if isinstance(message, Health):
             self._follow(message)
+        if isinstance(message, SourceEnd):
+            self._confirms = True
+            self._confirm()
         if isinstance(message, Frame):
+            if envelope and not message.publisher:
+                message = msgspec.structs.replace(message, publisher=envelope.publisher)
             try:
                 logged = compress_frame(message, self._log.settings.color)
                 is_drawable = logged.color_encoding == "jpeg"
@@ -157,13 +206,20 @@ class Recorder:
                 self._unusable += 1
                 return
             payload = encode(FRAME, logged)
-        if self._log.space_is_short and topic in (FRAME, MESH):
-            self._skip(topic, f"{self._run_dir}: disk nearly full: frames are no longer logged")
+        is_short = self._log.space_is_short
+        if is_short and topic in _LARGE:
+            self._skipped[topic.name] += 1
         else:
-            self._log.write(topic, payload, received.arrival_ns, publish_ns, sequence)
-            self._write_viz(message, getattr(message, "stamp_ns", received.arrival_ns))
-        if topic.drawn:
-            self._view.show(message)
+            if self._log.write(topic, payload, received.arrival_ns, publish_ns, sequence):
+                self._recorded.add(key, envelope)
+            self._foxglove.add(message, getattr(message, "stamp_ns", received.arrival_ns))
+        was_drawn = isinstance(message, MeshBlocks) and envelope is None and self._has_asked_again
+        if topic.drawn and (self._shows_whole_mesh or not was_drawn):
+            self._view.show(message, in_file=not (is_short or was_drawn))
+
+    def _confirm(self) -> None:
+        if self._confirms and self._logged:
+            self._steps.put(self._logged)
 
     def _follow(self, health: Health) -> None:
         """Keep which of the other processes are at work."""
@@ -174,27 +230,19 @@ class Recorder:
         else:
             self._beating.add(health.process)
 
-    def _write_viz(self, message: Message, stamp_ns: int) -> None:
-        if self._worlds.begins_with(message):
-            self._log.write_viz(cleared_scene(stamp_ns), stamp_ns)
-        elif self._worlds.is_past(message):
+    def _ask_whole_mesh(self) -> None:
+        """A part of the log opens alone: it needs the blocks that were sent before it as well.
+
+        A web viewer that connects late needs them, too, once its server has forgotten the oldest data.
+        """
+        now_s = time.monotonic()
+        if self._part == self._log.path and now_s - self._whole_mesh_s < _WHOLE_MESH_S:
             return
-        if isinstance(message, Mesh):
-            now_s = time.monotonic()
-            if not message.final and now_s - self._viz_mesh_s < _VIZ_MESH_INTERVAL_S:
-                return
-            self._viz_mesh_s = now_s
-        for viz in viz_messages(message, stamp_ns):
-            self._log.write_viz(viz, stamp_ns)
-
-    def _skip(self, topic: Topic, reason: str) -> None:
-        if not self._skipped[topic.name]:
-            self._tell("warning", reason)
-        self._skipped[topic.name] += 1
-
-    def _bus_has(self, subscription: Subscription) -> bool:
-        held_back = subscription.topic.history and not self._earlier.is_done()
-        return not held_back and subscription.pending() > 0
+        self._part, self._whole_mesh_s, self._has_asked_again = self._log.path, now_s, True
+        self._shows_whole_mesh = now_s - self._shown_whole_s >= _WHOLE_MESH_S
+        if self._shows_whole_mesh:
+            self._shown_whole_s = now_s
+        next(s for s in self._subscriptions if s.topic is MESH_BLOCKS).ask_state()
 
     def _key(self, topic: Topic) -> str:
         return topic.key(self._bus.robot)
@@ -212,12 +260,15 @@ def record(worker: Worker) -> None:
         worker.event,
         log_settings(run),
         run.options.viewer_memory_gb,
+        run.options.pace == "lockstep",
     )
+    level = SharedLevel(run.arena_dir)
     worker.ready()
     try:
         while not worker.should_stop():
             with worker.timed("record"):
                 recorder.spin_once()
+            recorder.show_images_every(level.now.image_every_s)
             worker.counters.update(recorder.counters())
     finally:
         worker.add_to_summary({"log": recorder.close()})

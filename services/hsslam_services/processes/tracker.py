@@ -2,11 +2,12 @@
 
 Subscribes: in/frame
 Publishes: out/pose, out/keyframe
-Arena: reads map_state, map; writes keyframes, pose_log
+Arena: reads map_state, map; writes keyframes, pose_log, load_level
 """
 
 import time
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
@@ -14,16 +15,22 @@ from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
 from hsslam_node.map.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.map_view import MapView, MapViews
+from hsslam_node.tracking.map_view import MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import Status, TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.frame_order import FrameOrder, Place
 from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.launch.worker import Worker, run_worker, worker_device
+from hsslam_services.camera.frame_inlet import FrameInlet
+from hsslam_services.governor.governor import Governor
+from hsslam_services.governor.levels import LEVELS
+from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
@@ -38,47 +45,55 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     is_lockstep = worker.options.pace == "lockstep"
     frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
-    loop = _TrackerLoop(worker)
-    warm_start(worker.options.slam)
+    order = FrameOrder()
+    loop = _TrackerLoop(worker, order)
+    inlet = FrameInlet(frames, order, Path(worker.run.arena_dir), worker.options.has_camera_process)
+    warm = warm_start(worker.options.slam)
+    if not warm.is_inherited:
+        worker.event("info", f"kernels loaded in {warm.took_s:.1f} s: none from the fork server")
     worker.ready()
     while not worker.should_stop():
         received = frames.wait_received(_POLL_S)
-        if received is not None:
-            loop.take(received.message, received.arrival_ns)
+        if received is not None and (place := inlet.admit(received)) is not None:
+            loop.take(received.message, received.arrival_ns, place)
 
 
 class _TrackerLoop:
     """Tracks one frame message at a time; goes on where a predecessor that died has left off."""
 
-    def __init__(self, worker: Worker) -> None:
+    def __init__(self, worker: Worker, order: FrameOrder) -> None:
         self._worker = worker
+        self._order = order
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._log = PoseLog(worker.arena)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = MapState(worker.run.arena_dir)
+        self._level = SharedLevel(worker.run.arena_dir)
+        self._governor = Governor(self._level.number)
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
-        last = self._log.last()
-        self._last_index = -1 if last is None else int(last["index"])
+        for row in self._log.newest_of_each():
+            order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
         self._was_lost = False
         store = self._link.store()
         if store is not None and store.count > 0:
             self._tracker = open_tracker(worker.options.slam, store, worker.options.seed)
             self._tracker.resume(anywhere=store.inherited > 0)
-            if last is not None:
+            if self._log.count > 0:
                 worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
 
-    def take(self, message: messages.Frame, arrival_ns: int) -> None:
+    def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
         """Track and publish; a frame that was answered before is answered again."""
-        if message.index <= self._last_index:
-            self._answer_again(message)
+        if place.kind == "old":
+            self._answer_again(place)
             return
         taken_ns = time.time_ns()
         try:
             frame = frame_from_message(message)
             decoded_ns = time.time_ns()
+            pose_version = self._pose_version()
             result = self._track(frame)
         except OutOfMemoryError:
             raise
@@ -98,10 +113,13 @@ class _TrackerLoop:
             T_keyframe_cam=result.T_keyframe_cam,
             quality=result.quality,
             map_version=result.map_version,
-            world=self._mode.world,
+            pose_version=pose_version,
+            map_epoch=self._mode.map_epoch,
+            publisher=place.publisher,
         )
-        self._log.append(row)
-        self._last_index = frame.index
+        if not self._log.append(row):
+            self._worker.count("poses not logged")
+        self._order.take(place)
         stamps_ns = (message.stamp_ns, arrival_ns, taken_ns, decoded_ns, publish_ns)
         stages_ms = {
             stage: (end - begin) / 1e6
@@ -111,9 +129,29 @@ class _TrackerLoop:
         if result.is_keyframe:
             self._announce_keyframe(result, message)
         self._account(result)
+        self._tell_of_room()
+        if self._worker.options.pace == "realtime":
+            self._govern(message, publish_ns)
         if self._tracker is not None:
             with self._worker.timed("settle"):
                 self._tracker.settle()
+
+    def _govern(self, message: messages.Frame, publish_ns: int) -> None:
+        """Let others give way if poses come late; lockstep waits for all."""
+        governor = self._governor
+        latency_s = (publish_ns - message.stamp_ns) / 1e9
+        stamp_s = message.stamp_ns / 1e9
+        late = governor.late_share
+        if governor.frame(time.monotonic(), message.index, stamp_s, latency_s):
+            self._level.number = governor.level
+            self._worker.count("load level changes")
+            self._worker.event(
+                "info",
+                f"load level {governor.level} of {len(LEVELS) - 1}, {late:.0%} of the frames late: "
+                f"gives up {LEVELS[governor.level].gives_up}",
+            )
+        self._worker.counters["load_level"] = governor.level
+        self._worker.count(f"frames at load level {governor.level}")
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
@@ -125,20 +163,24 @@ class _TrackerLoop:
                 options.slam.keyframes.capacity,
             )
             self._tracker = open_tracker(options.slam, store, options.seed)
-        view = self._current_view()
+        localise_only = self._mode.localise_only
+        views = self._map_views()
         with self._worker.timed("track"):
-            result = self._tracker.track(frame, view, localise_only=self._mode.localise_only)
-        parameters = self._link.parameters()
-        if view is not None and parameters is not None and not parameters.is_intact(view.version):
-            self._worker.count("overtaken by the map")
-        return result
+            try:
+                view = views.newest() if views else None
+                return self._tracker.track(frame, view, localise_only=localise_only)
+            except TornMapError:  # it took as long as two publications
+                self._worker.count("tracked again")
+                view = views.copied() if views else None
+                return self._tracker.track(frame, view, localise_only=localise_only)
 
-    def _current_view(self) -> MapView | None:
+    def _map_views(self) -> MapViews | None:
+        """None before there is a map."""
         parameters = self._link.parameters()
         if self._views is None and parameters is not None:
             by_rendering = self._worker.options.slam.tracker.method == "rendering"
             self._views = MapViews(parameters, self._device, with_color=by_rendering)
-        return self._views.newest() if self._views else None
+        return self._views
 
     def _announce_keyframe(self, result: TrackResult, message: messages.Frame) -> None:
         t, q = wire_pose(result.T_world_cam)
@@ -149,7 +191,7 @@ class _TrackerLoop:
                 source_stamp_ns=message.source_stamp_ns,
                 t=t,
                 q=q,
-                world=self._mode.world,
+                map_epoch=self._mode.map_epoch,
             )
         )
 
@@ -163,10 +205,27 @@ class _TrackerLoop:
             self._worker.event("info", f"tracking again at frame {result.frame_index}")
         self._was_lost = is_lost
 
-    def _answer_again(self, message: messages.Frame) -> None:
-        rows = self._log.rows()
-        for row in rows[rows["index"] == message.index]:
+    def _tell_of_room(self) -> None:
+        """Once: the camera is tracked on the keyframes that there are."""
+        store = self._link.store()
+        refused = store.refused if store is not None else 0
+        if refused and not self._worker.counters.get("keyframes without room", 0):
+            self._worker.event("warning", "no room for a keyframe: tracking goes on without it")
+        if refused:
+            self._worker.counters["keyframes without room"] = refused
+
+    def _answer_again(self, place: Place) -> None:
+        """Nothing if the frame itself was never tracked: it comes late."""
+        row = self._log.find(place.publisher, place.index)
+        if row is None:
+            self._worker.count("late frames")
+        else:
             self._poses.put(_pose_message(row, float("nan"), {}))
+
+    def _pose_version(self) -> int:
+        """Of the keyframes' poses that the next frame is aligned to."""
+        store = self._link.store()
+        return 0 if store is None else store.pose_version
 
 
 def _pose_message(
@@ -186,7 +245,9 @@ def _pose_message(
         residual_mm=1e3 * residual_m if np.isfinite(residual_m) else 0.0,
         map_version=int(row["map_version"]),
         keyframe=int(row["keyframe"]),
-        world=int(row["world"]),
+        map_epoch=int(row["map_epoch"]),
+        publisher=int(row["publisher"]),
+        pose_version=int(row["pose_version"]),
         stage_ms=stages_ms,
     )
 

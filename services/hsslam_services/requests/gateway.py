@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from hsslam_proto import requests as rpc
-from hsslam_proto.request_messages import Done, Status
+from hsslam_proto.request_messages import Done, Refusal, Status, TrajectoryRows
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
@@ -17,7 +17,7 @@ from hsslam_services.launch.spawn import Spawn
 from hsslam_services.requests.map_reset import MapReset
 from hsslam_services.requests.map_save import MapSaving
 from hsslam_services.requests.mesh_and_trajectory import NewestMesh, rows_of, trajectory_so_far
-from hsslam_services.requests.pause_and_mode import Holding, ModeSetting
+from hsslam_services.requests.pause_and_mode import CameraPause, ModeSetting
 from hsslam_services.run.run_info import RunInfo
 
 _AT_A_TIME = 64  # requests in one turn of the loop
@@ -26,21 +26,20 @@ _AT_A_TIME = 64  # requests in one turn of the loop
 class Gateway:
     """Answers the table of requests; `tick` never blocks.
 
-    `wants_stop`: somebody has asked for the end of the run. `is_stopping`: set by the supervisor
-    when the end has begun.
+    `wants_stop`: a client has asked for the end of the run.
     """
 
     def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
         self.wants_stop = False
-        self.is_stopping = False
+        self._is_stopping = False
         self._run = run
         self._bus = bus
         self._requests = bus.requests()
-        self._holding = Holding(bus, run)
+        self._pause = CameraPause(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
         self._saving = MapSaving(run, spawn)
-        self._reset = MapReset(bus, run, spawn, self._holding)
+        self._reset = MapReset(bus, run, spawn, self._pause)
 
     @property
     def is_busy(self) -> bool:
@@ -51,6 +50,10 @@ class Gateway:
     def is_resetting(self) -> bool:
         """Whether tracker and mapper are being replaced; the others start after them."""
         return self._reset.is_busy
+
+    def begin_stop(self) -> None:
+        """The end of the run begins: from now on nothing is changed for clients."""
+        self._is_stopping = True
 
     def tick(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> None:
         """Answer what was asked since the last time."""
@@ -63,20 +66,19 @@ class Gateway:
             else:
                 self._mode.has_map |= state.map is not None
                 self._answer(asked, state, children)
-        self._mesh.tick()
         self._saving.tick()
-        world = self._reset.world
+        map_epoch = self._reset.map_epoch
         self._reset.tick()
-        if self._reset.world != world:
+        if self._reset.map_epoch != map_epoch:
             self._mode.has_map = False
-            self._mesh.forget(self._reset.world)
+            self._mesh.forget(self._reset.map_epoch)
 
     def status(self, state: RunState, children: Mapping[str, Child], memory_mb: int) -> Status:
         """How the run goes."""
-        phase = "stopping" if self.is_stopping else self._pace
+        phase = "stopping" if self._is_stopping else self._pace
         rejected = sum(self.rejected(children).values())
         status = run_status(self._run, state, children, self._requests, phase, memory_mb, rejected)
-        return msgspec.structs.replace(status, mode=self._mode.now, world=self._reset.world)
+        return msgspec.structs.replace(status, mode=self._mode.now, map_epoch=self._reset.map_epoch)
 
     def rejected(self, children: Mapping[str, Child]) -> dict[str, int]:
         """Messages that could not be read, by topic."""
@@ -96,7 +98,7 @@ class Gateway:
 
     @property
     def _pace(self) -> Any:
-        return "paused" if self._holding.is_paused else "running"
+        return "paused" if self._pause.is_paused else "running"
 
     def _answer(
         self, asked: PendingRequest, state: RunState, children: Mapping[str, Child]
@@ -107,19 +109,19 @@ class Gateway:
             case rpc.TRAJECTORY:
                 self._answer_trajectory(asked)
             case rpc.STOP:
-                again = self.wants_stop or self.is_stopping
+                again = self.wants_stop or self._is_stopping
                 self.wants_stop = True
                 asked.answer(Done(text="was stopping already" if again else "stopping"))
-            case _ if self.is_stopping:
+            case _ if self._is_stopping:
                 asked.refuse("not_now", f"{asked.request.name}: the run is ending")
             case _ if self._reset.is_busy and asked.request is not rpc.RESET:
                 asked.refuse("busy", f"{asked.request.name}: the map is being thrown away")
             case rpc.SAVE:
                 self._saving.ask(asked)
             case rpc.PAUSE:
-                self._holding.set(asked, True)
+                self._pause.set(asked, True)
             case rpc.RESUME:
-                self._holding.set(asked, False)
+                self._pause.set(asked, False)
             case rpc.SET_MODE:
                 self._mode.set(asked)
             case rpc.RESET if self._saving.is_busy:
@@ -129,9 +131,12 @@ class Gateway:
                 self._reset.ask(asked, has_map=has_map, state=state, children=children)
 
     def _answer_trajectory(self, asked: PendingRequest) -> None:
-        world = self._reset.world
-        trajectory = trajectory_so_far(Path(self._run.arena_dir), world)
-        if trajectory is None:
-            asked.refuse("not_now", "trajectory: there is no pose yet")
-        else:
-            asked.answer(rows_of(trajectory, world))
+        map_epoch = self._reset.map_epoch
+
+        def compute() -> TrajectoryRows | Refusal:
+            trajectory = trajectory_so_far(Path(self._run.arena_dir), map_epoch)
+            if trajectory is None:
+                return Refusal(reason="not_now", text="trajectory: there is no pose yet")
+            return rows_of(trajectory, map_epoch)
+
+        asked.answer_with(compute)

@@ -1,5 +1,7 @@
 """Requests to throw the map away: all processes that hold its state end, and start anew without it."""
 
+import contextlib
+import subprocess
 import time
 from collections.abc import Generator, Mapping
 from pathlib import Path
@@ -15,38 +17,39 @@ from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
-from hsslam_services.launch.spawn import Spawn, last_error, process_name
-from hsslam_services.requests.pause_and_mode import Holding
+from hsslam_services.launch.spawn import Spawn, last_error, not_started, process_name
+from hsslam_services.requests.pause_and_mode import CameraPause
 from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import update_summary
 
 _PATIENCE_S = 5.0  # for an orderly end; what they are at work on is thrown away anyway
-_Steps = Generator[None, None, None]
+_KILL_TIMEOUT_S = 1.0
+_Steps = Generator[None, None, None]  # each `yield` ends a turn of the supervisor's loop
 
 
 class MapReset:
-    """Ends the world of a map and begins the next, one turn of the supervisor's loop at a time.
+    """Ends a map epoch and begins the next, one turn of the supervisor's loop at a time.
 
     The camera is held; tracker, mapper, BA and mesher end in order; the trajectories so far are
-    written, as they cannot be in one file with those of another world; keyframes and parameters are
+    written, as they cannot be in one file with those of another map epoch; keyframes and parameters are
     removed from the arena, the pose log stays; the processes start again, the camera is let go. Where
     the trajectories cannot be written, the map stays and they go on in it.
     """
 
-    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, holding: Holding) -> None:
+    def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn, pause: CameraPause) -> None:
         self._run = run
         self._spawn = spawn
-        self._holding = holding
+        self._pause = pause
         self._mode = MapState(run.arena_dir)
         self._events = bus.publisher(topics.EVENT)
         self._asked: list[PendingRequest] = []
         self._steps: _Steps | None = None
 
     @property
-    def world(self) -> int:
+    def map_epoch(self) -> int:
         """Number of the map of now."""
-        return self._mode.world
+        return self._mode.map_epoch
 
     @property
     def is_busy(self) -> bool:
@@ -80,7 +83,11 @@ class MapReset:
 
     def tick(self) -> None:
         """Do what can be done now; never blocks."""
-        if self._steps is not None and next(self._steps, self) is self:
+        if self._steps is None:
+            return
+        try:
+            next(self._steps)
+        except StopIteration:
             self._steps = None
 
     def close(self) -> None:
@@ -89,7 +96,7 @@ class MapReset:
             self._steps.close()
 
     def _reset(self, state: RunState, children: list[Child]) -> _Steps:
-        self._holding.suspend()
+        self._pause.suspend()
         self._mode.is_given_up = True
         for child in children:
             child.wanted = False
@@ -97,9 +104,9 @@ class MapReset:
         error = yield from self._save_trajectories()
         if not error:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
-            self._mode.world += 1
+            self._mode.map_epoch += 1
             state.forget_map()
-            self._tell(f"the map was thrown away, as asked: world {self.world} begins")
+            self._tell(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
         self._mode.is_given_up = False
         for child in children:
             child.renew()
@@ -110,14 +117,17 @@ class MapReset:
                 self._answer("tracker or mapper cannot be kept running")
                 return
             yield
-        self._holding.release()
+        self._pause.release()
         self._answer(f"{error}; the map stays" if error else "")
 
     def _save_trajectories(self) -> Generator[None, None, str]:
         """Run the process that writes them; returns "" or what went wrong."""
         name = process_name(TRAJECTORY_SAVER)
-        clear_result(self._run.path, name)
-        process = self._spawn(TRAJECTORY_SAVER, self._run.path)
+        try:
+            clear_result(self._run.path, name)
+            process = self._spawn(TRAJECTORY_SAVER, self._run.path)
+        except OSError as error:
+            return f"{name} {not_started(error)}"
         timeout_s = ONE_SHOT_TIMEOUT_S[TRAJECTORY_SAVER]
         deadline_s = time.monotonic() + timeout_s
         code = None
@@ -129,7 +139,8 @@ class MapReset:
         finally:
             if code is None:
                 process.kill()
-                process.wait()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(_KILL_TIMEOUT_S)
         update_summary(self._run.path, read_result(self._run.path, name).summary)
         return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
 
@@ -139,7 +150,9 @@ class MapReset:
             if error:
                 each.refuse("failed", f"reset: {error}")
             else:
-                each.answer(Done(text=f"the map was thrown away: world {self.world} begins"))
+                each.answer(
+                    Done(text=f"the map was thrown away: map epoch {self.map_epoch} begins")
+                )
 
     def _tell(self, text: str) -> None:
         now = time.time_ns()

@@ -1,5 +1,7 @@
 """Requests to save the map: each is done by a process of its own, one at a time."""
 
+import contextlib
+import subprocess
 from pathlib import Path
 
 import msgspec
@@ -7,10 +9,12 @@ import msgspec
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.launch.process_table import MAP_SAVER
-from hsslam_services.launch.spawn import Process, Spawn, last_error, process_name
+from hsslam_services.launch.spawn import Process, Spawn, last_error, not_started, process_name
 from hsslam_services.run.maps_folder import SAVE_REQUEST
 from hsslam_services.run.process_result import clear_result, read_result
 from hsslam_services.run.run_info import RunInfo, write_atomically
+
+_KILL_TIMEOUT_S = 5.0
 
 
 class MapSaving:
@@ -32,9 +36,12 @@ class MapSaving:
         if self.is_busy:
             asked.refuse("busy", "save: another map is being saved")
             return
-        clear_result(self._run.path, process_name(MAP_SAVER))
-        write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
-        self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
+        try:
+            clear_result(self._run.path, process_name(MAP_SAVER))
+            write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
+            self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
+        except OSError as error:
+            asked.refuse("failed", f"save: {not_started(error)}")
 
     def tick(self) -> None:
         """Answer when the process has ended; never blocks."""
@@ -54,4 +61,5 @@ class MapSaving:
         """End a process that still works."""
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_KILL_TIMEOUT_S)

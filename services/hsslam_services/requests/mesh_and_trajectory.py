@@ -1,6 +1,7 @@
 """Requests for the newest mesh and for the trajectory so far."""
 
-import time
+import queue
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -8,67 +9,61 @@ import numpy as np
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_world
+from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_map_epoch
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
+from hsslam_proto.mesh.assembled import AssembledMesh
+from hsslam_proto.mesh.codec import mesh_message
 from hsslam_proto.request_messages import TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
-from hsslam_services.bus.subscription import Received, Subscription
-
-_PATIENCE_S = 4.0  # for the mesher to send what it keeps
 
 
 class NewestMesh:
-    """Listens to meshes from the first request on; before that they cost nothing."""
+    """Answers with the mesh as the mesher has it; asking and joining is work for a thread of its own."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._meshes: Subscription | None = None
-        self._newest: Received | None = None
-        self._world = 0
-        self._waiting: list[tuple[PendingRequest, float]] = []
+        self._map_epoch = 0
+        self._waiting: queue.SimpleQueue[PendingRequest] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
 
     def ask(self, asked: PendingRequest) -> None:
-        """Answer as soon as there is a mesh."""
-        if self._meshes is None:
-            self._meshes = self._bus.subscribe(topics.MESH, 1, history=True)
-        self._waiting.append((asked, time.monotonic() + _PATIENCE_S))
+        """Answer as soon as the mesher has."""
+        self._waiting.put(asked)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._answer_all, name="meshes", daemon=True)
+            self._thread.start()
 
-    def forget(self, world: int) -> None:
-        """The map was thrown away: answer with meshes of the next world only."""
-        self._newest, self._world = None, world
+    def forget(self, map_epoch: int) -> None:
+        """The map was thrown away: answer with meshes of the next map epoch only."""
+        self._map_epoch = map_epoch
 
-    def tick(self) -> None:
-        """Take in what has come, and answer; never blocks."""
-        if self._meshes is None:
-            return
-        while (received := self._meshes.poll_received()) is not None:
-            if received.message.world >= self._world:
-                self._newest = received
-        still: list[tuple[PendingRequest, float]] = []
-        for asked, until_s in self._waiting:
-            if self._newest is not None:
-                asked.answer_payload(self._newest.payload)
-            elif time.monotonic() > until_s:
+    def _answer_all(self) -> None:
+        while True:
+            asked = self._waiting.get()
+            live = AssembledMesh()
+            for message in self._bus.state(topics.MESH_BLOCKS):
+                live.add(message)
+            whole = live.whole() if live.map_epoch >= self._map_epoch else None
+            if whole is None:
                 asked.refuse("not_now", "mesh: there is none yet: expected keyframes first")
-            else:
-                still.append((asked, until_s))
-        self._waiting = still
+                continue
+            asked.answer(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
 
 
-def trajectory_so_far(arena_dir: Path, world: int = 0) -> Trajectory | None:
-    """All poses in a world but those of lost frames, as refined; None before there is one."""
+def trajectory_so_far(arena_dir: Path, map_epoch: int = 0) -> Trajectory | None:
+    """All poses of a map epoch but those of lost frames, as refined; None before there is one."""
     arrays = ArenaView(arena_dir)
     try:
         keyframe_poses = KeyframeStore(arrays).poses()
-        return final_trajectory(of_world(PoseLog(arrays).rows(), world), keyframe_poses)
+        return final_trajectory(of_map_epoch(PoseLog(arrays).rows(), map_epoch), keyframe_poses)
     except KeyError:
         return None
 
 
-def rows_of(trajectory: Trajectory, world: int = 0) -> TrajectoryRows:
+def rows_of(trajectory: Trajectory, map_epoch: int = 0) -> TrajectoryRows:
     """The trajectory as a message."""
     poses = np.empty((len(trajectory), 7), "<f8")
     poses[:, :3] = trajectory.positions
@@ -77,7 +72,7 @@ def rows_of(trajectory: Trajectory, world: int = 0) -> TrajectoryRows:
         count=len(trajectory),
         stamps_ns=trajectory.stamps_ns.astype("<i8").tobytes(),  # type: ignore[arg-type]
         poses=poses.tobytes(),  # type: ignore[arg-type]
-        world=world,
+        map_epoch=map_epoch,
     )
 
 

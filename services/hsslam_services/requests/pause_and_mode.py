@@ -11,8 +11,8 @@ from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.run.run_info import RunInfo
 
 
-class Holding:
-    """Holds the camera for clients, and for the service itself while it cannot take frames.
+class CameraPause:
+    """Pauses the camera for clients, and for the service itself while it cannot take frames.
 
     `is_paused`: a client has asked for it.
     """
@@ -26,7 +26,7 @@ class Holding:
         """Do as asked and tell it; refused where the camera is not ours."""
         if not self._run.options.has_camera_process:
             name = asked.request.name
-            asked.refuse("not_now", f"{name}: frames come from outside: hold that camera itself")
+            asked.refuse("not_now", f"{name}: frames come from outside: pause that camera itself")
             return
         word = "paused" if paused else "running"
         again = self.is_paused == paused

@@ -1,31 +1,36 @@
 """How far the camera has come, kept in the arena folder: a restarted camera goes on from it."""
 
 import struct
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 
+from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
-_LAYOUT = struct.Struct("<qqqqq")
+_LAYOUT = struct.Struct("<qqqqqqq")
 
 
 @dataclass
 class CameraProgress:
-    """Counts so far, and where the sensor clock was pinned to the wall clock (0: not yet)."""
+    """Counts so far, and where the sensor clock was pinned to this machine's monotonic clock (0: not yet).
+
+    `publisher`: number of the camera, the same after a restart, which goes on counting.
+    """
 
     next_index: int = 0
     sent: int = 0
     bad: int = 0
     pinned_source_ns: int = 0
-    pinned_wall_ns: int = 0
+    pinned_ns: int = 0
+    publisher: int = field(default_factory=new_publisher)
+    last_source_ns: int = -1  # stamp of the last frame that was sent; -1: none was
 
-    def wall_ns(self, source_ns: int) -> int:
-        """Wall time at which the sensor would have delivered the frame of this source stamp."""
-        return self.pinned_wall_ns + source_ns - self.pinned_source_ns
+    def due_ns(self, source_ns: int) -> int:
+        """Monotonic time at which the sensor would have delivered the frame of this source stamp."""
+        return self.pinned_ns + source_ns - self.pinned_source_ns
 
     def write(self, arena_dir: Path) -> None:
-        fields = (self.next_index, self.sent, self.bad, self.pinned_source_ns, self.pinned_wall_ns)
-        write_atomically(_path(arena_dir), _LAYOUT.pack(*fields))
+        write_atomically(_path(arena_dir), _LAYOUT.pack(*astuple(self)))
 
     @staticmethod
     def exists(arena_dir: Path) -> bool:

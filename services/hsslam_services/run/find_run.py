@@ -16,7 +16,7 @@ def running_runs(root: Path = SHM_ROOT) -> list[RunInfo]:
             owner = json.loads((arena / "owner.json").read_text())
             run = RunInfo.read(Path(owner["run_dir"]))
         except (OSError, ValueError, KeyError, UserError):
-            continue  # somebody else's, of another version, or only just coming to be
+            continue  # of another user or version, or not written yet
         if run.arena_dir == str(arena):
             found.append(run)
     return sorted(found, key=lambda run: run.started_ns)

@@ -1,13 +1,13 @@
 """The options of `hsslam-serve`: one frozen dataclass, one field an option."""
 
 import math
-import os
 import re
 import sys
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options import (
     CameraOptions,
@@ -17,8 +17,11 @@ from hsslam_node.sources.options import (
     SourceOptions,
     SynthOptions,
 )
-from hsslam_services.run.source_table import comes_over_bus
+from hsslam_services.run.exit_code import exit_code_help
+from hsslam_services.run.source_table import comes_over_bus, needs_port
 
+_ZENOH_PORT = 7447
+_FINISH_S = 10.0  # in realtime: what `docker stop` allows
 _VIEWERS = ("auto", "none", "web", "spawn")
 
 
@@ -44,16 +47,25 @@ class ServeOptions:
 
     Ctrl-C ends a run and saves everything.
 
-    Exit codes: 0 if the run is complete, 1 if a process could not be kept running, 2 if the input is bad.
-
     Raises:
         UserError: an option has a value that cannot be used.
     """
 
+    EPILOGUE: ClassVar = exit_code_help()
     BASIC: ClassVar = (
         *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
-        *("localise_only", "seed", "noise", "exposure", "rate_hz", "start", "stride", "frames"),
-        *("downscale", "log_color", "log_part_mb", "evaluate", "robot", "zenoh_port", "bind"),
+        *("localise_only", "seed", "noise", "rate_hz", "start", "stride", "frames"),
+        *(
+            "downscale",
+            "memory_gb",
+            "log_color",
+            "log_keep",
+            "evaluate",
+            "finish_s",
+            "robot",
+            "zenoh_port",
+            "bind",
+        ),
         *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
         *("ros2.domain", "ros2.connect", "realsense.serial"),
     )
@@ -64,6 +76,7 @@ class ServeOptions:
         "out": "FOLDER",
         "maps": "FOLDER",
         "map": "FILE",
+        "log_keep": "GB",
         "security": "FOLDER",
         "robot": "NAME",
         "bind": "ADDRESS",
@@ -86,7 +99,9 @@ class ServeOptions:
     """Where the map is computed; auto: an NVIDIA GPU if one works."""
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
-    viewer_memory_gb: float = 2.0
+    memory_gb: float = 2.0
+    """Shared memory of the run, GB; from 70 % on redundant keyframes go."""
+    viewer_memory_gb: float = 0.5
     """Memory of the viewer or of the web viewer's server, GB; beyond it the oldest data goes."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
@@ -110,6 +125,12 @@ class ServeOptions:
     """Use every N-th frame of the source."""
     frames: int | None = None
     """Use at most N frames (none: all)."""
+    to_and_fro: int = 1
+    """Play the frames of a recording N times, every second time backwards."""
+    hold_at: int = 0
+    """Number of the frame that --hold-frames holds."""
+    hold_frames: int = 0
+    """Show that frame N times more, as a camera that stands still."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -119,16 +140,20 @@ class ServeOptions:
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log; png is lossless and 7 times as large."""
-    log_part_mb: int | None = None
-    """Start a new log file (run.1.mcap, ...) after N MB (none: one file)."""
+    log_part_mb: int = 1024
+    """Start a new log file (run.1.mcap, ...) after N MiB (0: one file)."""
+    log_keep: float = 0.0
+    """Keep the newest N GB of the log (0: all)."""
     evaluate: bool = True
     """Compare with ground truth at the end of the run, if the source has it."""
+    finish_s: float | None = None
+    """From the stop to the saved map, s (none: 10, in lockstep no limit)."""
     robot: str = "robot"
     """Name of this robot in the zenoh keys hsslam/NAME/..."""
-    zenoh_port: int = 7447
-    """TCP port of the zenoh router."""
-    bind: str = "127.0.0.1"
-    """Address of the zenoh router; 0.0.0.0 lets other machines in."""
+    zenoh_port: int | None = None
+    """TCP port for other programs (none: 7447 if one is needed, else closed)."""
+    bind: str = ""
+    """Address of the zenoh port (empty: loopback); 0.0.0.0 accepts other machines."""
     security: str = ""
     """Router certificate of hsslam-certs; clients need TLS (empty: open)."""
     metrics_port: int | None = None
@@ -139,12 +164,14 @@ class ServeOptions:
         if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
             expected = "auto, none, web, spawn or connect:URL"
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
+        if not (math.isfinite(self.memory_gb) and self.memory_gb >= 0.1):
+            raise UserError(f"--memory-gb {self.memory_gb}: expected GB, 0.1 or more")
         if not (math.isfinite(self.viewer_memory_gb) and self.viewer_memory_gb >= 0.1):
             expected = "expected GB, 0.1 or more"
             raise UserError(f"--viewer-memory-gb {self.viewer_memory_gb}: {expected}")
         if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
-        if not 1 <= self.zenoh_port <= 65535:
+        if self.zenoh_port is not None and not 1 <= self.zenoh_port <= 65535:
             raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
         if self.metrics_port is not None and not 1 <= self.metrics_port <= 65535:
             raise UserError(f"--metrics-port {self.metrics_port}: expected 1 to 65535")
@@ -165,8 +192,18 @@ class ServeOptions:
             raise UserError(f"--stride {self.stride}: expected 1 or more")
         if self.frames is not None and self.frames < 1:
             raise UserError(f"--frames {self.frames}: expected 1 or more")
-        if self.log_part_mb is not None and self.log_part_mb < 1:
-            raise UserError(f"--log-part-mb {self.log_part_mb}: expected 1 or more")
+        if self.finish_s is not None and not (math.isfinite(self.finish_s) and self.finish_s >= 0):
+            raise UserError(f"--finish-s {self.finish_s}: expected seconds, 0 or more")
+        if self.log_part_mb < 0:
+            raise UserError(f"--log-part-mb {self.log_part_mb}: expected MiB, or 0 for one file")
+        if not (math.isfinite(self.log_keep) and self.log_keep >= 0):
+            raise UserError(f"--log-keep {self.log_keep:g}: expected GB, or 0 to keep all")
+        if not 1 <= self.to_and_fro <= 10_000:
+            raise UserError(f"--to-and-fro {self.to_and_fro}: expected 1 to 10000")
+        if self.hold_at < 0:
+            raise UserError(f"--hold-at {self.hold_at}: expected 0 or more")
+        if not 0 <= self.hold_frames <= 10_000_000:
+            raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
 
@@ -181,11 +218,28 @@ class ServeOptions:
         return not comes_over_bus(self.source)
 
     @property
+    def outside_place(self) -> str:
+        """ADDRESS:PORT where other programs connect; empty if only processes of this user may."""
+        asked = self.zenoh_port or self.bind or self.security or needs_port(self.source)
+        port = _ZENOH_PORT if self.zenoh_port is None else self.zenoh_port
+        return f"{self.bind or '127.0.0.1'}:{port}" if asked else ""
+
+    @property
+    def ros_domain(self) -> int | None:
+        """The domain of the ROS nodes that may use the router; None without a ROS camera."""
+        return self.ros2.domain if needs_port(self.source) and self.has_camera_process else None
+
+    @property
+    def finish_budget_s(self) -> float:
+        """Seconds from the stop to the map on disk; infinite in lockstep, whose result is reproducible."""
+        if self.finish_s is not None:
+            return self.finish_s
+        return _FINISH_S if self.pace == "realtime" else math.inf
+
+    @property
     def resolved_viewer(self) -> str:
         """`viewer`, with auto replaced by spawn if there is a display and by none otherwise."""
         if self.viewer != "auto":
             return self.viewer
-        has_display = sys.platform == "darwin" or any(
-            os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-        )
+        has_display = sys.platform == "darwin" or any(display.value() for display in DISPLAYS)
         return "spawn" if has_display else "none"

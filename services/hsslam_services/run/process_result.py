@@ -29,10 +29,10 @@ def write_result(run_dir: Path, name: str, result: ProcessResult) -> None:
 
 def read_result(run_dir: Path, name: str) -> ProcessResult:
     """The result of process `name`; an empty one if it has left none since `clear_result`."""
-    path = _path(run_dir, name)
-    if not path.exists():
+    try:
+        return msgspec.json.decode(_path(run_dir, name).read_bytes(), type=ProcessResult)
+    except (OSError, msgspec.MsgspecError):  # none, or one that the disk did not take
         return ProcessResult()
-    return msgspec.json.decode(path.read_bytes(), type=ProcessResult)
 
 
 def clear_result(run_dir: Path, name: str) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_services.run.options import ServeOptions
 
@@ -37,8 +38,12 @@ class RunInfo:
             config_text,
         )
 
-        write_atomically(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
-        write_atomically(self.path / CONFIG_FILE, config_text(self.options).encode())
+        write_durably(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
+        write_durably(self.path / CONFIG_FILE, config_text(self.options).encode())
+
+    def write_into_arena(self) -> None:
+        """Leave a copy beside the shared arrays, for a rescue without the run folder."""
+        write_atomically(Path(self.arena_dir) / _FILE, msgspec.json.encode(self))
 
     @staticmethod
     def read(run_dir: Path) -> "RunInfo":
@@ -57,7 +62,10 @@ class RunInfo:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that a reader finds the old content or the new, never a part."""
+    """Write a file so that a reader finds the old content or the new, never a part.
+
+    It waits for no disk, so a power cut may leave neither: for files that living processes read.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     temporary.write_bytes(data)
     temporary.replace(path)

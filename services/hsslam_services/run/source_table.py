@@ -5,7 +5,7 @@ from hsslam_node.sources.source_row import (
     SourceRow,
     either,
     find_row,
-    has_names,
+    has_files,
     has_suffix,
     source_name,
 )
@@ -15,7 +15,8 @@ _LOG = SourceRow(
     examples=("mcap:RUN", "mcap:FILE"),
     about="the frames of a [log](logs.md#replay-a-log)",
     opener="hsslam_services.log.source:McapSource",
-    looks_like=either(has_names(("run.mcap",)), has_suffix(".mcap")),
+    looks_like=either(has_files("run*.mcap"), has_suffix(".mcap")),
+    only_forwards=True,
     stamps="hsslam_services.log.source:log_stamps",
 )
 SERVICE_SOURCES = (
@@ -26,6 +27,8 @@ SERVICE_SOURCES = (
         about="[a camera in ROS 2](#ros-2-cameras) over rmw_zenoh",
         opener="hsslam_services.camera.ros2_source:Ros2Source",
         is_live=True,
+        needs_port=True,
+        only_forwards=True,
         check="hsslam_services.camera.ros2_messages:check_ros2",
     ),
     SourceRow(
@@ -34,6 +37,7 @@ SERVICE_SOURCES = (
         about="[frames that another program publishes](#a-camera-driver-of-your-own)",
         opener=None,
         only_examples=True,
+        needs_port=True,
     ),
 )
 ALL_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
@@ -49,6 +53,12 @@ def comes_over_bus(spec: str) -> bool:
     """Whether another program publishes the frames, and there is no camera process."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.opener is None
+
+
+def needs_port(spec: str) -> bool:
+    """Whether programs outside the run send the frames: a driver of its own, or ROS nodes."""
+    row = find_row(spec, ALL_SOURCES)
+    return row is not None and row.needs_port
 
 
 def log_place(spec: str) -> str:

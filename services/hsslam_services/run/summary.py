@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from hsslam_node.durable_file import write_durably
 from hsslam_services.run.process_result import python_number
-from hsslam_services.run.run_info import write_atomically
 
 _FILE = "summary.json"
 _LOST = 2  # status in the pose log
@@ -22,7 +22,7 @@ def update_summary(run_dir: Path, section: Mapping[str, Any]) -> None:
     """Merge a section into the file; nested mappings are merged key by key."""
     merged = _merged(read_summary(run_dir), section)
     encoded = msgspec.json.encode(merged, enc_hook=python_number)
-    write_atomically(run_dir / _FILE, msgspec.json.format(encoded))
+    write_durably(run_dir / _FILE, msgspec.json.format(encoded))
 
 
 def read_summary(run_dir: Path) -> dict[str, Any]:

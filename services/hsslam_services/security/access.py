@@ -1,10 +1,13 @@
-"""What each kind of certificate may do at the router; whatever is not listed is refused."""
+"""What each kind of certificate may do at the router, and who has none; what is not listed is refused."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import zenoh
+
 from hsslam_proto.requests import MESH, REQUESTS, STATUS, TRAJECTORY
+from hsslam_proto.topics import TOPICS, Topic
 
 WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: processes of this user alone
 _PUBLISHER_KEYS = "/@adv/**"  # caches and heartbeats of topics with history; no ** matches an @
@@ -19,7 +22,7 @@ _MESSAGES = (
 class Role:
     """One row: the common name of a certificate, and its keys below `hsslam/<robot>/`.
 
-    A key here must include the key that a client names: somebody who hears `out/**` may subscribe to
+    A key here must include the key that a client names: a role that hears `out/**` may subscribe to
     `out/pose` and to `out/**`, not to `**`.
     """
 
@@ -46,22 +49,36 @@ ROLES: tuple[Role, ...] = (
     ),
 )
 
+NO_CERTIFICATE = Role(
+    "outside",
+    "a port without certificates: publishes frames, looks on and controls the run",
+    publishes=("in/**",),
+    hears=("in/**", "out/**", "sys/*"),
+    asks=tuple(request.name for request in REQUESTS),
+)
 
-def access_control(robot: str) -> dict[str, Any]:
+
+def access_control(
+    robot: str, has_certificates: bool, ros_domain: int | None = None
+) -> dict[str, Any]:
     """The access control of a router of zenoh: workers do everything, outsiders what their role may.
 
     Publishing and asking is bound to this robot; a client that subscribes may leave the robot open.
+    `ros_domain`: ROS nodes of this domain meet at this router, too.
     """
     every_key = ("**", f"**{_PUBLISHER_KEYS}")
-    rules = [_rule("workers", ("ingress", "egress"), _MESSAGES, every_key)]
+    both = ("ingress", "egress")
+    rules = [_rule("workers", both, _MESSAGES, every_key)]
     subjects: list[dict[str, Any]] = [{"id": "workers", "link_protocols": [WORKER_LINK]}]
     policies: list[dict[str, Any]] = [{"rules": ["workers"], "subjects": ["workers"]}]
-    for role in ROLES:
+    for role in ROLES if has_certificates else (NO_CERTIFICATE,):
         of_role = _rules(role, robot)
+        if ros_domain is not None:
+            of_role.append(_rule(f"{role.name} in ROS", both, _MESSAGES, _ros_keys(ros_domain)))
         rules += of_role
-        subjects.append(
-            {"id": role.name, "link_protocols": ["tls"], "cert_common_names": [role.name]}
-        )
+        who = {"cert_common_names": [role.name]} if has_certificates else {}
+        protocol = "tls" if has_certificates else "tcp"
+        subjects.append({"id": role.name, "link_protocols": [protocol], **who})
         policies.append({"rules": [rule["id"] for rule in of_role], "subjects": [role.name]})
     return {
         "enabled": True,
@@ -70,6 +87,11 @@ def access_control(robot: str) -> dict[str, Any]:
         "subjects": subjects,
         "policies": policies,
     }
+
+
+def _ros_keys(domain: int) -> tuple[str, ...]:
+    """Of rmw_zenoh: topics and services of a domain, their caches, and the tokens of all nodes."""
+    return f"{domain}/**", f"{domain}/**{_PUBLISHER_KEYS}", "@ros2_lv/**"
 
 
 def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
@@ -98,6 +120,12 @@ def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
         ),
         _rule(f"{role.name} is told who lives", ("egress",), ("liveliness_token",), [_LIVE]),
     ]
+    states = [key for key in heard for topic in TOPICS if topic.keeps_state and _names(key, topic)]
+    if states:
+        rules += [
+            _rule(f"{role.name} asks for the state", ("ingress",), ("query",), states),
+            _rule(f"{role.name} is told of the state", ("egress",), ("declare_queryable",), states),
+        ]
     if role.publishes:
         sent = [f"hsslam/{robot}/{key}" for key in role.publishes]
         own = [f"{key}{_PUBLISHER_KEYS}" for key in sent]
@@ -126,6 +154,10 @@ def _rules(role: Role, robot: str) -> list[dict[str, Any]]:
             _rule(f"{role.name} finds the service", ("egress",), ("declare_queryable",), every),
         ]
     return rules
+
+
+def _names(key: str, topic: Topic) -> bool:
+    return zenoh.KeyExpr(key).includes(zenoh.KeyExpr(topic.key("robot")))
 
 
 def _rule(

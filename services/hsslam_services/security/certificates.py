@@ -44,7 +44,7 @@ class CertificateAuthority:
 
     @property
     def key_pem(self) -> bytes:
-        """What signs; whoever has it can let anybody in."""
+        """The key that signs; whoever has it can admit clients."""
         return _pem(self._key)
 
     def issue(self, name: str, hosts: Sequence[str] = ()) -> tuple[bytes, bytes]:

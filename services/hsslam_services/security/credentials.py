@@ -7,6 +7,7 @@ from typing import Literal
 
 from hsslam_node.errors import UserError
 from hsslam_services.security.access import ROLES
+from hsslam_services.security.certificate_end import CertificateEnd
 
 CA_FILE, CERTIFICATE_FILE, KEY_FILE = "ca.pem", "cert.pem", "key.pem"
 ROUTER = "router"
@@ -15,10 +16,11 @@ _TLS = "transport/link/tls/"
 
 @dataclass(frozen=True)
 class Credentials:
-    """Who somebody is: `name` is the common name of the certificate, and so the role."""
+    """The identity of a client: `name` is the common name of the certificate, and so the role."""
 
     folder: Path
     name: str
+    end: CertificateEnd
 
     @staticmethod
     def read(folder: str | Path) -> "Credentials":
@@ -41,7 +43,7 @@ class Credentials:
                 f"--security {folder}: {name}: {error.strerror}: expected a folder of hsslam-certs"
             ) from None
         try:
-            x509.load_pem_x509_certificate(read[CA_FILE])
+            authority = x509.load_pem_x509_certificate(read[CA_FILE])
             certificate = x509.load_pem_x509_certificate(read[CERTIFICATE_FILE])
             key = load_pem_private_key(read[KEY_FILE], None)
         except (ValueError, TypeError):
@@ -50,11 +52,14 @@ class Credentials:
             ) from None
         if key.public_key() != certificate.public_key():
             raise UserError(f"--security {folder}: key.pem is not the key of cert.pem")
-        if certificate.not_valid_after_utc < datetime.datetime.now(datetime.UTC):
-            day = certificate.not_valid_after_utc.date()
-            raise UserError(f"--security {folder}: expired on {day}: expected a valid certificate")
+        ends = min(certificate.not_valid_after_utc, authority.not_valid_after_utc)
+        if ends < datetime.datetime.now(datetime.UTC):
+            raise UserError(
+                f"--security {folder}: expired on {ends.date()}: expected a valid certificate"
+            )
         names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
-        return Credentials(path, str(names[0].value) if names else "")
+        name = str(names[0].value) if names else ""
+        return Credentials(path, name, CertificateEnd(path, ends))
 
     def expect_router(self) -> None:
         """UserError where it is not for the router."""
@@ -64,7 +69,7 @@ class Credentials:
             )
 
     def expect_outsider(self) -> None:
-        """UserError where it is for nobody who connects to the router."""
+        """UserError if no client may connect to the router with it."""
         known = [role.name for role in ROLES]
         if self.name not in known:
             raise UserError(

@@ -5,67 +5,74 @@ import os
 import re
 import secrets
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_services.arena.arena_folder import (
+    ArenaFolder,
+    foreign_arenas,
+    kept_arenas,
+    remove_dead_arenas,
+    run_dir_of,
+)
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.health.http_server import MetricsServer
+from hsslam_services.launch.one_shot import start_watchdog
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
+from hsslam_services.supervisor.earlier_run import clear_earlier_run, wait_for_earlier_run
 from hsslam_services.supervisor.router import RunRouter, open_run_router
-
-_OLD_RESULTS = (
-    "run*.mcap*",
-    "run*.rrd",
-    "trajectory*.txt",
-    "keyframes*.txt",
-    "mesh.ply",
-    "map.safetensors",
-    "summary.json",
-    "*.png",
-    "logs/*",
-)
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """The open resources of a run; `close` frees them."""
+    """The open resources of a run, and what to tell the user: text, level."""
 
     info: RunInfo
     router: RunRouter
     arena: ArenaFolder
     metrics: MetricsServer
+    notices: tuple[tuple[str, str], ...]
 
     def close(self) -> None:
+        """Free everything but the arena."""
         self.metrics.close()
         self.router.session.close()
-        self.arena.remove()
 
 
-def prepare(options: ServeOptions) -> Prepared:
+def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared:
     """Make the run folder, listen, make the arena, write run.json.
+
+    Arenas whose run and watchdog are dead are saved and removed by a watchdog beside this run.
 
     Raises:
         UserError: no permission for the folder, port taken, no shared memory.
+        KeyboardInterrupt: cancelled while an earlier run in this folder is being saved.
     """
     if options.map:
         find_map(options.maps, options.map)
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
-    run_dir = _run_folder(options)
+    _save_dead_arenas()
+    run_dir = _run_folder(options, is_cancelled)
     with contextlib.ExitStack() as undo:
         undo.callback(_remove_if_empty, run_dir)
-        remove_dead_arenas()
         arena = ArenaFolder(run_id, run_dir)
         undo.callback(arena.remove)
         MapState.create(arena.path, localise_only=options.localise_only)
+        SharedLevel.create(arena.path)
         router = open_run_router(options, arena.path)
         undo.callback(router.session.close)
+        skipped = [
+            (f"{path}: of another user, or a link: skipped", "info") for path in foreign_arenas()
+        ]
+        router = router._replace(notices=(*router.notices, *skipped))
         metrics = MetricsServer(options.metrics_port)
         undo.callback(metrics.close)
         info = RunInfo(
@@ -79,15 +86,29 @@ def prepare(options: ServeOptions) -> Prepared:
             options=options,
         )
         try:
-            _clear(run_dir)
+            clear_earlier_run(run_dir)
             info.write()
+            info.write_into_arena()
         except OSError as error:
             raise _no_folder(run_dir, error) from None
         undo.pop_all()
-    return Prepared(info, router, arena, metrics)
+    return Prepared(info, router, arena, metrics, (*router.notices, *_kept_arenas()))
 
 
-def _run_folder(options: ServeOptions) -> Path:
+def _save_dead_arenas() -> None:
+    for arena_dir in remove_dead_arenas():
+        with contextlib.suppress(OSError):
+            start_watchdog(run_dir_of(arena_dir), arena_dir)
+
+
+def _kept_arenas() -> Iterator[tuple[str, str]]:
+    """One notice for each arena that holds what is not on disk."""
+    for arena_dir in kept_arenas():
+        text = f"{arena_dir} holds results that are not saved: hsslam-serve rescue {arena_dir}"
+        yield text, "warning"
+
+
+def _run_folder(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Path:
     """The run folder, made; one that exists must be that of an earlier run."""
     name = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
     run_dir = Path(options.out or f"runs/{name}-{time.strftime('%Y%m%d-%H%M%S')}").absolute()
@@ -95,7 +116,8 @@ def _run_folder(options: ServeOptions) -> Path:
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
         if any(run_dir.iterdir()):
-            _expect_finished_run(run_dir)
+            _expect_run_folder(run_dir)
+            wait_for_earlier_run(run_dir, is_cancelled)
     except OSError as error:
         raise _no_folder(run_dir, error) from None
     return run_dir
@@ -111,23 +133,9 @@ def _expect_source_elsewhere(source: str, run_dir: Path) -> None:
         )
 
 
-def _expect_finished_run(run_dir: Path) -> None:
+def _expect_run_folder(run_dir: Path) -> None:
     if not (run_dir / "run.json").exists():
         raise UserError(f"--out {run_dir}: holds other files: expected a new folder or an old run")
-    try:
-        arena_dir = Path(RunInfo.read(run_dir).arena_dir)
-    except UserError:
-        return  # of another version: none of ours writes there
-    remove_dead_arenas()
-    if arena_dir.exists():
-        raise UserError(f"--out {run_dir}: a run is going on there: expected another folder")
-
-
-def _clear(run_dir: Path) -> None:
-    """Remove the results of an earlier run, and nothing else."""
-    for pattern in _OLD_RESULTS:
-        for path in run_dir.glob(pattern):
-            path.unlink()
 
 
 def _remove_if_empty(run_dir: Path) -> None:

@@ -1,4 +1,4 @@
-"""The router of a run: on loopback for everybody here, or behind certificates."""
+"""The router of a run: a socket for processes of this user, and for others a port that is asked for."""
 
 import ipaddress
 from pathlib import Path
@@ -9,7 +9,27 @@ import zenoh
 from hsslam_services.bus.zenoh_session import open_router, shared_memory_of_run
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.security.access import WORKER_LINK, access_control
+from hsslam_services.security.certificate_end import CertificateEnd
 from hsslam_services.security.credentials import Credentials
+from hsslam_services.supervisor.descriptors import most_sessions
+
+_QUEUE = "transport/link/tx/queue"
+_OVERWRITTEN = {
+    "link_protocols": ["tcp", "tls"],
+    "flows": ["egress"],
+    "overwrite": {"congestion_control": "drop"},
+}
+_OUTSIDERS = (
+    {"id": "news", "messages": ["put", "delete"], "key_exprs": ["**", "**/@adv/**"]},
+    {"id": "history", "messages": ["query"], "key_exprs": ["**/@adv/**"]},  # and the replies
+)
+# One that reads nothing, or too slowly, costs the others a few ms once, and then misses messages. What it
+# had to get it asks for again (history of the topic). Answers to requests still wait for it.
+_BRIEF_WAITS: dict[str, object] = {
+    "qos/network": [{**rule, **_OVERWRITTEN} for rule in _OUTSIDERS],
+    f"{_QUEUE}/congestion_control/drop/wait_before_drop": 1_000,  # us
+    f"{_QUEUE}/congestion_control/drop/max_wait_before_drop_fragments": 10_000,  # us
+}
 
 
 class RunRouter(NamedTuple):
@@ -18,31 +38,39 @@ class RunRouter(NamedTuple):
     session: zenoh.Session
     endpoint: str
     notices: tuple[tuple[str, str], ...]
+    certificate_end: CertificateEnd | None
 
 
 def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
-    """With `security`: mTLS on the port, and a socket in the arena's folder for processes of the run.
+    """A socket in the arena's folder for processes of this user; a TCP port only if it is asked for.
+
+    Without `security` the port is open to whoever reaches it, with it to certificates of its CA (mTLS).
 
     Raises:
         UserError: the port is taken, or the certificate cannot be used.
         OutOfMemoryError: /dev/shm is full.
     """
-    shared_memory = shared_memory_of_run(options.has_camera_process, sends_frames=False)
-    if not options.security:
-        session = open_router(f"tcp/{options.bind}:{options.zenoh_port}", settings=shared_memory)
-        local = "127.0.0.1" if options.bind == "0.0.0.0" else options.bind
-        endpoint = f"tcp/{local}:{options.zenoh_port}"
-        warning = exposure(options.bind)
-        return RunRouter(session, endpoint, ((warning, "warning"),) if warning else ())
-    credentials = Credentials.read(options.security)
-    credentials.expect_router()
-    outside = f"tls/{options.bind}:{options.zenoh_port}"
     inside = f"{WORKER_LINK}/{arena_dir}/router.sock"
-    access = {"access_control": access_control(options.robot)}
-    settings = {**credentials.listening(), **access, **shared_memory}
-    session = open_router(outside, inside, settings=settings)
-    notice = f"zenoh: {outside}, for certificates of the CA of {credentials.folder}"
-    return RunRouter(session, inside, ((notice, "info"),))
+    settings = {**_BRIEF_WAITS, **shared_memory_of_run(options.has_camera_process, False)}
+    settings["transport/unicast/max_sessions"] = most_sessions()
+    access = access_control(options.robot, bool(options.security), options.ros_domain)
+    settings["access_control"] = access
+    notices: tuple[tuple[str, str], ...] = ()
+    outside, certificate_end = (), None
+    if options.security:
+        credentials = Credentials.read(options.security)
+        credentials.expect_router()
+        certificate_end = credentials.end
+        settings |= credentials.listening()
+        outside = (f"tls/{options.outside_place}",)
+        text = f"zenoh: {outside[0]}, for certificates of the CA of {credentials.folder}"
+        notices = ((text, "info"),)
+    elif options.outside_place:
+        outside = (f"tcp/{options.outside_place}",)
+        warning = exposure(options.bind or "127.0.0.1")
+        notices = ((warning, "warning"),) if warning else ()
+    session = open_router(*outside, inside, settings=settings)
+    return RunRouter(session, inside, notices, certificate_end)
 
 
 def exposure(bind: str) -> str:

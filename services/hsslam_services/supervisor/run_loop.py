@@ -1,7 +1,9 @@
-"""The processes of a prepared run, kept running and stopped in order, and what is heard from them."""
+"""The processes of a prepared run, kept running until there is a reason to stop, then ended in order."""
 
+import datetime
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from hsslam_node.device.torch_build import cuda_torch_without_cuda
 from hsslam_node.errors import UserError
@@ -11,60 +13,64 @@ from hsslam_proto.messages import Event, Stop
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import Listener
 from hsslam_services.health.snapshot import take_snapshot
-from hsslam_services.health.status import frames_dropped, process_section
+from hsslam_services.health.status import process_section
 from hsslam_services.health.status_line import StatusLine
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import run_one_shot
-from hsslam_services.launch.process_table import (
-    EVALUATOR,
-    MAP_LOADER,
-    PROCESSES,
-    RECORDER_STAGE,
-    SAVER,
-    TRACKER_STAGE,
-    WARM_UP,
-)
+from hsslam_services.launch.process_table import MAP_LOADER, PROCESSES, WARM_UP
 from hsslam_services.requests.gateway import Gateway
+from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
+from hsslam_services.security.certificate_end import CertificateWarnings
+from hsslam_services.supervisor.guard import Guard
+from hsslam_services.supervisor.orderly_end import OrderlyEnd
 from hsslam_services.supervisor.preparation import Prepared
+from hsslam_services.supervisor.stop_reason import StopReason, of_processes, user_error
 
 _TICK_S = 0.05
 _STARTING_TICK_S = 0.01
-_LONGEST_SETTLE_S = 5.0  # for the pose of the last frame, which may be one that cannot be tracked
-_LONGEST_REQUEST_S = 60.0  # for a map that a client is saving when the run ends
+_LONGEST_REQUEST_S = 60.0  # for what a client has asked for when the run ends
 
 
 class RunLoop:
     """Runs until the source ends, a stop signal, or a failure that ends it.
 
     `signals()`: how many stop signals have come; the first stops in order, the second at once.
+    `not_saved`: a line for each artefact that is missing at the end.
     """
 
     def __init__(
         self, prepared: Prepared, bus: Bus, fork_client: ForkClient, signals: Callable[[], int]
     ) -> None:
+        self.not_saved: Mapping[str, str] = {}
         self._signals = signals
         self._info = prepared.info
-        self._notices = prepared.router.notices
+        self._notices = prepared.notices
         self._bus = bus
         self._fork_client = fork_client
         self._events = bus.publisher(topics.EVENT)
         self._listener = Listener(bus)
         self._gateway = Gateway(bus, prepared.info, fork_client.spawn)
         self._status = StatusLine()
+        self._guard = Guard(lambda text: self._status.say(text, "error"))
         self._memory = MemoryOfAll()
         self._metrics = prepared.metrics
+        self._certificate = CertificateWarnings(prepared.router.certificate_end)
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn)
             for spec in PROCESSES
             if self._info.options.has_camera_process or not spec.reads_source
         }
 
-    def to_the_end(self) -> int:
-        """Run, stop in order, save; returns the exit code."""
+    def to_the_end(self) -> ExitCode:
+        """Run, stop in order, save; returns the exit code.
+
+        Raises:
+            UserError: bad input, found before the first map.
+        """
         with self._status:
             for text, level in self._notices:
                 self._status.say(text, level)
@@ -72,42 +78,41 @@ class RunLoop:
                 self._status.say(spare_cuda)
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
-                self._one_shot(WARM_UP, patience=0)
-            self._fork_client.start()
+                if error := self._run_alone(WARM_UP, patience=0):
+                    self._tell(f"warm_up: {error}")
+            self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
                 raise UserError(error)
             for child in self._children.values():
                 child.wanted = not child.spec.is_late
             reason = self._until_stop()
-            self._status.say(f"stopping: {reason}")
-            self._bus.publisher(topics.STOP).put(Stop(reason=reason))
-            self._stop_in_order(reason)
-        return self._exit_code()
+            self._status.say(f"stopping: {reason.text}")
+            self._guard.run("stop", lambda: self._announce(reason))
+            self._end_in_order(reason)
+        return self._exit_code(reason)
 
     def kill_all(self) -> None:
         """End every process that still runs."""
-        self._gateway.close()
+        self._guard.run("requests", self._gateway.close)
         for child in self._children.values():
-            child.kill()
+            self._guard.run(child.spec.name, child.kill)
 
-    def _until_stop(self) -> str:
+    def _until_stop(self) -> StopReason:
         """Tick until there is a reason to stop."""
         while True:
             self._tick()
             self._want_late_ones()
             if self._signals():
-                return "interrupted"
+                return StopReason("interrupted")
             if self._gateway.wants_stop:
-                return "asked to stop"
-            for child in self._children.values():
-                if child.state == "failed" and self._needs(child):
-                    return f"{child.spec.name} cannot be kept running"
-            sources = [c for c in self._children.values() if c.spec.reads_source]
-            if any(child.state == "failed" for child in sources):
-                return "the source cannot be read"
-            has_ended = any(child.state == "ended" for child in sources)
-            if self._listener.state.source_end is not None or has_ended:
-                return "end of source"
+                return StopReason("asked to stop")
+            if part := self._guard.hopeless_part():
+                return StopReason(f"the supervisor cannot go on: {part}", True)
+            has_ended = self._listener.state.source_end is not None
+            if reason := of_processes(
+                self._children.values(), self._info.options.pace, has_source_ended=has_ended
+            ):
+                return reason
 
     def _want_late_ones(self) -> None:
         """Once tracker and mapper take work; before that they would only slow the start."""
@@ -118,112 +123,130 @@ class RunLoop:
                 child.wanted = True
 
     def _tick(self) -> None:
-        """One turn of the restart loop: hear, act, show."""
+        """One turn of the restart loop: hear, act, show. What raises is reported, the rest is done."""
+        guard = self._guard
+        guard.run("messages", self._hear, is_needed=True)
+        for child in self._children.values():
+            guard.run(child.spec.name, child.tick, is_needed=True)
+        guard.run("fork server", self._fork_client.tick)
+        guard.run("news", self._tell_news)
+        guard.run("memory", self._look_at_memory)
+        state, memory_mb = self._listener.state, self._memory.total_mb
+        guard.run("requests", lambda: self._gateway.tick(state, self._children, memory_mb))
+        guard.run("status", lambda: self._status.show(state, self._children, memory_mb))
+        guard.run("metrics", self._measure)
+        is_starting = any(child.state == "starting" for child in self._children.values())
+        time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
+
+    def _hear(self) -> None:
         heartbeats, events = self._listener.listen()
         for health in heartbeats:
             if health.process in self._children:
                 self._children[health.process].heard(health)
-        for child in self._children.values():
-            child.tick()
-            while child.news:
-                self._tell(child.news.pop(0))
-        self._fork_client.tick()
-        while self._fork_client.news:
-            self._tell(self._fork_client.news.pop(0))
         for event in events:
             if event.process != "supervisor":
                 self._status.say(f"{event.process}: {event.text}", event.level)
+
+    def _tell_news(self) -> None:
+        if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
+            self._tell(warning)
+        for reporter in (*self._children.values(), self._fork_client):
+            while reporter.news:
+                self._tell(reporter.news.pop(0))
+
+    def _look_at_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
         self._memory.look(heard_mb, self._fork_client.pid)
-        state, memory_mb = self._listener.state, self._memory.total_mb
-        self._gateway.tick(state, self._children, memory_mb)
-        self._status.show(state, self._children, memory_mb)
+
+    def _measure(self) -> None:
         self._metrics.tick(
             lambda: take_snapshot(
-                self._gateway.status(state, self._children, memory_mb),
+                self._gateway.status(self._listener.state, self._children, self._memory.total_mb),
                 self._gateway.rejected(self._children),
-                state,
+                self._listener.state,
                 self._children,
+                self._certificate.days_left(datetime.datetime.now(datetime.UTC)),
             )
         )
-        is_starting = any(child.state == "starting" for child in self._children.values())
-        time.sleep(_STARTING_TICK_S if is_starting else _TICK_S)
 
     def _tell(self, text: str) -> None:
         self._status.say(text, "warning")
         now = time.time_ns()
         self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
 
-    def _stop_in_order(self, reason: str) -> None:
-        """Stage by stage; the saver works when the map stands still, the recorder logs its mesh."""
+    def _announce(self, reason: StopReason) -> None:
+        self._bus.publisher(topics.STOP).put(Stop(reason=reason.text))
+
+    def _end_in_order(self, reason: StopReason) -> None:
+        """End all processes, save all artefacts, complete the summary."""
         stop_ns = time.time_ns()
-        self._gateway.is_stopping = True
+        self._gateway.begin_stop()
+        self._wait_while(lambda: self._gateway.is_resetting)
+        end = OrderlyEnd(
+            self._info,
+            self._children,
+            self._listener.state,
+            self._tick,
+            self._run_alone,
+            self._signals,
+            lambda text: self._guard.run("events", lambda: self._tell(text)),
+        )
+        end.to_the_end()
+        self._wait_while(lambda: self._gateway.is_busy)
+        try:
+            self._complete_summary(reason, stop_ns, end.not_saved)
+        except OSError as error:
+            end.miss("summary", f"{self._info.path}: {error.strerror}")
+        self.not_saved = end.not_saved
+
+    def _wait_while(self, is_busy: Callable[[], bool]) -> None:
+        """Let a client's request be done, within limits."""
         deadline_s = time.monotonic() + _LONGEST_REQUEST_S
-        while self._gateway.is_busy and self._signals() < 2 and time.monotonic() < deadline_s:
+        while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
-        for stage in sorted({child.spec.stop_stage for child in self._children.values()}):
-            if stage == TRACKER_STAGE:
-                self._settle()
-            if stage == RECORDER_STAGE:
-                self._one_shot(SAVER)
-            self._stop_stage(stage)
-        if self._info.options.evaluate:
-            self._one_shot(EVALUATOR)
-            if evaluation := read_summary(self._info.path).get("evaluation"):
-                self._status.say(evaluation_line(evaluation))
+
+    def _complete_summary(
+        self, reason: StopReason, stop_ns: int, not_saved: Mapping[str, str]
+    ) -> None:
+        path = self._info.path
         for name in self._children:
-            update_summary(self._info.path, read_result(self._info.path, name).summary)
-        section = process_section(self._info, self._children, self._listener.state, reason, stop_ns)
+            update_summary(path, read_result(path, name).summary)
+        section: dict[str, Any] = process_section(
+            self._info, self._children, self._listener.state, reason.text, stop_ns
+        )
         section |= self._memory.section() | self._gateway.section(self._children)
-        update_summary(self._info.path, section)
-
-    def _stop_stage(self, stage: int) -> None:
-        of_stage = [c for c in self._children.values() if c.spec.stop_stage == stage]
-        for child in of_stage:
-            child.wanted = False
-        while any(child.is_alive for child in of_stage) and self._signals() < 2:
-            self._tick()
-        for child in of_stage:
-            child.kill()
-
-    def _settle(self) -> None:
-        """Wait for the answer to the last frame that the source has sent."""
-        deadline_s = time.monotonic() + _LONGEST_SETTLE_S
-        while time.monotonic() < deadline_s and self._signals() < 2:
-            self._tick()
-            state, tracker = self._listener.state, self._children["tracker"]
-            if state.source_end is None or not tracker.is_alive:
-                return
-            dropped = frames_dropped(self._children)
-            if state.has_answered(state.source_end, dropped):
-                return
-
-    def _one_shot(self, module: str, patience: int = 1) -> None:
-        """Run a process to its end while the others are served, and tell if it fails."""
-        error = self._run_alone(module, patience)
-        if error and self._signals() <= patience:
-            self._tell(f"{module.rpartition('.')[2]}: {error}")
+        section |= {"not_saved": dict(not_saved), "supervisor_failures": self._guard.failures}
+        section["exit_code"] = int(self._code(reason, is_saved=not not_saved))
+        update_summary(path, section)
+        if evaluation := read_summary(path).get("evaluation"):
+            self._status.say(evaluation_line(evaluation))
 
     def _run_alone(self, module: str, patience: int) -> str:
-        """The same; returns "" or what went wrong. More signals than `patience` cancel it."""
+        """Run a process to its end while the others are served; returns "" or what went wrong.
+
+        More signals than `patience` cancel it.
+        """
         is_cancelled = lambda: self._signals() > patience  # noqa: E731
         return run_one_shot(
             module, self._info.path, self._tick, is_cancelled, self._fork_client.spawn
         )
 
-    def _exit_code(self) -> int:
-        """What to tell the shell; says which processes were restarted."""
-        if self._signals() > 1:
-            return 1
-        for child in self._children.values():
-            if child.user_error and (self._needs(child) or child.spec.reads_source):
-                raise UserError(child.user_error)
+    def _exit_code(self, reason: StopReason) -> ExitCode:
+        """What to report to the shell; says which processes were restarted."""
+        code = self._code(reason, is_saved=not self.not_saved)
+        if code == ExitCode.CUT_SHORT:
+            return code
+        state = self._listener.state
+        if error := user_error(self._children.values(), self._info.options.pace):
+            if state.map is None and state.tracked <= 1:
+                raise UserError(error)
+            self._status.say(f"error: {error}", "error")
         for child in self._children.values():
             if child.restarts:
                 self._status.say(f"{child.spec.name} was restarted {child.restarts} x", "warning")
         self._status.say(f"results: {self._info.run_dir}")
-        failed = [c for c in self._children.values() if c.state == "failed" and self._needs(c)]
-        return 1 if failed else 0
+        return code
 
-    def _needs(self, child: Child) -> bool:
-        return child.spec.is_needed(self._info.options.pace)
+    def _code(self, reason: StopReason, *, is_saved: bool) -> ExitCode:
+        is_cut_short = self._signals() > 1
+        return ending(is_cut_short=is_cut_short, has_failed=reason.is_failure, is_saved=is_saved)

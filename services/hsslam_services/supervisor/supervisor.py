@@ -1,19 +1,27 @@
 """The supervisor: router, arena and processes of one run, from the first to the orderly end.
 
-Subscribes: in/end, out/correction, out/keyframe, out/map, out/mesh, out/pose, sys/health, sys/event
+Subscribes: in/end, out/correction, out/keyframe, out/map, out/pose, sys/health, sys/event
 Publishes: sys/event, sys/hold, sys/stop
 Arena: reads pose_log; writes map_state
 """
 
 import signal
+import sys
+from collections.abc import Mapping
 from types import FrameType
 
+from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
+from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
-from hsslam_services.camera.open_source import expect_source
+from hsslam_services.camera.open_source import check_source_exists
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import expect_end, start_watchdog
+from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.supervisor.descriptors import allow_descriptors
 from hsslam_services.supervisor.preparation import prepare
 from hsslam_services.supervisor.run_loop import RunLoop
 
@@ -21,39 +29,62 @@ from hsslam_services.supervisor.run_loop import RunLoop
 class Supervisor:
     """Runs until the source ends, a signal, or a failure that ends it; `run` gives the exit code.
 
-    0: everything saved; 1: the tracker or the mapper could not be kept running; 2: bad input. The
-    first SIGINT or SIGTERM stops in order, the second at once.
+    The first SIGINT or SIGTERM stops in order, the second at once.
     """
 
     def __init__(self, options: ServeOptions) -> None:
         self._options = options
         self._signals = 0
 
-    def run(self) -> int:
+    def run(self) -> ExitCode:
         """Start everything, keep it running, stop in order.
+
+        If this raises anything but a `UserError`, or this process is killed, the watchdog saves what
+        the arena holds.
 
         Raises:
             UserError: the run cannot start.
         """
-        expect_source(self._options)  # before the signals are ours: it may have to be fetched
+        check_source_exists(self._options)  # before the signals are ours: it may have to be fetched
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._signalled)
-        prepared = prepare(self._options)
-        fork_client = ForkClient(prepared.info.path)
+        allow_descriptors()
+        prepared = prepare(self._options, lambda: self._signals > 0)
+        info, arena = prepared.info, prepared.arena
+        fork_client = ForkClient(info.path)
         if warm_stamp().exists():
             fork_client.start()
-        watchdog = start_watchdog(prepared.info)
+        watchdog = start_watchdog(info.path, arena.path)
         try:
-            with Bus(prepared.info.endpoint, prepared.info.robot, "supervisor") as bus:
+            with Bus(info.endpoint, info.robot, "supervisor") as bus:
                 run = RunLoop(prepared, bus, fork_client, lambda: self._signals)
                 try:
-                    return run.to_the_end()
+                    code = run.to_the_end()
                 finally:
                     run.kill_all()
+        except UserError:
+            arena.remove()
+            raise
+        else:
+            self._free(arena, info, code, run.not_saved)
+            return code
         finally:
             fork_client.close()
             prepared.close()
+            arena.let_go()
             expect_end(watchdog)
+
+    def _free(
+        self, arena: ArenaFolder, info: RunInfo, code: ExitCode, not_saved: Mapping[str, str]
+    ) -> None:
+        """Remove the arena, but not if it holds what is missing in the run folder."""
+        kept = [artefact for artefact in ARENA_ARTEFACTS if artefact in not_saved]
+        if code != ExitCode.NOT_SAVED or not kept:
+            arena.remove()
+            return
+        mark_unsaved(arena.path, info.path, kept)
+        text = f"{', '.join(kept)} not saved, kept in {arena.path}"
+        print(f"{text}: hsslam-serve rescue {info.run_dir}", file=sys.stderr, flush=True)
 
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
         self._signals += 1

@@ -1,7 +1,9 @@
 """Poses in the viewer: plots, camera, and the path coloured by tracking quality, lost stretches in red."""
 
 import time
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -20,10 +22,15 @@ _QUALITIES: tuple[tuple[float, Color], ...] = (  # colours between them are mixe
 )
 _FPS_WEIGHT = 0.1  # of the newest interval in the running mean
 _MOST_WAITING = 64
+_FINE_SEGMENTS = 64  # the newest; of older ones every n-th pose is drawn, in long segments
+_COARSE_STEP, _COARSE_POSES = 8, 512
 
 
 class RerunPath:
-    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>."""
+    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>.
+
+    Only the newest poses are drawn each; older ones as world/trajectory/old/<n>, one of eight.
+    """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._stream = stream
@@ -33,9 +40,12 @@ class RerunPath:
         self._stretches = 0
         self._is_lost = False
         self._is_drawn = True
+        self._fine: deque[_Segment] = deque()
+        self._coarse = _Segment(0, [], [])
+        self._joins = False
 
     def add(self, pose: Pose) -> None:
-        """Add a pose; one that is lost has a position that nobody vouches for: it is not drawn."""
+        """Add a pose; a lost one is not drawn, as its position is a guess."""
         if pose.status == "lost":
             if not self._is_lost and self._points:
                 self._stream.log(
@@ -55,10 +65,13 @@ class RerunPath:
     def draw(self) -> None:
         """Draw the newest segment, if poses were added to it."""
         if len(self._points) > 1 and not self._is_drawn:
-            strips, colors = colored_strips(self._points, self._colors)
-            line = rr.LineStrips3D(strips, colors=_packed(colors), radii=rr.Radius.ui_points(1.8))
-            self._stream.log(f"world/trajectory/{self._segment}", line)
+            self._draw_line(f"world/trajectory/{self._segment}", self._points, self._colors)
         self._is_drawn = True
+
+    def _draw_line(self, entity: str, points: list[Vector], colors: list[Color]) -> None:
+        strips, strip_colors = colored_strips(points, colors)
+        line = rr.LineStrips3D(strips, colors=_packed(strip_colors), radii=rr.Radius.ui_points(1.8))
+        self._stream.log(entity, line)
 
     def _end_stretch(self, t: Vector) -> None:
         self._stream.log("world/lost/here", rr.Clear(recursive=False))
@@ -73,9 +86,37 @@ class RerunPath:
 
     def _begin_segment(self, *first: Vector) -> None:
         self.draw()
+        self._fine.append(_Segment(self._segment, self._points, self._colors, self._joins))
+        self._joins = bool(first)
+        if len(self._fine) > _FINE_SEGMENTS:
+            self._coarsen(self._fine.popleft())
         self._points = list(first)
         self._colors = self._colors[-1:] if first else []
         self._segment += 1
+
+    def _coarsen(self, segment: "_Segment") -> None:
+        """Let a segment go on as a part of a long one with fewer points."""
+        self._stream.log(f"world/trajectory/{segment.number}", rr.Clear(recursive=False))
+        if len(segment.points) < 2:
+            return
+        long = self._coarse
+        if not segment.joins and long.points:  # the camera was lost between them
+            long = self._coarse = _Segment(long.number + 1, [], [])
+        long.points += segment.points[::_COARSE_STEP]
+        long.colors += segment.colors[::_COARSE_STEP]
+        self._draw_line(f"world/trajectory/old/{long.number}", long.points, long.colors)
+        if len(long.points) >= _COARSE_POSES:
+            self._coarse = _Segment(long.number + 1, long.points[-1:], long.colors[-1:])
+
+
+@dataclass
+class _Segment:
+    """A piece of the path."""
+
+    number: int
+    points: list[Vector]
+    colors: list[Color]
+    joins: bool = False  # goes on where the one before ends
 
 
 def colored_strips(

@@ -1,6 +1,5 @@
 """The viewer that comes with the rerun wheel, as a child process on loopback."""
 
-import ctypes
 import os
 import signal
 import socket
@@ -12,12 +11,11 @@ from typing import Literal
 import rerun_cli
 
 from hsslam_node.errors import UserError
+from hsslam_services.launch.parent_death import die_with_parent
 
 _PORT = 9876
 _WEB_PORT = 9090
-_PR_SET_PDEATHSIG = 1
 _SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
-_LIBC = ctypes.CDLL(None)
 
 
 class ViewerProcess:
@@ -107,4 +105,4 @@ def _executable() -> str:
 
 
 def _die_with_parent() -> None:
-    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # loaded before the fork: no imports here
+    die_with_parent(signal.SIGKILL)

@@ -1,6 +1,7 @@
 """What the viewer shows of each message: entity tree and default layout (rerun 0.41)."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable
 
 import numpy as np
 import rerun as rr
@@ -9,13 +10,19 @@ import rerun.blueprint as rrb
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_proto import messages
 from hsslam_proto.map_epoch import EpochOrder
-from hsslam_proto.mesh_codec import mesh_arrays
+from hsslam_proto.mesh.assembled import PendingBlocks
+from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_services.log.frame_compression import jpeg
+from hsslam_services.viewer.mesh import draw_blocks, draw_whole
 from hsslam_services.viewer.path import RerunPoses
 
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
+_MOST_KEYFRAME_BLOCKS = 64  # the newest; work and memory do not grow with the run
+_MOST_LOOPS = 1000  # that are drawn
+_BLOCKS_AT_ONCE = 256  # of the mesh: other messages wait meanwhile
 _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
+_Placed = tuple[messages.Vector, messages.Quaternion]
 _KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
 _OF_MAP = (
     "world/trajectory",
@@ -32,17 +39,22 @@ class RerunScene:
     """Draws messages into one recording stream.
 
     world (static view coordinates), world/camera, world/camera/image, world/trajectory/<segment>,
-    world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh, model, plots/*, events.
-    Poses are drawn together, every `poses_every_s`. When the map is thrown away all of it but the
+    world/lost/<stretch>, world/keyframes/<block>, world/loops, world/mesh/live/<block>, world/mesh/final,
+    model, plots/*, events. Poses are drawn together, every `poses_every_s`, and blocks of the mesh that
+    changed every `blocks_every_s`. When the map is thrown away all of it but the
     camera, plots and events is cleared.
     """
 
-    def __init__(self, stream: rr.RecordingStream, poses_every_s: float) -> None:
+    def __init__(
+        self, stream: rr.RecordingStream, poses_every_s: float, blocks_every_s: float = 0.0
+    ) -> None:
         self._stream = stream
         self._poses = RerunPoses(stream, poses_every_s)
-        self._worlds = EpochOrder()
-        self._loops: set[tuple[int, int]] = set()
-        self._keyframes: dict[int, tuple[messages.Vector, messages.Quaternion]] = {}
+        self._blocks = PendingBlocks()
+        self._blocks_every_s, self._blocks_s = blocks_every_s, float("-inf")
+        self._epochs = EpochOrder()
+        self._loops: dict[tuple[int, int], None] = {}  # newest last
+        self._keyframes: dict[int, dict[int, _Placed]] = {}  # by their block, oldest first
         self._frustum: np.ndarray | None = None
         self._intrinsics: tuple[float, ...] = ()
         self._time: tuple[int, int] | None = None
@@ -52,9 +64,9 @@ class RerunScene:
 
     def draw(self, message: messages.Message) -> None:
         """Log one message at its own time; what has no sensor stamp goes to the newest one."""
-        if self._worlds.begins_with(message):
+        if self._epochs.begins_with(message):
             self._clear()
-        elif self._worlds.is_past(message):
+        elif self._epochs.is_past(message):
             return
         match message:
             case messages.Frame():
@@ -64,13 +76,13 @@ class RerunScene:
                 self._set_time(message.index, message.stamp_ns)
                 self._poses.add(message)
             case messages.Keyframe():
-                self._keyframes[message.id] = (message.t, message.q)
-                self._draw_keyframes([message.id])
+                self._place_keyframes([(message.id, (message.t, message.q))])
             case messages.Correction():
-                moved = zip(message.keyframes, message.t, message.q, strict=True)
-                self._keyframes.update((k, (t, q)) for k, t, q in moved)
-                self._draw_keyframes(message.keyframes)
-                self._loops.update(message.loops)
+                moved = zip(message.t, message.q, strict=True)
+                self._place_keyframes(zip(message.keyframes, moved, strict=True))
+                self._loops.update(dict.fromkeys(message.loops))
+                while len(self._loops) > _MOST_LOOPS:
+                    del self._loops[next(iter(self._loops))]
                 self._draw_loops()
             case messages.MapVersion():
                 self._plot("loss", message.loss)
@@ -86,10 +98,23 @@ class RerunScene:
         if self._poses.is_due():
             self._poses.draw()
             self._restore_time()
+        if self._blocks and time.monotonic() - self._blocks_s >= self._blocks_every_s:
+            self._draw_blocks(_BLOCKS_AT_ONCE)
+
+    def add_blocks(self, message: MeshBlocks) -> None:
+        """Draw these blocks of the live mesh when it is time to; may be called by another thread."""
+        self._blocks.add(message)
 
     def finish(self) -> None:
-        """Draw the poses that wait."""
+        """Draw the poses and blocks that wait."""
         self._poses.draw()
+        self._draw_blocks()
+
+    def _draw_blocks(self, most: int | None = None) -> None:
+        self._restore_time()
+        draw_blocks(self._stream, self._blocks, most)
+        if not self._blocks:
+            self._blocks_s = time.monotonic()
 
     def _clear(self) -> None:
         """Nothing of the old map remains: its coordinates say nothing in the new one."""
@@ -99,6 +124,7 @@ class RerunScene:
             self._stream.log(entity, rr.Clear(recursive=True))
         self._loops.clear()
         self._keyframes.clear()
+        self._blocks.forget_before(self._epochs.now)
 
     def _set_time(self, index: int, stamp_ns: int) -> None:
         """Time comes before logging: what is logged earlier is absent from the timeline."""
@@ -124,17 +150,31 @@ class RerunScene:
         self._stream.log("world/camera/image", image)
         if self._frustum is None:
             self._frustum = _frustum(frame)
-            self._draw_keyframes(list(self._keyframes))
+            self._draw_keyframes(self._keyframes)
 
-    def _draw_keyframes(self, changed: Sequence[int]) -> None:
+    def _place_keyframes(self, placed: Iterable[tuple[int, _Placed]]) -> None:
+        """Keyframes are where they are now; those of the oldest blocks are not drawn any more."""
+        oldest, changed = min(self._keyframes, default=0), set()
+        for k, place in placed:
+            block = k // _BLOCK_KEYFRAMES
+            if block >= oldest:
+                self._keyframes.setdefault(block, {})[k] = place
+                changed.add(block)
+        while len(self._keyframes) > _MOST_KEYFRAME_BLOCKS:
+            gone = min(self._keyframes)
+            del self._keyframes[gone]
+            changed.discard(gone)
+            self._stream.log(f"world/keyframes/{gone}", rr.Clear(recursive=False))
+        self._draw_keyframes(changed)
+
+    def _draw_keyframes(self, blocks: Iterable[int]) -> None:
         if self._frustum is None:
             return
         self._restore_time()
-        for block in sorted({k // _BLOCK_KEYFRAMES for k in changed}):
+        for block in sorted(blocks):
             strips = [
                 self._frustum @ rotation_from_quaternion(np.array(q)).T + np.array(t)
-                for k, (t, q) in self._keyframes.items()
-                if k // _BLOCK_KEYFRAMES == block
+                for t, q in self._keyframes[block].values()
             ]
             self._stream.log(
                 f"world/keyframes/{block}",
@@ -143,8 +183,8 @@ class RerunScene:
 
     def _draw_loops(self) -> None:
         """A line between the keyframes that each loop has brought together."""
-        places = {k: t for k, (t, _) in self._keyframes.items()}
-        lines = [[places[a], places[b]] for a, b in self._loops if a in places and b in places]
+        ends = ((self._position(a), self._position(b)) for a, b in self._loops)
+        lines = [[a, b] for a, b in ends if a is not None and b is not None]
         if lines:
             self._restore_time()
             self._stream.log(
@@ -152,20 +192,14 @@ class RerunScene:
                 rr.LineStrips3D(lines, colors=[_LOOPS], radii=rr.Radius.ui_points(1.2)),
             )
 
+    def _position(self, k: int) -> messages.Vector | None:
+        placed = self._keyframes.get(k // _BLOCK_KEYFRAMES, {}).get(k)
+        return placed[0] if placed else None
+
     def _draw_mesh(self, mesh: messages.Mesh) -> None:
         self._restore_time()
-        vertices, faces, colors = mesh_arrays(mesh)
-        self._stream.log(
-            "world/mesh",
-            rr.Mesh3D(
-                vertex_positions=vertices,
-                triangle_indices=faces,
-                vertex_normals=_vertex_normals(vertices, faces),
-                vertex_colors=colors,
-                # one looks into a room through the back of its walls
-                face_rendering=rr.components.MeshFaceRendering.Front,
-            ),
-        )
+        self._blocks.take()  # the final mesh is in their place
+        draw_whole(self._stream, mesh)
 
     def _draw_view(self, view: messages.View) -> None:
         self._restore_time()
@@ -216,17 +250,6 @@ def blueprint() -> rrb.Blueprint:
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
-
-
-def _vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals [V, 3] float32, faces weighted by area; the viewer shades only with them."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    face_normals = np.cross(b - a, c - a)
-    normals = np.zeros_like(vertices)
-    for axis in range(3):
-        weights = np.repeat(face_normals[:, axis], 3)
-        normals[:, axis] = np.bincount(faces.ravel(), weights, minlength=len(vertices))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-20)
 
 
 def _frustum(frame: messages.Frame) -> np.ndarray:

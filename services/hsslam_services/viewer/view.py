@@ -11,6 +11,7 @@ import rerun as rr
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages
+from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_services.bus.publisher import Report
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.scene import RerunScene, blueprint
@@ -25,7 +26,7 @@ _CLOSE_S = 10.0
 
 @dataclass(frozen=True)
 class _Intervals:
-    """The least time between what is drawn of a kind; poses lose nothing, they are drawn together."""
+    """The least time between what is drawn of a kind; poses and blocks of the mesh are drawn together."""
 
     images_s: float
     meshes_s: float
@@ -33,7 +34,7 @@ class _Intervals:
 
 
 _FILE = _Intervals(images_s=0.1, meshes_s=3.0, poses_s=1.0)
-_LIVE = _Intervals(images_s=0.0, meshes_s=0.0, poses_s=0.1)
+_LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1)
 
 
 class RerunView:
@@ -67,10 +68,16 @@ class RerunView:
         """Messages that were pushed out before they were drawn."""
         return sum(thread.dropped for thread in self._threads)
 
-    def show(self, message: messages.Message) -> None:
-        """Queue one message for drawing; frames should have their colour as JPEG."""
-        for thread in self._threads:
+    def show(self, message: messages.Message, in_file: bool = True) -> None:
+        """Queue one message for drawing, `in_file` also for the file; frames should have their colour as
+        JPEG."""
+        for thread in self._threads if in_file else self._threads[1:]:
             thread.put(message)
+
+    def show_images_every(self, seconds: float) -> None:
+        """The least time between images in the live viewer, s; the file has its own."""
+        for thread in self._threads[1:]:
+            thread.images_s = seconds
 
     def close(self) -> None:
         """Draw what waits, write the end of the file; at most some seconds for a dead viewer."""
@@ -157,16 +164,18 @@ class _Drawing(threading.Thread):
         self._gone = False
         self._drawn_s = time.monotonic()
         self._watch = watch
-        self._intervals = intervals
+        self.images_s = intervals.images_s
         self._image_ns = 0
-        self._mesh_s = float("-inf")
         self._stream = rr.RecordingStream("hsslam", recording_id=recording_id)
         self._stream.set_sinks(sink, default_blueprint=blueprint())
-        self._scene = RerunScene(self._stream, intervals.poses_s)
+        self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
 
     def put(self, message: messages.Message) -> None:
         if self._gone or not self._is_due(message):
+            return
+        if isinstance(message, MeshBlocks):
+            self._scene.add_blocks(message)
             return
         is_frame = isinstance(message, messages.Frame)
         with self._arrival:
@@ -208,14 +217,9 @@ class _Drawing(threading.Thread):
             return self._others.popleft() if self._others else self._frames.popleft()
 
     def _is_due(self, message: messages.Message) -> bool:
-        """Thin out images and meshes, so that the file stays small."""
+        """Thin out images, so that the file stays small."""
         if isinstance(message, messages.Frame):
-            if 0 <= message.stamp_ns - self._image_ns < 1e9 * self._intervals.images_s:
+            if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:
                 return False
             self._image_ns = message.stamp_ns
-        if isinstance(message, messages.Mesh):
-            now_s = time.monotonic()
-            if not message.final and now_s - self._mesh_s < self._intervals.meshes_s:
-                return False
-            self._mesh_s = now_s
         return True

@@ -32,7 +32,7 @@ DOCUMENTED = {
     "F": ({"oneblob_bins": 0}, 32 + 64, 64 + 15),
     "G": ({"patch": 0.0}, 144, 127),
     "H": ({"enabled": False}, 144, 127),
-    "I": ({"selection": "uniform", "top_keyframes": 512, "cooldown_rounds": 0}, 144, 127),
+    "I": ({"selection": "uniform", "top_keyframes": 512}, 144, 127),
 }
 
 

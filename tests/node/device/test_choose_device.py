@@ -1,4 +1,4 @@
-"""What can be known without a GPU: each wish ends in a device that works, or in one line."""
+"""What can be known without a GPU: each choice ends in a device that works, or in one line."""
 
 import os
 import subprocess

@@ -30,6 +30,12 @@ def saved(checkpoint, tmp_path):
     return path
 
 
+def test_a_map_that_was_saved_is_whole_after_a_power_cut(checkpoint, disk):
+    save_checkpoint(disk.folder / "map.safetensors", checkpoint)
+    loaded = load_checkpoint(disk.cut() / "map.safetensors")
+    np.testing.assert_array_equal(loaded.params, checkpoint.params)
+
+
 def test_what_was_saved_is_loaded(checkpoint, saved):
     loaded = load_checkpoint(saved)
     assert loaded.layout == checkpoint.layout

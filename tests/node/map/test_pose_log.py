@@ -45,6 +45,23 @@ def test_rows_survive_a_second_attachment_and_cross_slabs():
     assert last["index"] == SLAB_ROWS + 2
 
 
+def test_a_frame_is_found_by_camera_and_index():
+    log = PoseLog(MemoryAllocator())
+    for index in range(SLAB_ROWS + 3):
+        row = _row(index, np.eye(4))
+        row["publisher"] = 7
+        log.append(row)
+    row["publisher"], row["index"], row["pose_version"] = 9, 0, 4
+    log.append(row)
+    for publisher, index in ((7, 0), (7, SLAB_ROWS + 1), (9, 0)):
+        found = log.find(publisher, index)
+        assert found is not None
+        assert (found["publisher"], found["index"]) == (publisher, index)
+    assert log.find(9, 1) is None
+    newest = [(int(row["publisher"]), int(row["index"])) for row in log.newest_of_each()]
+    assert newest == [(7, SLAB_ROWS + 2), (9, 0)]
+
+
 def test_final_poses_move_with_their_keyframe_and_lost_frames_have_none():
     rng = np.random.default_rng(0)
     poses = [se3_exp(rng.normal(size=6)) for _ in range(10)]

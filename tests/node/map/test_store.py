@@ -11,7 +11,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.store import SLAB_KEYFRAMES, KeyframeStore
+from hsslam_node.map.keyframe_slots import SLAB_KEYFRAMES
+from hsslam_node.map.store import KeyframeStore
 
 CAMERA = Camera(8, 6, 7.0, 7.5, 3.5, 2.5)
 
@@ -75,7 +76,7 @@ def test_correction_moves_only_its_keyframes():
     _, store = _filled(10)
     moved = np.stack([_pose(100), _pose(101)])
     assert store.pose_version == 0
-    assert store.correct_poses(np.array([2, 7]), moved) == 1
+    assert store.correct_poses(np.array([2, 7]), moved).version == 1
     expected = np.stack([_pose(k) for k in range(10)])
     expected[[2, 7]] = moved
     np.testing.assert_array_equal(store.poses(), expected)
@@ -155,3 +156,18 @@ def test_a_store_that_is_being_made_is_not_there_yet():
     arrays.open("keyframe_camera")[0] = 0  # as between making the array and filling it
     with pytest.raises(KeyError):
         KeyframeStore(arrays)
+
+
+def test_losses_are_unknown_until_they_are_noted_and_shared_by_all():
+    arrays, store = _filled(12)
+    other = KeyframeStore(arrays)
+    assert np.isnan(other.losses(np.arange(12))).all()
+    store.note_losses(np.array([11, 3, 5]), np.array([0.5, 0.25, 0.0]))
+    losses = other.losses(np.array([3, 4, 5, 11]))
+    assert losses[[0, 3]].tolist() == [0.25, 0.5] and np.isnan(losses[1])
+    assert losses[2] < 1e-300  # known: nothing is wrong there
+    other.note_losses(np.array([3]), np.array([0.125]))
+    assert store.losses(np.array([3])).tolist() == [0.125]
+    store.append(_frame(36), _pose(12))
+    assert np.isnan(store.losses(np.array([12])))
+    _check(store, 13)

@@ -84,16 +84,16 @@ def _with_a_far_keyframe(room: MappedRoom) -> Bound:
 def test_the_map_grows_between_two_steps_and_keeps_what_it_knew():
     room = mapped_room()
     mapper = Mapper(SMALL, room.parameters, 0)
-    assert mapper.cover(room.store) is None  # all it has seen is within the bound
+    assert mapper.grow_bound(room.store) is None  # all it has seen is within the bound
     mapper.iterate(room.store)
     old = _with_a_far_keyframe(room)
     low, extent = np.array(old.low), old.extent_m
     points = (low + np.random.default_rng(0).random((2000, 3)) * extent).astype(np.float32)
     before = _sdf(room.parameters, points)
-    grown = mapper.cover(room.store)
+    grown = mapper.grow_bound(room.store)
     assert grown is not None and grown.high[0] > old.high[0] + 3.0
     np.testing.assert_allclose(_sdf(room.parameters, points), before, atol=1e-6)
-    assert mapper.cover(room.store) is None
+    assert mapper.grow_bound(room.store) is None
     reports = [mapper.iterate(room.store) for _ in range(30)]
     assert reports[-1].loss < reports[0].loss and reports[-1].outside == 0
     assert mapper.publish() == 2
@@ -105,16 +105,17 @@ def test_another_stepper_goes_on_over_the_new_bound():
     mapper, other = Mapper(SMALL, room.parameters, 0), Mapper(SMALL, room.parameters, 1)
     other.iterate(room.store)
     _with_a_far_keyframe(room)
-    mapper.cover(room.store)
+    mapper.grow_bound(room.store)
     assert other.iterate(room.store).outside == 0
 
 
-def test_it_does_not_grow_where_that_is_switched_off():
+@pytest.mark.parametrize("fixed", [{"grow": False}, {"box": (-3.0, -3.0, -3.0, 3.0, 3.0, 3.0)}])
+def test_it_does_not_grow_where_that_is_switched_off_or_a_box_is_given(fixed):
     room = mapped_room()
-    config = replace(SMALL, bound=replace(SMALL.bound, grow=False))
+    config = replace(SMALL, bound=replace(SMALL.bound, **fixed))
     mapper = Mapper(config, room.parameters, 0)
     old = _with_a_far_keyframe(room)
-    assert mapper.cover(room.store) is None and room.parameters.layout.bound == old
+    assert mapper.grow_bound(room.store) is None and room.parameters.layout.bound == old
 
 
 def test_without_memory_it_is_told_once_and_mapping_goes_on(monkeypatch):
@@ -127,8 +128,8 @@ def test_without_memory_it_is_told_once_and_mapping_goes_on(monkeypatch):
 
     monkeypatch.setattr(room.parameters._arrays, "create", full)
     with pytest.raises(OutOfMemoryError):
-        mapper.cover(room.store)
+        mapper.grow_bound(room.store)
     assert room.parameters.layout.bound == old
     _with_a_far_keyframe(room)
-    assert mapper.cover(room.store) is None
+    assert mapper.grow_bound(room.store) is None
     assert np.isfinite(mapper.iterate(room.store).loss)

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.config import BoundConfig
+from hsslam_node.config import BoundConfig, FieldConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.map.layout import FieldLayout
 from hsslam_node.mapping.bound import initial_bound
 from tests.small_room import room_frames, with_black
 
@@ -59,3 +60,18 @@ def test_a_few_far_outliers_do_not_widen_it():
 def test_a_frame_without_depth_is_told(frame):
     with pytest.raises(UserError, match="frame 0: no depth within 8"):
         initial_bound(frame, BoundConfig(), 8.0)
+
+
+@pytest.mark.parametrize("frame", [_wall(2.0), with_black(_wall(3.0))])
+def test_a_box_that_is_given_is_the_bound_whatever_the_frame_shows(frame):
+    config = BoundConfig(box=(-1.2, -0.96, -2.4, 2.4, 1.2, 3.6))
+    bound = initial_bound(frame, config, 8.0)
+    assert (*bound.low, *bound.high) == config.box
+    laid_out = FieldLayout.over(FieldConfig(), bound).bound  # its sides are whole coarse cells
+    np.testing.assert_allclose([*laid_out.low, *laid_out.high], config.box)
+
+
+def test_the_sides_of_a_box_are_rounded_up_to_whole_cells():
+    config = BoundConfig(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 2.0))
+    laid_out = FieldLayout.over(FieldConfig(), initial_bound(_wall(2.0), config, 8.0)).bound
+    np.testing.assert_allclose(laid_out.extent_m, [2.16, 2.16, 3.12])

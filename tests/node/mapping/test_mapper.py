@@ -6,9 +6,10 @@ import numpy as np
 
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
-from tests.small_room import SMALL, MappedRoom, empty_room, mapped_room
+from tests.small_room import SMALL, MappedRoom, displaced, empty_room, mapped_room
 
 
 def _surface_sdf(room: MappedRoom, offset_m: float) -> np.ndarray:
@@ -94,6 +95,35 @@ def test_any_number_of_keyframes_makes_a_window():
             assert len(report.keyframe_loss) == n
             assert SMALL.mapper.rays - n - 1 <= report.rays <= SMALL.mapper.rays
             assert (report.keyframe_loss > 0).all()
+
+
+def _windows_with(keyframe: int, moved_share: float) -> int:
+    """In how many of eight windows of four the keyframe is, whose pose was corrected just now."""
+    config = replace(
+        SMALL, mapper=replace(SMALL.mapper, window_keyframes=4, moved_share=moved_share)
+    )
+    room = empty_room(config)
+    mapper, windows = Mapper(config, room.parameters, 0), []
+
+    def step(store, keyframes, counts, poses, generator, **_) -> StepReport:
+        windows.append(keyframes.tolist())
+        room.parameters.count_step()
+        return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
+
+    mapper._optimiser.step = step
+    mapper.iterate(room.store)
+    room.store.correct_poses(
+        np.array([keyframe]), displaced(room.store.pose(keyframe), 0.02, 0.0)[None]
+    )
+    windows.clear()
+    for _ in range(8):
+        mapper.iterate(room.store)
+    return sum(keyframe in window for window in windows)
+
+
+def test_keyframes_that_moved_come_first_where_that_is_wanted():
+    assert _windows_with(3, moved_share=0.5) == 8
+    assert _windows_with(3, moved_share=0.0) <= 5  # two of eight older ones in each window
 
 
 def test_rays_are_drawn_where_there_is_depth():

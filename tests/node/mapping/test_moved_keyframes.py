@@ -11,9 +11,13 @@ def _poses(n: int) -> np.ndarray:
     return np.array(T).reshape(n, 4, 4)
 
 
-def _draws(moved: MovedKeyframes, poses: np.ndarray, times: int = 20, wanted: int = 3) -> list[int]:
+def _draws(
+    moved: MovedKeyframes, poses: np.ndarray, ids: np.ndarray | None = None, wanted: int = 3
+) -> list[int]:
+    """Twenty draws of `wanted` each."""
     generator = np.random.default_rng(0)
-    return [int(k) for _ in range(times) for k in moved.draw(poses, wanted, generator)]
+    ids = np.arange(len(poses)) if ids is None else ids
+    return [int(k) for _ in range(20) for k in moved.draw(ids, poses[ids], wanted, generator)]
 
 
 def test_nothing_has_moved_at_first_nor_when_keyframes_come():
@@ -47,3 +51,10 @@ def test_a_keyframe_that_moves_again_is_due_again():
     before = len(_draws(moved, poses))
     poses[1, 2, 3] += 0.02
     assert len(_draws(moved, poses)) == before > 0
+
+
+def test_those_that_are_retired_are_not_drawn():
+    moved, poses = MovedKeyframes(), _poses(9)
+    _draws(moved, poses)
+    poses[[2, 5, 7], 0, 3] += 0.01
+    assert set(_draws(moved, poses, np.array([0, 2, 3, 7, 8]))) == {2, 7}

@@ -71,8 +71,8 @@ def test_draws_repeat_and_fill_the_batch():
 def test_the_last_iterations_follow_new_keyframes():
     room = empty_room()
     mapper = Mapper(SMALL, room.parameters, 0)
-    first = mapper.polish(room.store)
+    first = mapper.refine_sparse(room.store)
     room.store.append(room_frames()[39], room_poses()[39])
-    second = mapper.polish(room.store)
+    second = mapper.refine_sparse(room.store)
     assert first.rays == second.rays == 10 * (SMALL.mapper.rays // 10) or first.rays > 0
     assert len(second.keyframe_loss) == 11

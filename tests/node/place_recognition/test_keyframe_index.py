@@ -75,12 +75,22 @@ def test_what_has_been_seen_from_there_is_left_out(store):
     assert len(index.features(1)) == len(index.features(0))  # there on demand
 
 
-def test_the_number_of_keyframes_is_bounded(store):
-    for k in range(6):
-        store.append(room_frames()[k], _apart(k))
-    index = KeyframeIndex(store, most=4)
-    assert index.update() == 4 and index.is_complete
-    assert index.update() == 0 and len(index) == 4
+def test_a_retired_keyframe_goes_and_one_that_it_stood_for_comes(store):
+    frames = room_frames()
+    for k, T in enumerate((np.eye(4), np.eye(4), _apart(1), _apart(2))):
+        store.append(frames[4 * k], T)
+    index = KeyframeIndex(store)
+    assert index.update() == 3 and index.keyframes.tolist() == [0, 2, 3]
+    store.retire(0, 1)
+    store.retire(3, 2)
+    features = image_features(frames[12])
+    assert index.update() == 1 and index.keyframes.tolist() == [2, 1]
+    assert {k for k, _ in index.similar(features, 4)} <= {1, 2}
+    fresh = KeyframeIndex(store)
+    fresh.update()
+    assert index.similar(features, 4) == sorted(
+        ((k, v) for k, v in fresh.similar(features, 4)), key=lambda kv: -kv[1]
+    )
 
 
 def test_nothing_is_like_nothing(store):

@@ -18,8 +18,8 @@ class _Grey:
     name, rate_hz, frame_count, depth_units_per_m = "grey", 30.0, 300, 5000.0
     camera = Camera(8, 6, 6.5, 6.5, 3.5, 2.5)
 
-    def frames(self):
-        for k in range(300):
+    def frames(self, first=0):
+        for k in range(first, 300):
             color = np.full((6, 8, 3), 128, np.uint8)
             yield Frame(k, k, self.camera, color, np.full((6, 8), 9000, np.uint16), 5000.0)
         yield BadFrame(300, 300, "torn")

@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options import RealsenseOptions
 from hsslam_node.sources.realsense import realsense_camera
-from hsslam_services.camera.open_source import expect_source, open_any_source
+from hsslam_services.camera.open_source import check_source_exists, open_any_source
 from hsslam_services.run.options import ServeOptions
 
 
@@ -18,7 +18,7 @@ def test_without_package_or_camera_it_is_one_line():
     words = r"pip install 'hsslam-node\[realsense\]'" if missing else "no camera: expected"
     for look in (
         lambda: open_any_source("realsense"),
-        lambda: expect_source(ServeOptions("realsense")),
+        lambda: check_source_exists(ServeOptions("realsense")),
     ):
         with pytest.raises(UserError, match=words):
             look()
@@ -26,7 +26,7 @@ def test_without_package_or_camera_it_is_one_line():
 
 def test_a_wrong_name_suggests_the_right_one():
     with pytest.raises(UserError, match="did you mean realsense"):
-        expect_source(ServeOptions("realsense:1"))
+        check_source_exists(ServeOptions("realsense:1"))
 
 
 def test_its_intrinsics():

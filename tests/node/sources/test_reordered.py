@@ -34,7 +34,7 @@ def test_a_source_that_ends_early_is_told():
         frame_count: int | None = None
         camera, depth_units_per_m = room_frames()[0].camera, room_frames()[0].depth_units_per_m
 
-        def frames(self):
+        def frames(self, first=0):
             yield BadFrame(0, 7, "not there")
 
     frames = Reordered(Short(), [0, 0, 1]).frames()

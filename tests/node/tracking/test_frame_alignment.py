@@ -73,6 +73,26 @@ def test_the_map_alone_recovers_it_too(room, seed):
     assert np.isnan(result.surface_inlier_ratio) and np.isnan(result.photometric_inlier_ratio)
 
 
+def test_without_its_weight_the_map_judges_and_does_not_move(room):
+    start = displaced(room_poses()[FRAME], 0.02, 1.0)
+    alone, judged, both = (
+        _aligned(room, start, with_map=with_map, with_keyframe=True, sdf_weight=weight)
+        for with_map, weight in ((False, 1.0), (True, 0.0), (True, 1.0))
+    )
+    assert np.array_equal(judged.T_world_cam, alone.T_world_cam)
+    assert judged.sdf_inlier_ratio > 0.8 and judged.sdf_rms_m < 0.01
+    assert not np.array_equal(both.T_world_cam, alone.T_world_cam)
+
+
+def test_without_a_keyframe_the_weight_of_the_map_does_not_count(room):
+    start = displaced(room_poses()[FRAME], 0.02, 1.0)
+    full, none = (
+        _aligned(room, start, with_map=True, with_keyframe=False, sdf_weight=weight)
+        for weight in (1.0, 0.0)
+    )
+    assert np.array_equal(full.T_world_cam, none.T_world_cam)
+
+
 def test_the_photometric_term_can_be_left_out(room):
     truth = room_poses()[FRAME]
     start = displaced(truth, 0.02, 1.0)

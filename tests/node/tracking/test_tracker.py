@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.errors import UserError
+from hsslam_node.device.device import CPU
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
-from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
@@ -184,9 +185,52 @@ def test_extrapolation_is_limited(gap_ns):
     np.testing.assert_allclose(prediction, expected, atol=1e-8)
 
 
-def test_a_full_store_is_told():
-    with pytest.raises(UserError, match=r"keyframes\.capacity = 2"):
-        _tracked(_store(capacity=2), room_frames()[:12])
+def test_a_full_store_ends_nothing():
+    store = _store(capacity=2)
+    _, results = _tracked(store, room_frames()[:12])
+    assert all(map(_is_right, results[1:])) and store.count == 2 and store.refused > 0
+
+
+def test_a_camera_that_stands_still_adds_no_keyframe_until_it_moves():
+    frames, store = room_frames(), _store()
+    config = replace(SMALL, keyframes=replace(SMALL.keyframes, still=3))
+    tracker = Tracker(config, store, 0)
+    rng = np.random.default_rng(0)
+
+    def seen(k: int, index: int) -> Frame:
+        noise = rng.normal(0, 2.0, frames[k].color.shape)
+        color = np.clip(frames[k].color + noise, 0, 255).astype(np.uint8)
+        return replace(frames[k], index=index, stamp_ns=33_000_000 * index, color=color)
+
+    for index in range(40):
+        assert tracker.track(seen(0, index), None).status != "lost"
+    assert store.count == 4  # the first, and three of one view
+    for index in range(40, 60):
+        assert tracker.track(seen(index - 40, index), None).status == "tracked"
+    assert store.count > 7
+    count = store.count
+    for index in range(60, 110):
+        assert tracker.track(seen(19, index), None).status == "tracked"
+    assert store.count <= count + 4
+
+
+def test_a_pose_that_was_corrected_while_its_frame_was_aligned_follows(monkeypatch):
+    frames, store = room_frames(), _store()
+    tracker, _ = _tracked(store, frames[:6])
+    move = se3_exp(np.array([0.02, 0.01, 0, 0, 0.01, 0]))
+    honest = tracker._try
+
+    def corrected_meanwhile(*args):
+        found = honest(*args)
+        monkeypatch.setattr(tracker, "_try", honest)
+        store.correct_poses(np.arange(store.count), move @ store.poses())
+        return found
+
+    monkeypatch.setattr(tracker, "_try", corrected_meanwhile)
+    result = tracker.track(frames[6], None)
+    T = inverse(move) @ result.T_world_cam
+    assert pose_error(T, room_poses()[6])[0] < 0.002 and result.status == "tracked"
+    np.testing.assert_allclose(store.pose(result.keyframe) @ result.T_keyframe_cam, move @ T)
 
 
 def test_a_map_that_lags_behind_does_not_lose_the_camera():
@@ -206,6 +250,44 @@ def _all_free(frame: Frame) -> MapView:
     W1[-SMALL.field.oneblob_width :, 0] = 10
     layout.blocks["geometry_decoder.W2"].view(params)[0, 0] = 10
     return MapView(1, kernel_layout(layout), params, SMALL.field.truncation_m)
+
+
+def test_a_frame_whose_map_was_overwritten_is_tracked_again_as_if_for_the_first_time():
+    frames = room_frames()[:10]
+    tracker, calm = (Tracker(SMALL, _store(), 0) for _ in range(2))
+    view = _all_free(frames[0])
+    torn = replace(view, is_intact=lambda: False)
+    expected = [calm.track(frame, view) for frame in frames]
+    found = [tracker.track(frames[0], view)]
+    for frame in frames[1:]:
+        with pytest.raises(TornMapError, match="version 1 of the map was overwritten"):
+            tracker.track(frame, torn)
+        found.append(tracker.track(frame, view))
+    for a, b in zip(expected, found, strict=True):
+        np.testing.assert_array_equal(a.T_world_cam, b.T_world_cam)
+        assert (a.keyframe, a.is_keyframe, a.status) == (b.keyframe, b.is_keyframe, b.status)
+
+
+def test_a_copied_view_is_whole_while_the_map_goes_on():
+    arrays = MemoryAllocator()
+    layout = FieldLayout.over(SMALL.field, initial_bound(room_frames()[0], SMALL.bound, 12.0))
+    parameters = FieldParameters.create(arrays, layout, seed=0)
+    views = MapViews(FieldParameters(arrays, SMALL.field), CPU)
+    assert views.newest() is views.copied() is None
+    parameters.publish()
+    in_place, own = views.newest(), views.copied()
+    assert in_place is not None and own is not None
+    before = own.params.copy()
+    parameters.params[:] += 1.0
+    for _ in range(2):
+        in_place.expect_intact()
+        parameters.publish()
+    with pytest.raises(TornMapError):
+        in_place.expect_intact()
+    own.expect_intact()
+    np.testing.assert_array_equal(own.params, before)
+    newest = views.newest()
+    assert newest is not None and newest.version == 3
 
 
 def test_what_is_settled_early_changes_no_pose():

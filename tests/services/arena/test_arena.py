@@ -11,8 +11,20 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.map.pose_log import POSE_ROW, PoseLog
 from hsslam_services.arena.arena import Arena
-from hsslam_services.arena.arena_folder import ArenaFolder, remove_dead_arenas
+from hsslam_services.arena.arena_folder import (
+    ArenaFolder,
+    foreign_arenas,
+    kept_arenas,
+    live_arenas,
+    owned_after_death,
+    owner_lives,
+    remove_dead_arenas,
+    try_own,
+)
+from hsslam_services.arena.process_registry import living_processes
+from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
 
 _POSE = np.dtype([("index", "<i8"), ("T", "<f8", (4, 4)), ("ok", "u1")])
 
@@ -120,3 +132,64 @@ def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Pa
     assert [p.name for p in tmp_path.iterdir()] == ["hsslam-mine"]
     mine.remove()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_dead_folder_with_poses_or_marked_as_unsaved_is_not_removed(tmp_path: Path):
+    run_dir = tmp_path / "run"
+    run_dir.mkdir()
+    with_poses, marked = (ArenaFolder(name, run_dir, root=tmp_path) for name in ("poses", "marked"))
+    thrown_away = ArenaFolder("thrown", tmp_path / "gone", root=tmp_path)
+    for arena in (with_poses, thrown_away):
+        PoseLog(Arena(arena.path)).append(np.zeros((), POSE_ROW))
+    mark_unsaved(marked.path, run_dir, ["map"])
+    for arena in (with_poses, marked, thrown_away):
+        assert owner_lives(arena.path)
+        arena.let_go()
+    assert remove_dead_arenas(tmp_path) == [with_poses.path]
+    assert kept_arenas(tmp_path) == [marked.path]
+    assert live_arenas(tmp_path) == []
+    assert read_unsaved(marked.path) == (run_dir, ("map",))
+    assert not thrown_away.path.exists()
+    with owned_after_death(marked.path) as is_there, try_own(marked.path) as is_free:
+        assert is_there and not is_free
+
+
+def test_a_process_of_an_arena_is_known_by_its_start(tmp_path: Path):
+    code = (
+        "import sys, time\nfrom pathlib import Path\n"
+        "from hsslam_services.arena.process_registry import enter_process\n"
+        "enter_process(Path(sys.argv[1]), 'mapper'); print('entered', flush=True); time.sleep(60)\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None and child.stdout.readline() == "entered\n"
+    assert living_processes(tmp_path) == {child.pid: "mapper"}
+    entry = tmp_path / "processes" / str(child.pid)
+    ticks, name = entry.read_text().split()
+    entry.write_text(f"{int(ticks) - 1} {name}")  # of one that had this id before
+    assert living_processes(tmp_path) == {}
+    child.kill()
+    child.wait()
+
+
+def test_links_and_folders_of_others_are_left_alone(tmp_path: Path):
+    victim = tmp_path / "victim"
+    (victim / "kept").mkdir(parents=True)
+    (victim / "owner.lock").touch()
+    root = tmp_path / "shm"
+    root.mkdir()
+    (root / "hsslam-link").symlink_to(victim)
+    own = root / "hsslam-own"
+    own.mkdir()
+    (own / "owner.lock").symlink_to(victim / "owner.lock")
+    foreign = [root / "hsslam-link"]
+    if os.geteuid() == 0:  # only root can give a folder away
+        foreign.insert(0, root / "hsslam-foreign")
+        foreign[0].mkdir()
+        (foreign[0] / "owner.lock").touch()
+        os.chown(foreign[0], 65534, 65534)
+    assert remove_dead_arenas(root) == live_arenas(root) == []
+    assert foreign_arenas(root) == foreign
+    assert (victim / "kept").is_dir()
+    assert all(path.exists() for path in (own, *foreign))

@@ -6,19 +6,19 @@ import zenoh
 
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import PAUSE, STATUS
-from hsslam_services.bus.ask import NoAnswerError, NobodyThereError, RefusedError, ask
+from hsslam_services.bus.ask import NoAnswerError, NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus, free_endpoint
 from hsslam_services.bus.zenoh_session import open_client
 
 
-def test_no_router_is_nobody_there():
-    with pytest.raises(NobodyThereError, match=r"nobody there: .*expected a router"):
+def test_no_router_is_no_service():
+    with pytest.raises(NoServiceError, match=r"no service: .*expected a router"):
         ask(free_endpoint(), "r", STATUS, Ask(), connect_s=0.3)
 
 
-def test_no_service_of_that_robot_is_nobody_there(endpoint):
+def test_no_run_of_that_robot_is_no_service(endpoint):
     start = time.monotonic()
-    with pytest.raises(NobodyThereError, match="no service of robot 'r2'"):
+    with pytest.raises(NoServiceError, match="no service: no run of robot 'r2'"):
         ask(endpoint, "r2", STATUS, Ask())
     assert time.monotonic() - start < STATUS.takes_s  # told at once, not by a timeout
 

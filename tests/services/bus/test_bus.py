@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.zenoh_session import open_client
-from tests.services.wire_samples import frame, keyframe
+from tests.services.wire_samples import blocks, frame, keyframe
 
 _BLOCKED_S = 0.25  # no bound on speed: a publisher that waits for a reader waits 1 s
 
@@ -87,6 +87,25 @@ def test_late_subscribers_get_what_was_kept(endpoint):
         assert got == list(range(30))
         assert late.wait(0.3) is None
         assert [_expect(live_only).id for _ in range(10)] == list(range(20, 30))
+
+
+def test_who_comes_late_asks_for_all_that_messages_amount_to(endpoint):
+    with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
+        assert list(b.state(topics.MESH_BLOCKS)) == []  # no publisher
+        publisher = a.publisher(topics.MESH_BLOCKS)
+        publisher.answer_with(lambda: [blocks(7, k) for k in range(3)])
+        publisher.put(blocks(7, 2))
+        found = []
+        _until(lambda: found.extend(b.state(topics.MESH_BLOCKS)) or len(found) >= 3)
+        assert [message.revision for message in found] == [7, 7, 7]
+        late = b.subscribe(topics.MESH_BLOCKS, depth=8, history=True)
+        assert [_expect(late).revision for _ in range(3)] == [7, 7, 7]
+        publisher.put(blocks(8, 2))
+        assert _expect(late).revision == 8
+        late.ask_state()
+        assert [_expect(late).revision for _ in range(3)] == [7, 7, 7]
+        live_only = b.subscribe(topics.MESH_BLOCKS, depth=8, history=False)
+        assert live_only.wait(0.3) is None
 
 
 def test_late_publishers_are_found(endpoint):

@@ -54,12 +54,12 @@ def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
     assert told.count("\n") == 1
 
 
-def test_nobody_there_is_code_1():
+def test_no_service_is_code_1():
     command = [sys.executable, "-m", "hsslam_services.commands.ctl"]
     command += ["status", "--connect", "tcp/127.0.0.1:9", "--timeout-s", "1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
-    assert done.stderr.startswith("nobody there: ")
+    assert done.stderr.startswith("no service: ")
 
 
 def test_options_are_checked():
@@ -147,7 +147,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert (now["keyframes"], now["map_version"]) == (held["keyframes"], held["map_version"])
     assert _expect("set-mode", "mapping", *me) == "mapping\n"
     assert _status(me)["mode"] == "mapping"
-    _expect_new_world(run, me)
+    _expect_new_epoch(run, me)
     assert _expect("stop", *me) == "stopping\n"
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
@@ -157,26 +157,31 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert "clock moved" not in run.stderr
     assert summary["processes"]["recorder"]["restarts"] == 0
     _expect_two_trajectories(run, summary)
-    assert _ctl("status", *me).stderr.startswith("nobody there: ")
+    assert _ctl("status", *me).stderr.startswith("no service: ")
 
 
-def _expect_new_world(run, me: tuple[str, ...]) -> None:
+def _expect_new_epoch(run, me: tuple[str, ...]) -> None:
     """A reset replaces whoever holds the map, and nobody else; poses begin anew at the origin."""
     old = {name: run.pid_of(name) for name in (*_OF_MAP, *_OF_RUN)}
     assert _expect("pause", *me) == "paused\n"
-    assert _expect("reset", *me) == "the map was thrown away: world 1 begins\n"
+    assert _expect("reset", *me) == "the map was thrown away: map epoch 1 begins\n"
     assert "refused: reset: there is no map yet" in _ctl("reset", *me).stderr
     assert "refused: trajectory: there is no pose yet" in _ctl("trajectory", *me).stderr
     now = _status(me)
-    assert (now["state"], now["world"], now["keyframes"], now["map_version"]) == ("paused", 1, 0, 0)
+    assert (now["state"], now["map_epoch"], now["keyframes"], now["map_version"]) == (
+        "paused",
+        1,
+        0,
+        0,
+    )
     assert _expect("resume", *me) == "running\n"
     run.wait_until(lambda: all(run.pid_of(name) not in (None, old[name]) for name in _OF_MAP), 60)
     run.wait_until(lambda: len(_trajectory(me)) > 8, 60)
     run.wait_for_poses(1)
     assert all(run.pid_of(name) == old[name] for name in _OF_RUN)
-    first = next(pose for pose in run.poses if pose.world == 1)
+    first = next(pose for pose in run.poses if pose.map_epoch == 1)
     assert first.status == "initial" and first.t == (0.0, 0.0, 0.0)
-    assert all(pose.world == (pose.index >= first.index) for pose in run.poses)
+    assert all(pose.map_epoch == (pose.index >= first.index) for pose in run.poses)
     held, now = now, _status(me)
     assert now["keyframes"] > 0 and now["restarts"] == {}
     assert 8 < len(_trajectory(me)) <= _frames(me) - held["frames_tracked"]
@@ -184,14 +189,14 @@ def _expect_new_world(run, me: tuple[str, ...]) -> None:
 
 def _expect_two_trajectories(run, summary: dict) -> None:
     """What was tracked before the reset lies in files of its own."""
-    counts = [summary["worlds"][world] for world in ("0", "1")]
-    times = [read_tum(run.out / of_world["trajectory"]).stamps_ns for of_world in counts]
-    assert [len(stamps) for stamps in times] == [of_world["tracked"] for of_world in counts]
+    counts = [summary["map_epochs"][epoch] for epoch in ("0", "1")]
+    times = [read_tum(run.out / of_epoch["trajectory"]).stamps_ns for of_epoch in counts]
+    assert [len(stamps) for stamps in times] == [of_epoch["tracked"] for of_epoch in counts]
     assert times[0].max() < times[1].min()
     assert counts[1]["trajectory"] == "trajectory.txt"
     for key in ("tracked", "lost"):
-        assert sum(of_world[key] for of_world in counts) == summary["frames"][key]
-    assert len(read_tum(run.out / "keyframes.world0.txt")) == counts[0]["keyframes"]
+        assert sum(of_epoch[key] for of_epoch in counts) == summary["frames"][key]
+    assert len(read_tum(run.out / "keyframes.epoch0.txt")) == counts[0]["keyframes"]
 
 
 def _expect_foreign_client(endpoint: str) -> None:

@@ -41,7 +41,7 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--frames many", "--frames many: expected a whole number"),
         ("--rate-hz often", "--rate-hz often: expected a number"),
         ("--synth.rate-hz often", "--synth.rate-hz often: expected a number"),
-        ("--wholly-unheard-of 3", "--wholly-unheard-of: unknown option; see hsslam-serve --help"),
+        ("--zzzzzz 3", "--zzzzzz: unknown option; see hsslam-serve --help"),
         ("--slam.tracker.points -5", "tracker.points = -5: expected"),
         ("--frames", "--frames: missing value: expected --frames N"),
         ("--config", "--config: missing value: expected --config FILE..."),

@@ -2,10 +2,12 @@
 
 import http.client
 import json
+import socket
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -54,6 +56,19 @@ def test_other_ways_of_asking(server, port):
     assert connection.getresponse().status == 200
     connection.request("POST", "/metrics")
     assert connection.getresponse().status == 501
+
+
+def test_idle_connections_are_bounded_and_keep_no_client_from_an_answer(server, port):
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    idle = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(100)]
+    assert _get(port, "/healthz")[0] == 503
+    deadline = time.monotonic() + 10
+    while len(list(Path("/proc/self/fd").iterdir())) > before + len(idle) + 20:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert idle[0].recv(1) == b""  # the oldest was closed
+    for connection in idle:
+        connection.close()
 
 
 def test_a_busy_port_is_one_line(server, port):

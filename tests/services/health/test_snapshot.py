@@ -1,5 +1,7 @@
 """When a run counts as healthy."""
 
+import dataclasses
+
 import pytest
 
 from hsslam_services.health.snapshot import health_of
@@ -30,6 +32,12 @@ def test_needed_processes_decide(processes, status, code, word):
     found, body = health_of(snapshot(processes, **status), _NOW_S)
     assert (found, body["status"]) == (code, word)
     assert set(body["not_running"]) == {n for n in processes if processes != {"camera": "ended"}}
+
+
+def test_frames_without_poses_are_no_health():
+    for silent_s, code, word in ((4.9, 200, "ok"), (5.1, 503, "silent")):
+        found, body = health_of(dataclasses.replace(snapshot(), silent_s=silent_s), _NOW_S)
+        assert (found, body["status"], body["silent_s"]) == (code, word, silent_s)
 
 
 def test_a_supervisor_that_hangs_and_one_that_only_begins():

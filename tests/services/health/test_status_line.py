@@ -1,9 +1,11 @@
 """The status line: what it tells, and that it stays one line where nobody watches."""
 
 import io
+import time
 from pathlib import Path
 
 import msgspec
+import pytest
 from rich.console import Console
 
 from hsslam_proto.messages import Health, MapVersion, Pose, TopicCounts
@@ -27,8 +29,9 @@ def _children(run_dir: Path) -> dict[str, Child]:
 
 def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
     state, children = RunState(), _children(tmp_path)
+    now_s = time.monotonic()
     for index in range(11):
-        state.posed(_pose(index))
+        state.posed(_pose(index), now_s - 1.0 + index / 10)
     state.map = MapVersion(version=6, iterations=60, loss=0.1, keyframes=3, mapping_ms=20.0)
     state.last_keyframe = 2
     topics = {"in/frame": TopicCounts(dropped=4)}
@@ -39,7 +42,7 @@ def test_tells_frame_rate_latency_quality_map_drops_and_health(tmp_path: Path):
         assert part in text
     assert "dropped 4" in text
     assert all(f"{spec.name}:waiting" in text for spec in PROCESSES)
-    state.posed(_pose(11, "lost"))
+    state.posed(_pose(11, "lost"), now_s)
     assert "quality lost" in status_text(state, children).plain
     assert "lost 1" in status_text(state, children).plain
 
@@ -58,7 +61,29 @@ def test_plain_output_is_one_line_now_and_then(tmp_path: Path):
 def test_a_pose_that_is_sent_again_has_no_speed():
     state = RunState()
     for _ in range(2):
-        state.posed(_pose(1))
-    assert state.fps == 0.0
-    state.posed(_pose(2))
-    assert state.fps > 0
+        state.posed(_pose(1), 100.0)
+    assert state.fps(100.0) == 0.0
+    state.posed(_pose(2), 100.1)
+    assert state.fps(100.1) == pytest.approx(10)
+
+
+def test_rates_age_and_silence_is_seen():
+    state = RunState()
+    for index in range(30):
+        state.posed(_pose(index), 100 + index / 30)
+    last_s = 100 + 29 / 30
+    assert state.fps(last_s) == pytest.approx(30)
+    assert 5 < state.fps(last_s + 3) < 10  # none came for 3 s
+    assert state.latency_ms(last_s + 3) == pytest.approx(25)
+    assert state.fps(last_s + 6) == state.latency_ms(last_s + 6) == 0
+    assert state.tracking(last_s + 60) == "tracked"  # no frame came either
+    for second in range(8):
+        frames = {"in/frame": TopicCounts(received=100 + second)}
+        beat = Health(process="tracker", pid=7, state="running", rss_bytes=1, topics=frames)
+        state.silence.heard(beat, 110.0 + second)
+    assert state.silence.seconds(117.0) == pytest.approx(7)
+    assert state.tracking(117.0) == "none"
+    assert state.silence.seconds(121.0) == 0  # the camera was unplugged
+    state.posed(_pose(40), 118.0)
+    assert state.tracking(118.0) == "tracked"
+    assert state.silence.seconds(118.0) == 0

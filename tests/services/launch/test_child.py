@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -131,3 +132,15 @@ def test_ends_in_order_however_many_signals_come(watch, run_info: RunInfo):
     for number in (signal.SIGTERM, signal.SIGINT) * 2000:
         os.kill(child.pid, number)
     until((run_info.path / "ended").exists)
+
+
+def test_a_process_that_the_system_does_not_start_counts_as_a_failed_start(tmp_path: Path):
+    spec = dataclasses.replace(_SPEC, first_delay_s=0.0, longest_delay_s=0.0)
+    (tmp_path / "logs").write_text("no folder")  # its log cannot be opened
+    child = Child(spec, tmp_path)
+    child.wanted = True
+    for _ in range(10):
+        child.tick()
+    assert child.state == "failed"
+    assert child.restarts == 5
+    assert "cannot be started" in child.news[0] and "given up" in child.news[-1]

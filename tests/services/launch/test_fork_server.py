@@ -75,6 +75,15 @@ def test_exit_codes_and_what_was_said_arrive(fork_client: ForkClient, run: RunIn
     assert _start(fork_client, run, "crash").wait(60) == -signal.SIGABRT
 
 
+def test_a_forked_process_has_its_kernels_from_the_fork_server(
+    fork_client: ForkClient, run: RunInfo
+):
+    process = _start(fork_client, run, "warm")
+    _wait_for(lambda: process.poll() is not None or (run.path / "at_work").exists())
+    process.terminate()
+    assert process.wait(10) == 0
+
+
 def test_when_the_fork_server_dies_its_forks_live_on_and_others_come(
     fork_client: ForkClient, run: RunInfo
 ):
@@ -93,6 +102,18 @@ def test_when_the_fork_server_dies_its_forks_live_on_and_others_come(
     for process in (first, second):
         process.terminate()
         assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize(("sound_s", "last"), [(0.0, "restarted"), (60.0, "too many restarts")])
+def test_it_is_given_up_only_if_it_dies_again_and_again_at_once(
+    fork_client: ForkClient, monkeypatch: pytest.MonkeyPatch, sound_s: float, last: str
+):
+    monkeypatch.setattr("hsslam_services.launch.restart_policy._SOUND_S", sound_s)
+    for kills in range(1, 7):
+        assert fork_client.pid is not None
+        os.kill(fork_client.pid, signal.SIGKILL)
+        _wait_for(lambda kills=kills: fork_client.tick() or len(fork_client.news) == kills)
+    assert last in fork_client.news[-1]
 
 
 def test_one_that_is_called_off_is_not_born(fork_client: ForkClient, run: RunInfo):

@@ -7,25 +7,26 @@ import numpy as np
 
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
-from hsslam_proto.foxglove import viz_messages
+from hsslam_proto.foxglove.visualisation import viz_blocks, viz_messages
+from hsslam_proto.mesh.codec import block_triangles
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from tests.services.wire_samples import frame, keyframe, mesh, pose
+from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
 
 _OF_MAP = (topics.POSE, topics.KEYFRAME)
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
 
 
-def write_log(folder: Path, count: int = 20, color="png", second_world_at=None, **settings) -> Path:
+def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, **settings) -> Path:
     """`count` frames and poses 0.1 s apart, a keyframe every 5, one correction, two meshes, one event.
 
-    `second_world_at`: from this frame on poses and keyframes are of another map."""
+    `second_epoch_at`: from this frame on poses and keyframes are of another map."""
     log = PartedLog(folder, "r", LogSettings(color, **settings))
 
     def put(topic, message, index):
-        if second_world_at is not None and index >= second_world_at and topic in _OF_MAP:
-            message = msgspec.structs.replace(message, world=1)
+        if second_epoch_at is not None and index >= second_epoch_at and topic in _OF_MAP:
+            message = msgspec.structs.replace(message, map_epoch=1)
         at = START_NS + PERIOD_NS * index
         log.write(topic, encode(topic, message), at, at - 1000, index)
         for viz in viz_messages(message, at):
@@ -47,7 +48,10 @@ def write_log(folder: Path, count: int = 20, color="png", second_world_at=None, 
         loss_after=1.0,
     )
     put(topics.CORRECTION, moved, count - 1)
-    put(topics.MESH, mesh(), 2)
+    put(topics.MESH_BLOCKS, blocks(1, 0, 1), 2)
+    log.write_viz(
+        viz_blocks({(0, 0, 2): None, **block_triangles(blocks(1, 1))}, START_NS), START_NS
+    )
     put(topics.MESH, mesh(final=True), count - 1)
     event = messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)
     put(topics.EVENT, event, 0)

@@ -1,17 +1,23 @@
 """Logs as they are found: whole, torn, growing, in parts, or no logs at all."""
 
+import re
+
+import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from rich.table import Table
+from rich.text import Text
 
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
+from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.log.reader import bus_messages, log_parts
-from hsslam_services.log.recovery import is_finished
+from hsslam_services.run.source_table import SERVICE_SOURCES
 from tests.services.wire_samples import pose
 
 
@@ -58,6 +64,20 @@ def test_where_there_is_no_log_it_is_one_line(tmp_path, place, expected):
         log_parts(tmp_path / place, print)
 
 
+def test_a_log_with_the_former_name_of_the_map_epoch_is_read(tmp_path):
+    message = msgspec.structs.replace(pose(7), map_epoch=3)
+    fields = msgspec.to_builtins(message)
+    former = {"world" if name == "map_epoch" else name: value for name, value in fields.items()}
+    log = PartedLog(tmp_path, "r")
+    for payload in (msgspec.msgpack.encode(former), b"\xa5world, torn"):
+        log.write(topics.POSE, payload, 1, 1, 0)
+    log.close()
+    read, torn = bus_messages([log.path])
+    assert read.message() == message
+    with pytest.raises(UserError, match="malformed"):
+        torn.message()
+
+
 def test_a_damaged_log_is_one_line(tmp_path):
     path = _log(tmp_path, 400)
     torn = bytearray(path.read_bytes())
@@ -81,7 +101,7 @@ def test_whatever_is_damaged_in_a_log_is_one_line_or_does_no_harm(tmp_path):
         path.write_bytes(torn[: len(whole)])
         for read in (
             lambda: list(bus_messages([path])),
-            lambda: list(log_info(path)),
+            lambda: list(log_info([path])),
             lambda: trim([path], tmp_path / "short.mcap", 0.0, None),
         ):
             try:
@@ -111,6 +131,30 @@ def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
         found += [sequence for _, sequence in part]
     assert found == list(range(2000))
     assert [logged.message().index for logged in bus_messages(files)] == list(range(2000))
+
+
+def test_a_log_that_keeps_little_loses_its_oldest_parts_only(tmp_path):
+    log = PartedLog(tmp_path, "r", LogSettings(keep_bytes=100_000))
+    for index in range(2000):
+        log.write(topics.POSE, encode(topics.POSE, pose(index)), 1000 + index, 1000 + index, index)
+        if index % 50 == 0:
+            log._part._flushed_s = 0.0
+            log.tick()
+            assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 100_000
+    log.close()
+    assert log.counts == {"out/pose": 2000}
+    assert log.removed[:2] == ["run.mcap", "run.1.mcap"]
+    found = [logged.message().index for logged in bus_messages(log_parts(tmp_path, print))]
+    assert found == list(range(found[0], 2000))
+    assert len(found) > 300
+    looks_like = SERVICE_SOURCES[0].looks_like
+    assert looks_like is not None and looks_like(tmp_path)
+    line, table = log_info(log_parts(tmp_path, print))
+    assert isinstance(line, Text) and isinstance(table, Table)
+    parts = len(list(tmp_path.iterdir()))
+    assert re.search(rf"run\.\d+\.mcap to run\.\d+\.mcap, {parts} parts: finished", line.plain)
+    assert f"{len(found)} messages" in line.plain
+    assert list(table.columns[2].cells) == [str(len(found))]
 
 
 def _log(folder, count):

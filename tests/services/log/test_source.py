@@ -1,5 +1,6 @@
 """A log as a source: the frames that were logged, with their stamps and indices."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -9,6 +10,7 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
@@ -16,7 +18,9 @@ from tests.services.wire_samples import frame
 
 
 def test_a_lossless_log_gives_the_frames_bit_for_bit(tmp_path):
-    sent = [frame(index) for index in (0, 1, 2, 2, 4, 5)]  # 2 was sent again, 3 was bad
+    camera = new_publisher()
+    indices = (0, 1, 2, 2, 4, 5)  # 2 was sent again, 3 was bad
+    sent = [msgspec.structs.replace(frame(index), publisher=camera) for index in indices]
     _write(tmp_path, sent, "png")
     source = open_any_source(f"mcap:{tmp_path / 'run.mcap'}")
     found = [item for item in source.frames() if isinstance(item, Frame)]
@@ -29,6 +33,14 @@ def test_a_lossless_log_gives_the_frames_bit_for_bit(tmp_path):
         assert item.depth_units_per_m == expected.depth_units_per_m
     assert source.rate_hz == pytest.approx(30, rel=1e-3)
     assert source.camera == found[0].camera
+
+
+def test_the_frames_of_a_camera_that_began_anew_go_on_behind_the_last(tmp_path):
+    cameras = (new_publisher(), new_publisher())
+    sent = [msgspec.structs.replace(frame(i), publisher=c) for c in cameras for i in range(3)]
+    _write(tmp_path, [*sent, *[frame(k) for k in (0, 1, 0, 1)]], "png")
+    found = list(open_any_source(f"mcap:{tmp_path / 'run.mcap'}").frames())
+    assert [item.index for item in found] == list(range(10))
 
 
 def test_a_jpeg_log_differs_in_colour_only(tmp_path):

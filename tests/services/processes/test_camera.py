@@ -9,7 +9,7 @@ import pytest
 
 from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
-from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step
+from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step, TopicCounts
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
@@ -46,10 +46,13 @@ class _OtherEnd:
             states += [health.state] if health.process == "camera" else []
         return set(states)
 
-    def beat(self, pid: int = 1) -> None:
-        """Heartbeats of everybody that the camera waits for."""
+    def beat(self, pid: int = 1, received: int = 0) -> None:
+        """Heartbeats of everybody that the camera waits for, with the frames that they have received."""
+        counts = {topics.FRAME.name: TopicCounts(received=received)}
         for name in ("tracker", "mapper", "global_ba", "recorder"):
-            self._health.put(Health(process=name, pid=pid, state="running", rss_bytes=0))
+            self._health.put(
+                Health(process=name, pid=pid, state="running", rss_bytes=0, topics=counts)
+            )
 
     def next_frame(self, timeout_s: float = 60.0) -> Frame:
         deadline = time.monotonic() + timeout_s
@@ -59,6 +62,14 @@ class _OtherEnd:
             if frame is not None:
                 return frame
         raise AssertionError("no frame")
+
+    def done(self, frame: Frame) -> None:
+        """All processes are done with the frame."""
+        self.steps.put(Step(stage="done", index=frame.index, publisher=frame.publisher))
+
+    def logged(self, frame: Frame, index: int) -> None:
+        """The recorder has frame `index` of that camera in its log."""
+        self.steps.put(Step(stage="logged", index=index, publisher=frame.publisher))
 
     def expect_clean_end(self) -> None:
         deadline = time.monotonic() + 30
@@ -88,10 +99,13 @@ def test_lockstep_sends_the_next_frame_only_when_the_last_is_done(other_end):
     assert end.camera_states(beats=4) == {"starting"}  # it is there, and those it needs are not
     assert end.frames.poll() is None
     for index in range(4):
-        assert end.next_frame().index == index
+        frame = end.next_frame()
+        assert frame.index == index
         assert end.frames.wait(0.2) is None
-        end.steps.put(Step(stage="mapped", index=index))
-        end.steps.put(Step(stage="done", index=index))
+        end.steps.put(Step(stage="mapped", index=index, publisher=frame.publisher))
+        end.steps.put(Step(stage="done", index=index))  # of another camera
+        assert end.frames.wait(0.2) is None
+        end.done(frame)
     source_end = end.end.wait(5)
     assert source_end.frame_count == 4
     end.expect_clean_end()
@@ -105,11 +119,30 @@ def test_lockstep_sends_again_to_a_restarted_process(other_end):
     assert (again.index, bytes(again.color)) == (first.index, bytes(first.color))
 
 
+def test_lockstep_waits_for_a_recorder_that_is_behind(other_end):
+    end = other_end(pace="lockstep", frames=12)
+    for index in range(8):  # the recorder keeps sixteen waiting
+        frame = end.next_frame()
+        assert frame.index == index
+        end.done(frame)
+    assert end.frames.wait(1.0) is None
+    end.logged(frame, index=3)
+    for index in range(8, 12):
+        frame = end.next_frame()
+        assert frame.index == index
+        end.done(frame)
+    assert end.end.wait(1.0) is None
+    end.beat(pid=2)  # a restarted recorder has none of them: nothing to wait for
+    assert end.end.wait(10).frame_count == 12
+    end.expect_clean_end()
+
+
 def test_a_restarted_camera_goes_on_where_it_was(other_end):
     end = other_end(pace="lockstep", frames=5)
     for index in range(2):
-        assert end.next_frame().index == index
-        end.steps.put(Step(stage="done", index=index))
+        frame = end.next_frame()
+        assert frame.index == index
+        end.done(frame)
     assert end.next_frame().index == 2
     os.kill(end.camera.pid, 9)
     deadline = time.monotonic() + 30
@@ -118,8 +151,9 @@ def test_a_restarted_camera_goes_on_where_it_was(other_end):
     time.sleep(0.6)
     end.camera.tick()
     for index in range(2, 5):
-        assert end.next_frame().index == index
-        end.steps.put(Step(stage="done", index=index))
+        again = end.next_frame()
+        assert (again.publisher, again.index) == (frame.publisher, index)
+        end.done(again)
     assert end.end.wait(5).frame_count == 5
 
 
@@ -137,6 +171,19 @@ def test_realtime_holds_for_the_map_then_keeps_the_clock(other_end):
     np.testing.assert_allclose(np.diff(stamps), 1e9 / 60, rtol=1e-3)
     assert end.end.wait(5).frame_count == 40
     end.expect_clean_end()
+
+
+def test_the_first_frame_is_sent_again_if_the_tracker_did_not_get_it(other_end):
+    end = other_end(frames=5, rate_hz=60.0)
+    first = end.next_frame()
+    again = end.next_frame()  # with heartbeats that count no frame
+    assert (again.publisher, again.index) == (first.publisher, first.index) == (first.publisher, 0)
+    begin_s = time.monotonic()
+    while time.monotonic() - begin_s < 3.0:  # it is at work on it: no third one
+        end.beat(received=1)
+        assert end.frames.wait(0.1) is None
+    end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
+    assert end.next_frame().index == 1
 
 
 def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
@@ -157,7 +204,7 @@ def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):
     np.testing.assert_allclose(np.diff([f.stamp_ns for f in after]), 1e9 / 20, rtol=1e-3)
 
 
-def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
+def test_in_a_new_map_epoch_the_clock_waits_for_the_new_map(other_end):
     end = other_end(frames=40, rate_hz=20.0)
     holds, version = end.bus.publisher(topics.HOLD), 1
     assert end.next_frame().index == 0
@@ -168,7 +215,7 @@ def test_in_a_new_world_the_clock_waits_for_the_new_map(other_end):
     holds.put(Hold(paused=True))
     while (frame := end.frames.wait(0.6)) is not None:
         last = frame
-    MapState(end.arena_dir).world = 1
+    MapState(end.arena_dir).map_epoch = 1
     holds.put(Hold(paused=False))
     assert end.frames.wait(5).index == last.index + 1
     assert end.frames.wait(0.6) is None  # until there is a map

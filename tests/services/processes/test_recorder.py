@@ -5,7 +5,9 @@ import sys
 import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
+import psutil
 import rerun_cli
 from mcap.reader import make_reader
 
@@ -13,11 +15,14 @@ from hsslam_proto import messages, topics
 from hsslam_proto.codec import decode, encoding_of
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.bus.bus import Bus
-from hsslam_services.log.recovery import is_finished
+from hsslam_services.bus.publisher import Publisher
+from hsslam_services.commands.log.newest_mesh import newest_mesh
+from hsslam_services.log.file_index import is_finished
 from hsslam_services.processes.recorder import Recorder
 from hsslam_services.run.process_result import read_result
-from tests.services.wire_samples import frame, keyframe, mesh, pose
+from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
 
+_LATE_BYTES = 100e6
 RECORDER = """
 import json, signal, sys
 from pathlib import Path
@@ -32,6 +37,40 @@ with Bus(sys.argv[1], "r", "recorder") as bus:
         recorder.spin_once()
     print(json.dumps(recorder.close()), flush=True)
 """
+
+
+def test_in_lockstep_each_frame_that_is_logged_or_refused_has_a_step(endpoint, tmp_path):
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        steps = outside.subscribe(topics.STEP, 64)
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None, is_lockstep=True)
+        frames = outside.publisher(topics.FRAME)
+        _wait_for_subscriber(frames)
+        no_image = msgspec.structs.replace(frame(1), color_encoding="jpeg", color=b"no image")
+        for sent in (frame(0), no_image, frame(2)):
+            frames.put(sent)
+            _spin(recorder, 0.3)
+        recorder.close()
+        told = [(step.stage, step.index) for step in steps.drain()]
+    assert told == [("logged", 0), ("logged", 1), ("logged", 2)]
+
+
+def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint, tmp_path):
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        steps = outside.subscribe(topics.STEP, 64)
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
+        frames, ends = outside.publisher(topics.FRAME), outside.publisher(topics.SOURCE_END)
+        _wait_for_subscriber(frames)
+        for sent in (frame(0), frame(1)):
+            frames.put(sent)
+            _spin(recorder, 0.3)
+        assert not steps.drain()
+        ends.put(messages.SourceEnd(frame_count=3, reason="end of source"))
+        _spin(recorder, 0.3)
+        frames.put(frame(2))  # on its way when the source ended
+        _spin(recorder, 0.3)
+        recorder.close()
+        told = [(step.stage, step.index) for step in steps.drain()]
+    assert told == [("logged", 1), ("logged", 2)]
 
 
 def test_a_run_is_logged_whole(endpoint, tmp_path):
@@ -116,7 +155,11 @@ def test_rerun_reads_the_log(endpoint, tmp_path):
 def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
     with Bus(endpoint, "r", "tracker") as bus:
         poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
+        meshes = bus.publisher(topics.MESH_BLOCKS)
+        meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
         first = _start(endpoint, tmp_path)
+        meshes.put(blocks(2, 0, 1))
+        meshes.put(blocks(3, 2))
         for index in range(100):
             poses.put(pose(index))
             if index % 10 == 0:
@@ -137,9 +180,90 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
     indices = [m.index for m in one["out/pose"] + two["out/pose"]]
     assert sorted(indices) == list(range(140))  # none lost, none twice
     assert [m.id for m in one["out/keyframe"] + two.get("out/keyframe", [])] == list(range(10))
+    assert two["out/mesh_blocks"]  # a part opens alone: it has all blocks
+    for part in ("run.mcap", "run.1.mcap"):
+        mesh = newest_mesh([tmp_path / part])
+        assert mesh is not None and len(mesh.faces) == 3
     summary = json.loads(second.stdout.read().splitlines()[-1])
     assert summary["poses_logged"] == 140
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]
+
+
+def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
+    """100 MB are in the log: its successor needs neither time nor memory for them, nor a second copy."""
+    with Bus(endpoint, "r", "tracker") as bus:
+        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
+        began_s = time.monotonic()
+        first = _start(endpoint, tmp_path)
+        first_s = time.monotonic() - began_s
+        noise = np.random.default_rng(0).bytes(2**22)
+        small = frame(0, compressed=True)
+        big = msgspec.structs.replace(small, color=memoryview(bytes(small.color) + noise))
+        sent = 0
+        while (tmp_path / "run.mcap").stat().st_size < _LATE_BYTES:
+            frames.put(msgspec.structs.replace(big, index=sent))
+            poses.put(pose(sent))
+            sent += 1
+            time.sleep(0.03)
+        first.kill()
+        first.wait()
+        began_s = time.monotonic()
+        second = _start(endpoint, tmp_path)
+        before = psutil.Process(second.pid).memory_info().rss
+        poses.put(pose(sent))
+        most, seconds = before, time.monotonic() - began_s
+        while not is_finished(tmp_path / "run.mcap"):
+            most = max(most, psutil.Process(second.pid).memory_info().rss)
+            time.sleep(0.02)
+            assert not (tmp_path / ".run.mcap.recovering").exists()
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(timeout=20) == 0, second.communicate()
+    assert seconds < 3 * first_s + 2  # as long as the start with an empty folder
+    assert most - before < 100e6
+    one, two = _read(tmp_path / "run.mcap"), _read(tmp_path / "run.1.mcap")
+    indices = [m.index for m in one["out/pose"] + two["out/pose"]]
+    assert sorted(indices) == list(range(sent + 1))
+    summary = json.loads(second.stdout.read().splitlines()[-1])
+    assert summary["poses_logged"] == sent + 1
+    assert not (tmp_path / ".run.mcap.recorded").exists()
+
+
+def test_a_nearly_full_disk_stops_large_things_until_there_is_room(endpoint, disk, monkeypatch):
+    monkeypatch.setattr("hsslam_services.log.mcap_writer.RESERVE_BYTES", 40 * 2**20)
+    folder = disk.folder / "run"
+    folder.mkdir()
+    ballast = disk.folder / "ballast"
+    events = []
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, folder, "run-1", "none", lambda *e: events.append(e))
+        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+
+        def send(first):
+            for index in range(first, first + 10):
+                frames.put(frame(index))
+                poses.put(pose(index))
+                _spin(recorder, 0.15)
+
+        _spin(recorder, 0.3)
+        send(0)
+        ballast.write_bytes(bytes(45 * 2**20))
+        _spin(recorder, 1.5)
+        recorder._view._threads[0]._stream.flush()
+        rrd_bytes = (folder / "run.rrd").stat().st_size
+        send(10)
+        recorder._view._threads[0]._stream.flush()
+        assert (folder / "run.rrd").stat().st_size == rrd_bytes
+        ballast.unlink()
+        _spin(recorder, 1.5)
+        send(20)
+        summary = recorder.close()
+    assert [level for level, _ in events] == ["warning", "info"]
+    assert "run.rrd" in events[0][1]
+    assert (folder / "run.rrd").stat().st_size > rrd_bytes
+    read = _read(folder / "run.mcap")
+    assert [m.index for m in read["out/pose"]] == list(range(30))
+    assert [m.index for m in read["in/frame"]] == [*range(10), *range(20, 30)]
+    assert (summary["frames_dropped"], summary["complete"]) == (10, True)
 
 
 def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch):
@@ -181,6 +305,14 @@ def _start(endpoint, run_dir) -> subprocess.Popen:
     while "ready" not in process.stdout.readline():
         pass
     return process
+
+
+def _wait_for_subscriber(publisher: Publisher) -> None:
+    """Return when the router knows of one: what is sent before is lost."""
+    deadline = time.monotonic() + 30
+    while not publisher._publisher.matching_status.matching:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def _spin(recorder, seconds) -> None:

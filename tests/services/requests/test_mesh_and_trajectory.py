@@ -37,17 +37,17 @@ def test_poses_are_read_without_the_arena_and_cross_the_wire(tmp_path):
     np.testing.assert_allclose(back.T_world_cam, [_T, _T], atol=1e-12)
 
 
-def test_poses_of_two_worlds_are_never_told_together(tmp_path):
+def test_poses_of_two_map_epochs_are_never_told_together(tmp_path):
     arena = Arena(tmp_path)
     KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
     log = PoseLog(arena)
-    for k, world in enumerate((0, 0, 1)):
-        log.append(_row(k, TRACKED, world))
-    told = {world: trajectory_so_far(tmp_path, world) for world in (0, 1)}
+    for k, map_epoch in enumerate((0, 0, 1)):
+        log.append(_row(k, TRACKED, map_epoch))
+    told = {map_epoch: trajectory_so_far(tmp_path, map_epoch) for map_epoch in (0, 1)}
     assert [len(poses) for poses in told.values() if poses is not None] == [2, 1]
     remove_arrays(tmp_path, PoseLog.owns)
     assert sorted(file.stem for file in tmp_path.glob("*.bin")) == ["pose_header", "pose_log.000"]
-    assert trajectory_so_far(tmp_path, 1) is None  # no keyframe of the new world is there yet
+    assert trajectory_so_far(tmp_path, 1) is None  # no keyframe of the new map epoch is there yet
     KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
     again = trajectory_so_far(tmp_path, 1)
     assert again is not None and len(again) == 1
@@ -67,7 +67,7 @@ def test_a_view_changes_nothing(tmp_path):
         view.create("b", (4,), np.int64)
 
 
-def _row(index: int, status: int, world: int = 0) -> np.ndarray:
+def _row(index: int, status: int, map_epoch: int = 0) -> np.ndarray:
     return pose_row(
         index=index,
         source_stamp_ns=1_700_000_000_000_000_001 + index,
@@ -79,5 +79,5 @@ def _row(index: int, status: int, world: int = 0) -> np.ndarray:
         T_keyframe_cam=np.eye(4),
         quality=1.0,
         map_version=1,
-        world=world,
+        map_epoch=map_epoch,
     )

@@ -29,7 +29,7 @@ def test_who_looks_on_hears_every_topic_and_only_a_camera_publishes():
 
 
 def test_what_is_not_listed_is_denied_and_all_three_parts_name_each_other():
-    access = access_control("r")
+    access = access_control("r", has_certificates=True)
     assert access["enabled"] and access["default_permission"] == "deny"
     rules, subjects = ({row["id"] for row in access[part]} for part in ("rules", "subjects"))
     named = {rule for policy in access["policies"] for rule in policy["rules"]}

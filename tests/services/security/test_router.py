@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages, topics
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import PAUSE, REQUESTS
-from hsslam_services.bus.ask import NobodyThereError, ask
+from hsslam_services.bus.ask import NoServiceError, ask
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.security.access import ROLES
@@ -115,7 +115,7 @@ def test_requests_by_role(secure_router):
 
 
 def test_a_request_that_is_not_allowed_says_so(secure_router):
-    with _answering(secure_router.inside), pytest.raises(NobodyThereError, match="certificate"):
+    with _answering(secure_router.inside), pytest.raises(NoServiceError, match="certificate"):
         ask(secure_router.outside, "r", PAUSE, Ask(), security=str(secure_router.certs / "viewer"))
 
 

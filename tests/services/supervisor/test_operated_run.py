@@ -33,6 +33,7 @@ def test_certificates_health_and_numbers_of_a_run(serve, tmp_path: Path):
     run.wait_until(lambda: _metric(port, "hsslam_frames_tracked_total") > 5, 60)
     assert _metric(port, "hsslam_latency_seconds_count") > 5
     assert _metric(port, "hsslam_map_iterations_total") > 0
+    assert 0.9 < _metric(port, "hsslam_certificate_valid_days") < 1.0
 
     tracker = run.pid_of("tracker")
     assert tracker is not None
@@ -48,6 +49,7 @@ def test_certificates_health_and_numbers_of_a_run(serve, tmp_path: Path):
     assert (done.returncode, done.stdout) == (0, "stopping\n"), done.stderr
     assert run.finish() == 0, run.stderr
     assert "zenoh: tls/127.0.0.1" in run.stderr
+    assert "in 1 days: hsslam-certs makes new ones" in run.stderr
     assert run.summary()["frames"]["tracked"] > 5
     run.expect_nothing_left()
 

@@ -1,10 +1,16 @@
+import re
+import subprocess
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
+import rerun as rr
+import rerun_cli
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_services.viewer.path import colored_strips, quality_color
+from hsslam_services.viewer.path import RerunPath, colored_strips, quality_color
+from tests.services.wire_samples import pose
 
 _RED, _BLUE = (255, 0, 0), (0, 0, 255)
 
@@ -31,3 +37,21 @@ def test_poses_of_one_colour_are_one_strip(colors):
     ]
     assert drawn == list(zip(pairwise(points), colors[1:], strict=True))
     assert all(a != b for a, b in pairwise(strip_colors))
+
+
+def test_a_long_path_is_few_entities(tmp_path):
+    stream = rr.RecordingStream("hsslam", recording_id="path")
+    stream.set_sinks(rr.FileSink(tmp_path / "path.rrd"))
+    path = RerunPath(stream)
+    for index in range(64 * 100):
+        path.add(pose(index))
+    path.draw()
+    stream.flush()
+    stream.disconnect()
+    command = [str(Path(rerun_cli.__file__).parent / "rerun"), "rrd", "print", "-v"]
+    printed = subprocess.run(
+        [*command, tmp_path / "path.rrd"], check=True, capture_output=True, text=True
+    ).stdout
+    old = set(re.findall("world/trajectory/old/[0-9]+", printed))
+    assert 1 <= len(old) <= 2
+    assert "Clear" in printed

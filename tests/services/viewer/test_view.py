@@ -55,12 +55,22 @@ def test_the_file_has_the_whole_scene(tmp_path):
     assert _rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
 
 
-def test_a_new_world_clears_what_was_drawn_of_the_old(tmp_path):
+def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
+    view.show(frame(0))
+    for k in range(32 * 70):
+        view.show(msgspec.structs.replace(keyframe(0), id=k))
+    view.close()
+    printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
+    assert printed.count("Clear:is_recursive") >= 70 - 64
+
+
+def test_a_new_map_epoch_clears_what_was_drawn_of_the_old(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     _show_a_run(view)
-    view.show(msgspec.structs.replace(pose(101), world=1))
-    view.show(pose(102))  # a straggler of the old world is not drawn
-    view.show(msgspec.structs.replace(pose(103), world=1))
+    view.show(msgspec.structs.replace(pose(101), map_epoch=1))
+    view.show(pose(102))  # a straggler of the old map epoch is not drawn
+    view.show(msgspec.structs.replace(pose(103), map_epoch=1))
     view.close()
     printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
     assert printed.count("Clear:is_recursive") >= 6

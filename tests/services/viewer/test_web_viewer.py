@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hsslam_proto.mesh_codec import mesh_message
+from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
 from hsslam_services.viewer.view import RerunView
 from tests.services.wire_samples import frame, pose
 
@@ -39,6 +39,7 @@ def test_the_page_shows_mesh_and_path(tmp_path):
             image = _screenshot(tmp_path)
             if image is not None:
                 seen = {"mesh": _pixels(image, (200, 0, 0)), "path": _pixels(image, (70, 200, 255))}
+                seen["block"] = _pixels(image, (0, 200, 0))
         assert min(seen.values()) >= 200, seen
     finally:
         browser.terminate()
@@ -47,14 +48,24 @@ def test_the_page_shows_mesh_and_path(tmp_path):
 
 
 def _show(view: RerunView) -> None:
-    """A red wall behind a path of two metres."""
+    """A wall of a red and a green block behind a path of two metres."""
     for index in range(40):
         view.show(pose(index % 2))
     view.show(frame(0, compressed=True))
     corners = np.array([[-2, -1, 3], [2, -1, 3], [2, 1, 3], [-2, 1, 3]], np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]])
     red = np.tile(np.array([[255, 0, 0]], np.uint8), (4, 1))
-    view.show(mesh_message(corners, faces, red, 1, final=True))
+    left, right = (
+        corners - np.array([2, 0, 0], np.float32),
+        corners + np.array([2, 0, 0], np.float32),
+    )
+    half = np.array([0.5, 1, 1], np.float32)
+    walls = [
+        ((0, 0, 3), Triangles(left * half, faces, red)),
+        ((1, 0, 3), Triangles(right * half, faces, red[:, [1, 0, 2]])),
+    ]
+    lattice = BlockLattice(0.03, 1.0)
+    view.show(blocks_message(walls, lattice, series=1, revision=1, map_version=1))
 
 
 def _browser(page: str, folder) -> subprocess.Popen:

@@ -11,9 +11,10 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_proto import messages
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.log.poses import LoggedPoses, logged_poses, newest_mesh
+from hsslam_services.commands.log.newest_mesh import newest_mesh
+from hsslam_services.log.parts import parts
+from hsslam_services.log.poses import LoggedPoses, logged_poses
 from hsslam_services.log.reader import Say, bus_messages, is_log, log_parts
-from hsslam_services.log.recovery import parts
 from hsslam_services.log.source import RecordedSource, logged_options, recorded_source
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import comes_over_bus, is_live, log_place

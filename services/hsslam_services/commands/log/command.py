@@ -16,7 +16,8 @@ from hsslam_services.commands.log.options import (
     RecoverOptions,
     TrimOptions,
 )
-from hsslam_services.log.reader import log_parts
+from hsslam_services.log.reader import log_files, log_parts
+from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"
 _EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
@@ -53,17 +54,17 @@ def _info(args: Sequence[str]) -> None:
         raise UserError("info: no log: expected FILE...")
     console = Console(emoji=False, highlight=False, markup=False)
     for place in options.files:
-        for path in log_parts(place, _say):
-            for shown in log_info(path):
-                console.print(shown, soft_wrap=isinstance(shown, Text))
+        for shown in log_info(log_parts(place, _say)):
+            console.print(shown, soft_wrap=isinstance(shown, Text))
 
 
 def _recover(args: Sequence[str]) -> None:
     options = parse_options(RecoverOptions, f"{_PROG} recover", args)
-    told: list[str] = []
-    files = log_parts(_given("recover", "FILE", options.file), told.append)
-    for line in told or [f"{path}: was finished already" for path in files]:
-        print(line)
+    for path in log_files(_given("recover", "FILE", options.file)):
+        try:
+            print(f"{path}: {recover(path).line()}")
+        except OSError as error:
+            raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
 
 
 def _trim(args: Sequence[str]) -> None:
@@ -99,7 +100,7 @@ def _say(text: str) -> None:
 
 _COMMANDS: dict[str, tuple[Callable[[Sequence[str]], None], str]] = {
     "info": (_info, "shows what logs contain"),
-    "recover": (_recover, "makes the log of a killed run readable"),
+    "recover": (_recover, "makes a log readable that is unfinished or damaged"),
     "trim": (_trim, "copies a part of a log"),
     "export": (_export, "writes trajectory, mesh, frames and a rerun recording"),
 }

@@ -8,12 +8,20 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, format_stamp, write_tum
 from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
-from hsslam_services.log.poses import logged_worlds
+from hsslam_services.log.poses import logged_epochs
 from hsslam_services.log.reader import Say
 
 _COLUMNS = (
     *("index", "timestamp_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw", "status"),
-    *("quality", "inlier_ratio", "residual_mm", "latency_ms", "map_version", "keyframe", "world"),
+    *(
+        "quality",
+        "inlier_ratio",
+        "residual_mm",
+        "latency_ms",
+        "map_version",
+        "keyframe",
+        "map_epoch",
+    ),
 )
 
 
@@ -49,21 +57,21 @@ def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) ->
 def export_trajectory(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """trajectory_online.txt (TUM) and .csv: poses as they were published, those of lost frames in the
     CSV only; trajectory.txt (TUM): the same as refined later; keyframes.txt (TUM): keyframes where the
-    last correction put them. Where the map was thrown away, these are of the last world, and those before
-    have the number of theirs in the name, as trajectory.world0.txt. Yields what it wrote."""
-    worlds = logged_worlds(files)
-    poses = [pose for found in worlds.values() for pose in found.poses]
+    last correction put them. Where the map was thrown away, these are of the last map epoch, and those before
+    have the number of theirs in the name, as trajectory.epoch0.txt. Yields what it wrote."""
+    epochs = logged_epochs(files)
+    poses = [pose for found in epochs.values() for pose in found.poses]
     if not poses:
         say("no trajectory: the log holds no poses")
         return
-    suffixes = {world: "" if world == max(worlds) else f".world{world}" for world in worlds}
-    for world, found in worlds.items():
-        yield _write(folder / f"trajectory_online{suffixes[world]}.txt", found.online)
+    suffixes = {epoch: "" if epoch == max(epochs) else f".epoch{epoch}" for epoch in epochs}
+    for epoch, found in epochs.items():
+        yield _write(folder / f"trajectory_online{suffixes[epoch]}.txt", found.online)
     yield _write_csv(folder / "trajectory_online.csv", poses)
-    for world, found in worlds.items():
+    for epoch, found in epochs.items():
         if len(found.keyframes):
-            yield _write(folder / f"trajectory{suffixes[world]}.txt", found.final)
-            yield _write(folder / f"keyframes{suffixes[world]}.txt", found.keyframes)
+            yield _write(folder / f"trajectory{suffixes[epoch]}.txt", found.final)
+            yield _write(folder / f"keyframes{suffixes[epoch]}.txt", found.keyframes)
 
 
 def _write(path: Path, trajectory: Trajectory) -> str:
@@ -79,6 +87,6 @@ def _write_csv(path: Path, poses: list[messages.Pose]) -> str:
             latency_ms = f"{(p.publish_ns - p.stamp_ns) / 1e6:.3f}"
             quality = (p.quality, p.inlier_ratio, p.residual_mm, latency_ms)
             stamp = format_stamp(p.source_stamp_ns)
-            of_map = (p.map_version, p.keyframe, p.world)
+            of_map = (p.map_version, p.keyframe, p.map_epoch)
             writer.writerow((p.index, stamp, *p.t, *p.q, p.status, *quality, *of_map))
     return f"{path}: {len(poses)} poses"

@@ -7,6 +7,7 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import format_stamp
 from hsslam_proto import messages
+from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.topics import FRAME
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.log.frame_compression import compress_frame
@@ -24,14 +25,14 @@ def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
         UserError: the folder holds frames already, or the camera changes on the way.
     """
     camera: dict[str, object] = {}
-    newest, count = -1, 0
+    order, count = FrameOrder(), 0
     with _Lists(folder) as lists, log_progress("frames", files) as progress:
         for logged in progress.over(bus_messages(files, {FRAME.name})):
             frame = logged.message()
             assert isinstance(frame, messages.Frame)
-            if frame.index <= newest:
+            if not order.is_new(frame.publisher, frame.index, frame.stamp_ns):
                 continue  # sent again
-            newest, count = frame.index, count + 1
+            count += 1
             camera = camera or _camera(frame)
             if camera != _camera(frame):
                 raise UserError(f"frame {frame.index}: another camera than before: expected one")

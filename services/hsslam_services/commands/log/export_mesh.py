@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_services.log.poses import newest_mesh
+from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.reader import Say
 
 _UP = np.diag([1.0, -1.0, -1.0, 1.0])  # from x right, y down, z forward to glTF's y up, z back

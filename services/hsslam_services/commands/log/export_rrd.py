@@ -5,6 +5,7 @@ from pathlib import Path
 
 import rerun as rr
 
+from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.log.reader import bus_messages
@@ -19,7 +20,11 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     with log_progress("rrd", files) as progress:
         drawn = bus_messages(files, {topic.name for topic in TOPICS if topic.drawn})
         for logged in progress.over(drawn):
-            scene.draw(logged.message())
+            message = logged.message()
+            if isinstance(message, MeshBlocks):
+                scene.add_blocks(message)
+            else:
+                scene.draw(message)
     scene.finish()
     stream.flush()
     stream.disconnect()

@@ -1,7 +1,8 @@
-"""`hsslam-log info`: what one log file holds, and when each channel begins and ends."""
+"""`hsslam-log info`: what a log holds, all its parts as one, and how often its topics come."""
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -13,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hsslam_node.presets import PRESETS
-from hsslam_services.log.mcap_writer import RUN_METADATA
+from hsslam_services.log.channel_copies import RUN_METADATA
 from hsslam_services.log.reader import log_reader
 from hsslam_services.run.options import ServeOptions
 
@@ -45,45 +46,75 @@ def _times(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> list[int]:
     return [time_ns for time_ns, _ in MessageIndex.read(ReadDataStream(stream)).records]
 
 
-def log_info(path: Path) -> Iterator[Text | Table]:
-    """The file in a line, the run in another, its topics in a table.
+@dataclass
+class _Channel:
+    """Messages of a topic and the seconds from the first to the last in each part."""
+
+    schema: str
+    count: int = 0
+    span_s: float = 0.0
+
+
+def log_info(files: list[Path]) -> Iterator[Text | Table]:
+    """The parts of a log in a line, the run in another, the topics of all parts in a table.
 
     Raises:
-        UserError: the file is damaged.
+        UserError: a file is damaged.
     """
-    with log_reader(path) as reader, path.open("rb") as stream:
-        summary = reader.get_summary()
-        if summary is None or summary.statistics is None:
-            raise ValueError("no statistics")
-        about = {record.name: record.metadata for record in reader.iter_metadata()}
-        spans_s = channel_spans(stream, summary)
-    statistics = summary.statistics
-    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(statistics.message_start_time / 1e9))
-    yield Text(
-        f"{path}: finished, {path.stat().st_size / 1e6:.1f} MB, {_seconds(statistics):.1f} s from "
-        f"{began} UTC, {statistics.message_count} messages"
-    )
-    run = about.get(RUN_METADATA)
+    channels: dict[str, _Channel] = {}
+    found: list[Statistics] = []
+    run: Mapping[str, str] | None = None
+    for path in files:
+        with log_reader(path) as reader, path.open("rb") as stream:
+            summary = reader.get_summary()
+            if summary is None or summary.statistics is None:
+                raise ValueError("no statistics")
+            about = {record.name: record.metadata for record in reader.iter_metadata()}
+            run = run or about.get(RUN_METADATA)
+            _add_channels(channels, summary, channel_spans(stream, summary))
+            found.append(summary.statistics)
+    yield Text(_files_line(files, found))
     if run is not None:
         yield Text(_run_line(run))
-    yield _topics(summary, statistics, spans_s)
+    yield _topics(channels)
 
 
-def _topics(summary: Summary, statistics: Statistics, spans_s: Mapping[int, float]) -> Table:
+def _add_channels(
+    channels: dict[str, _Channel], summary: Summary, spans_s: Mapping[int, float]
+) -> None:
+    counts = summary.statistics.channel_message_counts if summary.statistics else {}
+    for channel in summary.channels.values():
+        schema = summary.schemas.get(channel.schema_id)
+        sofar = channels.setdefault(channel.topic, _Channel(schema.name if schema else "-"))
+        sofar.count += counts.get(channel.id, 0)
+        sofar.span_s += spans_s.get(channel.id, 0.0)
+
+
+def _files_line(files: list[Path], found: list[Statistics]) -> str:
+    size_mb = sum(path.stat().st_size for path in files) / 1e6
+    count = sum(statistics.message_count for statistics in found)
+    logged = [statistics for statistics in found if statistics.message_count]
+    begin_ns = min((statistics.message_start_time for statistics in logged), default=0)
+    end_ns = max((statistics.message_end_time for statistics in logged), default=0)
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(begin_ns / 1e9))
+    where = (
+        f"{files[0]}" if len(files) == 1 else f"{files[0]} to {files[-1].name}, {len(files)} parts"
+    )
+    return (
+        f"{where}: finished, {size_mb:.1f} MB, {(end_ns - begin_ns) / 1e9:.1f} s from {began} UTC, "
+        f"{count} messages"
+    )
+
+
+def _topics(channels: Mapping[str, _Channel]) -> Table:
     table = Table("topic", "schema")
     table.add_column("messages", justify="right")
     table.add_column("rate, Hz", justify="right")
-    for channel in sorted(summary.channels.values(), key=lambda channel: channel.topic):
-        count = statistics.channel_message_counts.get(channel.id, 0)
-        schema = summary.schemas.get(channel.schema_id)
-        seconds = spans_s.get(channel.id, 0.0)
-        rate = f"{(count - 1) / seconds:.2f}" if seconds > 0 and count > 2 else "-"
-        table.add_row(channel.topic, schema.name if schema else "-", str(count), rate)
+    for topic, channel in sorted(channels.items()):
+        is_told = channel.span_s > 0 and channel.count > 2
+        rate = f"{(channel.count - 1) / channel.span_s:.2f}" if is_told else "-"
+        table.add_row(topic, channel.schema, str(channel.count), rate)
     return table
-
-
-def _seconds(statistics: Statistics) -> float:
-    return (statistics.message_end_time - statistics.message_start_time) / 1e9
 
 
 def _run_line(run: Mapping[str, str]) -> str:

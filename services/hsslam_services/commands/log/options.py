@@ -27,7 +27,10 @@ class InfoOptions:
 
 @dataclass(frozen=True)
 class RecoverOptions:
-    """Makes the unfinished log of a killed run readable, in place.
+    """Checks all sums of a log, and makes it readable if it is unfinished or damaged.
+
+    An unfinished file gets its end, in place. Of a damaged file all that is whole is kept; the original
+    stays as NAME.damaged.mcap beside it.
 
     Example:
       hsslam-log recover runs/desk/run.mcap

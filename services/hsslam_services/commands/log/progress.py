@@ -31,7 +31,7 @@ def log_progress(what: str, files: list[Path]) -> Iterator["LogProgress"]:
 
 
 class LogProgress:
-    """Moves the bar while somebody takes what lies in the log."""
+    """Moves the bar as the caller takes messages from the log."""
 
     def __init__(self, move: Callable[[int], None]) -> None:
         self.move = move  # to what was logged at this time, wall clock, ns

@@ -17,6 +17,7 @@ from rich.table import Table
 from hsslam_node.errors import UserError
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import restamped
+from hsslam_proto.frame_order import new_publisher, replayed_publisher
 from hsslam_proto.topics import FRAME, POSE, TOPICS
 from hsslam_services.bus.bus import Bus, open_router
 from hsslam_services.commands.cli import exit_code, parse_options
@@ -134,6 +135,7 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     publishers = {}
     sent: Counter[str] = Counter()
     start_s, first_ns = time.monotonic(), None
+    own = new_publisher()
     for message in logged:
         first_ns = message.log_ns if first_ns is None else first_ns
         due_s = start_s + (message.log_ns - first_ns) / 1e9 / rate
@@ -143,7 +145,7 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
             publishers[message.topic] = bus.publisher(message.topic)
         frame = message.message() if restamp and message.topic is FRAME else None
         if isinstance(frame, messages.Frame):
-            publishers[FRAME].put(restamped(frame))
+            publishers[FRAME].put(restamped(frame, replayed_publisher(frame.publisher, own)))
         else:
             publishers[message.topic].put_payload(message.payload, message.publish_ns)
         sent[message.topic.name] += 1

@@ -7,14 +7,17 @@ from collections.abc import Callable, Iterable
 from hsslam_node.errors import UserError
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import restamped
+from hsslam_proto.frame_order import FrameOrder, new_publisher, replayed_publisher
 from hsslam_proto.topics import FRAME, MAP, POSE, STEP
 from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.log_lag import LogLag
 from hsslam_services.bus.peers import Peers
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.log.reader import Logged
 
 _SERVICE = ("tracker", "mapper", "global_ba")
 _POLL_S = 0.05
+_LOG_PATIENCE_S = 2.0
 _RESEND_S = 30.0
 _PATIENCE_S = 300.0
 _NO_STEP_S = 3.0  # after the map, or a lost pose: in lockstep the step would have come
@@ -37,7 +40,9 @@ class StepByStep:
         self._steps = bus.subscribe(STEP, 256)
         self._maps = bus.subscribe(MAP, 16, history=False)
         self._peers = Peers(bus)
+        self._publisher = new_publisher()
         self._in_lockstep: bool | None = None  # not known before the first answer
+        self._lag = LogLag(has_recorder=False)
 
     def should_stop(self) -> bool:
         """Whether the service has had its time to answer."""
@@ -54,40 +59,61 @@ class StepByStep:
             raise UserError("--step: no service there: expected hsslam-serve --source zenoh:")
         publishers = {}
         sent: Counter[str] = Counter()
-        newest = -1
+        order = FrameOrder()
         for entry in logged:
             if entry.topic not in publishers:
                 publishers[entry.topic] = self._bus.publisher(entry.topic, block=True)
             if entry.topic is FRAME:
                 message = entry.message()
                 assert isinstance(message, messages.Frame)
-                if message.index <= newest:
+                place = order.place(message.publisher, message.index, message.stamp_ns)
+                if place.kind != "new":
                     continue
-                newest = message.index
-                self._send_until_answered(publishers[FRAME], message)
+                order.take(place)
+                again = replayed_publisher(place.publisher, self._publisher)
+                self._send_until_answered(publishers[FRAME], message, again)
             else:
                 publishers[entry.topic].put_payload(entry.payload)
             sent[entry.topic.name] += 1
+        self._wait_for_log()
         return sent
 
-    def _send_until_answered(self, frames: Publisher, message: messages.Frame) -> None:
+    def _wait_for_log(self) -> None:
+        """What is on its way to the recorder goes with this process."""
+        give_up_s = time.monotonic() + _LOG_PATIENCE_S
+        while not self._lag.is_over() and time.monotonic() < give_up_s:
+            self._bus.wait(_POLL_S)
+            for step in self._steps.drain():
+                self._lag.hear(step)
+
+    def _send_until_answered(
+        self, frames: Publisher, message: messages.Frame, publisher: int
+    ) -> None:
         self._give_up_s = time.monotonic() + self._patience_s
-        answer = _Answer(message.index)
-        frames.put(restamped(message))
+        answer = _Answer(publisher, message.index)
+        frames.put(restamped(message, publisher))
+        self._lag.sent(publisher, message.index)
         sent_s = time.monotonic()
-        while not self._is_answered(answer):
+        while not self._is_answered(answer) or self._lag.must_wait():
             if self.should_stop():
                 raise UserError(
                     f"frame {message.index}: no answer in {self._patience_s:g} s: expected a "
                     "service with --source zenoh:"
                 )
-            if self._peers.restarted() or time.monotonic() - sent_s > _RESEND_S:
-                frames.put(restamped(message))
+            has_restarted = self._peers.restarted()
+            if has_restarted:
+                self._lag.forget()
+            is_late = time.monotonic() - sent_s > _RESEND_S
+            if not answer.is_done and (has_restarted or is_late):
+                frames.put(restamped(message, publisher))
                 sent_s = time.monotonic()
 
     def _is_answered(self, answer: "_Answer") -> bool:
         self._bus.wait(_POLL_S)
-        answer.hear(self._poses.drain(), self._steps.drain(), self._maps.drain())
+        steps = self._steps.drain()
+        for step in steps:
+            self._lag.hear(step)
+        answer.hear(self._poses.drain(), steps, self._maps.drain())
         if answer.is_done:
             self._in_lockstep = True
         elif self._in_lockstep is None and answer.lacks_step():
@@ -99,8 +125,8 @@ class StepByStep:
 class _Answer:
     """What was heard of one frame."""
 
-    def __init__(self, index: int) -> None:
-        self._index = index
+    def __init__(self, publisher: int, index: int) -> None:
+        self._name = publisher, index
         self._step_is_due_s = float("inf")
         self._heard_step = False
         self.has_pose = False
@@ -113,10 +139,11 @@ class _Answer:
         maps: list[messages.MapVersion],
     ) -> None:
         """Take in what came."""
-        mine = [pose for pose in poses if pose.index == self._index]
+        mine = [pose for pose in poses if (pose.publisher, pose.index) == self._name]
         self.has_pose |= bool(mine)
         self._heard_step |= bool(steps)
-        self.is_done |= any(s.index == self._index and s.stage == "done" for s in steps)
+        done = [step for step in steps if step.stage == "done"]
+        self.is_done |= any((step.publisher, step.index) == self._name for step in done)
         if any(pose.status == "lost" for pose in mine) or (self.has_pose and maps):
             self._step_is_due_s = min(self._step_is_due_s, time.monotonic() + _NO_STEP_S)
 

@@ -8,6 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
@@ -88,7 +89,8 @@ def _mesh(options: MeshOptions) -> None:
             f"{options.map}: its {len(views)} keyframes see no surface: expected a map with a surface"
         )
     try:
-        mesh.export(options.out)
+        with durable_file(options.out) as partial_file:
+            mesh.export(partial_file)
     except OSError as error:
         raise UserError(
             f"--out {options.out}: {error.strerror}: expected a file that can be written"

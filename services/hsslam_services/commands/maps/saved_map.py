@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.device.choose_device import DeviceWish, choose_device
+from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
@@ -22,7 +22,7 @@ class SavedMap:
         UserError: no such file, another format or version, a damaged file; the device.
     """
 
-    def __init__(self, path: Path, device: DeviceWish = "auto") -> None:
+    def __init__(self, path: Path, device: DeviceChoice = "auto") -> None:
         self._path = path
         self.checkpoint: MapCheckpoint = load_checkpoint(path)
         layout = self.checkpoint.layout

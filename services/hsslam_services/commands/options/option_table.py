@@ -107,8 +107,9 @@ def group_purposes(cls: type, prefix: str = "") -> dict[str, str]:
 
 
 def purpose(cls: type) -> str:
-    """The docstring of a dataclass of options as users read it: without `Raises`."""
-    return inspect.cleandoc(cls.__doc__ or "").partition("\n\nRaises:")[0]
+    """The docstring of a dataclass of options as users read it: without `Raises`, with its `EPILOGUE`."""
+    text = inspect.cleandoc(cls.__doc__ or "").partition("\n\nRaises:")[0]
+    return "\n\n".join(part for part in (text, getattr(cls, "EPILOGUE", "")) if part)
 
 
 def _options(cls: type, start: Any, prefix: str, values: Mapping[str, str]) -> Iterator[Option]:

@@ -7,6 +7,7 @@ import tarfile
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.download import tgz_folder
 from hsslam_node.sources.download.tgz_folder import unpack_tgz
 
 
@@ -38,6 +39,14 @@ def test_the_folder_is_there_and_nothing_else(archive):
     assert (archive.parent / "room/rgb.txt").read_text() == "list"
     assert len((archive.parent / "room/rgb/0.png").read_bytes()) == 100_000
     assert names(archive.parent) == ["room", "room.tgz"]
+
+
+@pytest.mark.parametrize("limit", ["_MOST_MEMBERS", "_MOST_BYTES"])
+def test_an_archive_without_end_is_refused(archive, monkeypatch, limit):
+    monkeypatch.setattr(tgz_folder, limit, 1)
+    with pytest.raises(UserError, match="expected at most"):
+        unpack(archive)
+    assert names(archive.parent) == ["room.tgz"]
 
 
 @pytest.mark.parametrize("spoil", ["cut", "checksum", "content", "no archive"])

@@ -1,11 +1,20 @@
 """Decoding: whatever is wrong with a file is told, never guessed."""
 
+import time
+
 import cv2
 import numpy as np
 import pytest
 
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
+from hsslam_node.sources.files.image_files import (
+    BadImageError,
+    read_any_color,
+    read_any_depth,
+    read_color,
+    read_depth,
+)
+from tests.claimed_image import png_that_claims
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 15.5, 11.5)
 RNG = np.random.default_rng(0)
@@ -39,6 +48,17 @@ def test_a_corrupt_png_is_refused(tmp_path):
     path.write_bytes(data)
     with pytest.raises(BadImageError):
         read_depth(path, CAMERA)
+
+
+@pytest.mark.parametrize("read", [read_color, read_depth, read_any_color, read_any_depth])
+def test_an_image_that_claims_gigabytes_is_refused_by_its_header(tmp_path, read):
+    path = tmp_path / "large.png"
+    path.write_bytes(png_that_claims(16384, 16384))
+    camera = () if "any" in read.__name__ else (CAMERA,)
+    begin_s = time.process_time()
+    with pytest.raises(BadImageError, match="16384x16384 pixels: expected at most 67108864 in all"):
+        read(path, *camera)
+    assert time.process_time() - begin_s < 0.2
 
 
 def test_missing_wrong_size_wrong_depth(tmp_path):

@@ -86,22 +86,22 @@ def test_trim_copies_what_lies_between(tmp_path, capsys):
     assert path.exists()
 
 
-def test_poses_of_two_worlds_are_exported_to_files_of_their_own(tmp_path, capsys):
-    path = write_log(tmp_path, second_world_at=12)
+def test_poses_of_two_map_epochs_are_exported_to_files_of_their_own(tmp_path, capsys):
+    path = write_log(tmp_path, second_epoch_at=12)
     assert main(["export", str(path), "--only", "trajectory", "mesh"]) == 0
     folder = tmp_path / "run-export"
     counts = {
         name: len(read_tum(folder / name))
-        for name in ("trajectory_online.world0.txt", "trajectory_online.txt")
+        for name in ("trajectory_online.epoch0.txt", "trajectory_online.txt")
     }
     assert list(counts.values()) == [11, 8]  # one was lost
-    assert len(read_tum(folder / "keyframes.world0.txt")) == 3
+    assert len(read_tum(folder / "keyframes.epoch0.txt")) == 3
     assert read_tum(folder / "keyframes.txt").positions.tolist() == [[3, 0, 0]]
-    assert not (folder / "mesh.ply").exists()  # that of the log is of the first world
+    assert not (folder / "mesh.ply").exists()  # that of the log is of the first map epoch
     assert "no mesh" in capsys.readouterr().err
     with (folder / "trajectory_online.csv").open() as stream:
-        worlds = [row["world"] for row in csv.DictReader(stream)]
-    assert worlds == ["0"] * 12 + ["1"] * 8
+        epochs = [row["map_epoch"] for row in csv.DictReader(stream)]
+    assert epochs == ["0"] * 12 + ["1"] * 8
 
 
 def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):

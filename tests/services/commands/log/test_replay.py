@@ -3,6 +3,7 @@
 import threading
 import time
 
+import msgspec
 import pytest
 
 from hsslam_node.errors import UserError
@@ -115,7 +116,7 @@ def _service(endpoint, lockstep, seen, stop):
             if frame is None:
                 continue
             seen.append((frame.index, frame.stamp_ns))
-            poses.put(pose(frame.index))
+            poses.put(msgspec.structs.replace(pose(frame.index), publisher=frame.publisher))
             time.sleep(0.05)
             if frame.index == 0:
                 maps.put(
@@ -124,4 +125,4 @@ def _service(endpoint, lockstep, seen, stop):
                     )
                 )
             if lockstep:
-                steps.put(messages.Step(stage="done", index=frame.index))
+                steps.put(messages.Step(stage="done", index=frame.index, publisher=frame.publisher))

@@ -17,10 +17,10 @@ from hsslam_node.evaluation.image_quality import psnr_db
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_services.artefacts.mesh_file import final_mesh
 from hsslam_services.commands.maps import mesh as mesh_command
 from hsslam_services.commands.maps import render as render_command
 from hsslam_services.commands.maps.saved_map import SavedMap
-from hsslam_services.processes.saver import final_mesh
 from tests.small_room import SMALL, mapped_room, room_frames, room_poses
 
 
@@ -66,12 +66,12 @@ def test_the_mesh_lies_on_what_the_camera_measured(saved, tmp_path, capsys):
 
 def test_the_mesh_of_a_map_with_images_is_that_of_the_service(saved, tmp_path):
     store = mapped_room().store
-    images = KeyframeImages.of(store, store.count)
+    images = KeyframeImages.of(store)[1]
     checkpoint = replace(load_checkpoint(saved), images=images)
     path, out = tmp_path / "map.safetensors", tmp_path / "mesh.ply"
     save_checkpoint(path, checkpoint)
     mesh_command.main([str(path), "--voxel", "0.08", "-o", str(out), "--device", "cpu"])
-    of_service = final_mesh(checkpoint, store, 0.08, CPU)
+    of_service = final_mesh(checkpoint.layout, checkpoint.params, store, 0.08, CPU)
     assert len(of_service.faces) > 500
     of_service.export(tmp_path / "service.ply")
     assert out.read_bytes() == (tmp_path / "service.ply").read_bytes()

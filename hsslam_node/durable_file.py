@@ -1,0 +1,69 @@
+"""Files that a power cut leaves whole: content and folder are on the disk before a file has its name."""
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+
+@contextlib.contextmanager
+def durable_file(path: Path | str) -> Iterator[Path]:
+    """A place to write `path` at, with the same suffix; at the end of the block it becomes `path`.
+
+    After the block the file is on the disk, whole and under its name; whoever reads it before, or
+    after a power cut during the block, finds the old content. If the block raises, nothing remains.
+
+    Raises:
+        OSError: the file or its folder cannot be written.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        yield partial
+        sync_file(partial)
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def write_durably(path: Path | str, data: bytes) -> None:
+    """Write `data` as the whole content of `path`, as `durable_file` does.
+
+    Raises:
+        OSError: the file or its folder cannot be written.
+    """
+    with durable_file(path) as partial:
+        partial.write_bytes(data)
+
+
+def sync_file(path: Path) -> None:
+    """Return when the content of the file is on the disk.
+
+    Raises:
+        OSError: the disk refuses it, or there is no such file.
+    """
+    _sync(path, os.O_RDONLY)
+
+
+def sync_folder(folder: Path) -> None:
+    """Return when the names in the folder are on the disk; at once if the file system cannot say.
+
+    Raises:
+        OSError: the disk refuses it, or there is no such folder.
+    """
+    try:
+        _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # as of some network file systems
+            raise
+
+
+def _sync(path: Path, flags: int) -> None:
+    fd = os.open(path, flags | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)

@@ -1,0 +1,52 @@
+"""The environment variables that HS-SLAM reads, with their documentation; no other module reads any.
+
+(Except `kernels/cache_folder.py`: a change there makes every machine compile its kernels anew.)
+"""
+
+import os
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An environment variable; `meaning` is its line in docs/cli.md."""
+
+    name: str
+    meaning: str
+
+    def value(self) -> str:
+        """What it is set to now; empty if it is not set."""
+        return os.environ.get(self.name, "")
+
+
+DATA = Variable(
+    "HSSLAM_DATA",
+    "Folder where sources are looked for that are not here; published sequences are downloaded to it.",
+)
+TUM_URL = Variable(
+    "HSSLAM_TUM_URL",
+    "Mirror of the TUM sequences: address of the folder that contains `freiburg1`.",
+)
+CACHE_HOME = Variable(
+    "XDG_CACHE_HOME",
+    "Folder of caches (not set: `~/.cache`). Its folder `hsslam` has compiled kernels, textures and, if "
+    "`HSSLAM_DATA` is not set, downloaded sequences.",
+)
+TRITON_INTERPRET = Variable(
+    "TRITON_INTERPRET",
+    "1: `--device cuda` runs in Triton's interpreter, slowly and without a GPU.",
+)
+DISPLAYS = (
+    Variable("DISPLAY", "If it is set, `--viewer auto` opens a window."),
+    Variable("WAYLAND_DISPLAY", "As `DISPLAY`."),
+)
+BENCH_DATA = Variable(
+    "HSSLAM_TEST_DATA", "Folder of the sequences of `hsslam-bench` and the tests."
+)
+VARIABLES = (DATA, TUM_URL, CACHE_HOME, TRITON_INTERPRET, *DISPLAYS, BENCH_DATA)
+
+
+def environment_table() -> str:
+    """All variables as a table of Markdown."""
+    rows = [f"| `{variable.name}` | {variable.meaning} |" for variable in VARIABLES]
+    return "\n".join(["| variable | meaning |", "| --- | --- |", *rows])

@@ -1,0 +1,69 @@
+"""Size of a PNG or JPEG from its first bytes, before anything is decoded: OpenCV has no such function."""
+
+import struct
+from dataclasses import dataclass
+from typing import Literal
+
+LARGEST_PIXELS = 2**26  # 8192 x 8192: what an image may have, wherever it comes from
+_PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR"
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # by colour type; a palette is of colours
+_JPEG = b"\xff\xd8"
+_STANDALONE = {0x01, *range(0xD0, 0xD9)}  # markers without a length
+_NO_FRAME = {0xC4, 0xC8, 0xCC}  # of the range of frame headers: tables and extensions
+
+
+@dataclass(frozen=True)
+class ImageHeader:
+    """What an image claims to be; decoding may still fail."""
+
+    kind: Literal["png", "jpeg"]
+    width_px: int
+    height_px: int
+    channels: int
+    bits: int  # of a channel
+
+    @property
+    def pixels(self) -> int:
+        return self.width_px * self.height_px
+
+
+def image_header(data: bytes | memoryview) -> ImageHeader | None:
+    """The header of a PNG or JPEG; None if these are the bytes of neither, or are cut short.
+
+    Sources: PNG specification, third edition (W3C), 11.2.1; ITU-T T.81, B.1 and B.2.2.
+    """
+    if bytes(data[: len(_PNG)]) == _PNG:
+        return _png_header(bytes(data[len(_PNG) : len(_PNG) + 10]))
+    if bytes(data[:2]) == _JPEG:
+        return _jpeg_header(data)
+    return None
+
+
+def _png_header(fields: bytes) -> ImageHeader | None:
+    if len(fields) < 10:
+        return None
+    width, height, bits, kind = struct.unpack(">IIBB", fields)
+    channels = _PNG_CHANNELS.get(kind)
+    return None if channels is None else ImageHeader("png", width, height, channels, bits)
+
+
+def _jpeg_header(data: bytes | memoryview) -> ImageHeader | None:
+    """Walks from marker to marker up to the frame header."""
+    at = 2
+    while at + 4 <= len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker == 0xFF:  # fills
+            at += 1
+        elif marker in _STANDALONE:
+            at += 2
+        elif 0xC0 <= marker <= 0xCF and marker not in _NO_FRAME:
+            fields = bytes(data[at + 4 : at + 10])
+            if len(fields) < 6:
+                return None
+            bits, height, width, channels = struct.unpack(">BHHB", fields)
+            return ImageHeader("jpeg", width, height, channels, bits)
+        else:
+            at += 2 + max(int.from_bytes(data[at + 2 : at + 4], "big"), 2)
+    return None

@@ -1,0 +1,127 @@
+"""What is known of every keyframe for ever: its stamp, its pose, where its pixels lie, what it hangs on."""
+
+import numpy as np
+
+from hsslam_node.map.allocator import ArrayAllocator
+
+SLAB_ROWS = 4096  # 1.2 MB
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS = range(
+    6
+)  # columns; the loss is a float64
+_COLUMNS = 8
+_LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
+
+
+class KeyframeRows:
+    """Append-only rows in slabs, so that their number has no limit: 300 bytes each.
+
+    Poses lie in two banks that readers copy without a lock. Whoever owns the rows says how many are
+    complete, and which bank counts.
+    """
+
+    def __init__(self, arrays: ArrayAllocator) -> None:
+        self._arrays = arrays
+        self._slabs: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def write(
+        self, k: int, frame_index: int, stamp_ns: int, slot: int, version: int, T: np.ndarray
+    ) -> None:
+        """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
+
+        Raises:
+            OutOfMemoryError: there is no room for another slab of rows.
+        """
+        meta, poses = self._slab(k // SLAB_ROWS, create=True)
+        row = k % SLAB_ROWS
+        meta[row, :5] = frame_index, stamp_ns, slot, -1, version
+        poses[:, row] = T
+
+    def frame_indices(self, count: int) -> np.ndarray:
+        """Frame index of the first `count` keyframes, [count] int64."""
+        return self._column(_FRAME_INDEX, count)
+
+    def stamps_ns(self, count: int) -> np.ndarray:
+        """Sensor stamps of the first `count` keyframes, [count] int64 ns."""
+        return self._column(_STAMP_NS, count)
+
+    def anchors(self, count: int) -> np.ndarray:
+        """The keyframe that each of the first `count` hangs on, [count] int64; -1: on none."""
+        return self._column(_ANCHOR, count)
+
+    def versions(self, first: int, count: int) -> np.ndarray:
+        """Pose versions at which the poses of keyframes `first` to `count` were taken, [n] int64."""
+        return np.array([self._meta(k)[_VERSION] for k in range(first, count)], np.int64)
+
+    def identity(self, k: int) -> tuple[int, int]:
+        """Frame index and stamp (ns) of keyframe k."""
+        row = self._meta(k)
+        return int(row[_FRAME_INDEX]), int(row[_STAMP_NS])
+
+    def slot(self, k: int) -> int:
+        """Where the pixels of keyframe k lay when it was appended."""
+        return int(self._meta(k)[_SLOT])
+
+    def hang(self, k: int, anchor: int) -> None:
+        """Keyframe k moves with `anchor` from now on, once it has no pixels."""
+        self._meta(k)[_ANCHOR] = anchor
+
+    def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
+        """The newest losses [n] of keyframes `ids` [n]; one writer at a time."""
+        for k, loss in zip(ids.tolist(), losses.tolist(), strict=True):
+            self._meta(k).view(np.float64)[_LOSS] = max(loss, _LEAST_LOSS)
+
+    def losses(self, ids: np.ndarray) -> np.ndarray:
+        """The newest losses of keyframes `ids` [n], [n] float64; nan where none is known."""
+        noted = np.array([self._meta(k).view(np.float64)[_LOSS] for k in ids.tolist()], np.float64)
+        return np.where(noted > 0, noted, np.nan)
+
+    def pose(self, k: int, bank: int) -> np.ndarray:
+        """T_world_cam [4, 4] of keyframe k, copied."""
+        return self._slab(k // SLAB_ROWS, create=False)[1][bank, k % SLAB_ROWS].copy()
+
+    def poses(self, ids: np.ndarray, bank: int) -> np.ndarray:
+        """T_world_cam [n, 4, 4] of keyframes `ids` [n], copied."""
+        out = np.empty((len(ids), 4, 4))
+        slab = ids // SLAB_ROWS
+        for s in np.unique(slab):
+            mine = slab == s
+            out[mine] = self._slab(int(s), create=False)[1][bank, ids[mine] % SLAB_ROWS]
+        return out
+
+    def all_poses(self, count: int, bank: int) -> np.ndarray:
+        """T_world_cam [count, 4, 4] of the first `count` keyframes, copied."""
+        out = np.empty((count, 4, 4))
+        for s in range(-(-count // SLAB_ROWS)):
+            part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
+            part[:] = self._slab(s, create=False)[1][bank, : len(part)]
+        return out
+
+    def write_bank(self, poses: np.ndarray, bank: int) -> None:
+        """Overwrite the poses of the first keyframes in the bank that no process reads, [n, 4, 4]."""
+        for s in range(-(-len(poses) // SLAB_ROWS)):
+            part = poses[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
+            self._slab(s, create=False)[1][bank, : len(part)] = part
+
+    def _meta(self, k: int) -> np.ndarray:
+        return self._slab(k // SLAB_ROWS, create=False)[0][k % SLAB_ROWS]
+
+    def _column(self, column: int, count: int) -> np.ndarray:
+        out = np.empty(count, np.int64)
+        for s in range(-(-count // SLAB_ROWS)):
+            part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
+            part[:] = self._slab(s, create=False)[0][: len(part), column]
+        return out
+
+    def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray]:
+        while len(self._slabs) <= index:
+            k = len(self._slabs)
+            names = f"keyframe_meta.{k:03d}", f"keyframe_poses.{k:03d}"
+            if create:
+                slab = (
+                    self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
+                    self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
+                )
+            else:
+                slab = self._arrays.open(names[0]), self._arrays.open(names[1])
+            self._slabs.append(slab)
+        return self._slabs[index]

@@ -1,0 +1,51 @@
+"""What a correction of poses moves beside the keyframes that it names."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3_batch import inverse_batch
+
+
+@dataclass(frozen=True)
+class PoseCorrection:
+    """What a correction has moved, retired keyframes and those appended meanwhile included."""
+
+    version: int  # of the poses from now on
+    keyframes: np.ndarray  # [n] ids, sorted
+    T_world_cam: np.ndarray  # [n, 4, 4]
+
+    def with_more(self, other: "PoseCorrection") -> "PoseCorrection":
+        """This one and a later one of newer keyframes."""
+        return PoseCorrection(
+            other.version,
+            np.append(self.keyframes, other.keyframes),
+            np.concatenate([self.T_world_cam, other.T_world_cam]),
+        )
+
+
+def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
+    """Move the keyframes from `known` on in `after` [n, 4, 4] as the last one before them has moved."""
+    if 0 < known < len(before):
+        after[known:] = after[known - 1] @ inverse(before[known - 1]) @ before[known:]
+
+
+def carry_retired(
+    before: np.ndarray, after: np.ndarray, is_kept: np.ndarray, anchors: np.ndarray
+) -> None:
+    """Move keyframes that are not kept in `after` [n, 4, 4] with what they hang on.
+
+    Args:
+        is_kept: [n] bool.
+        anchors: [n] int64, the keyframe that each hangs on, which may have been retired later; -1: none.
+    """
+    if is_kept.all():
+        return
+    root = np.where(is_kept, np.arange(len(before)), anchors)
+    while not (is_kept[root] | (root < 0)).all():
+        root = np.where(is_kept[root] | (root < 0), root, root[root])
+    moved = ~is_kept & (root >= 0)
+    moved[moved] = (after[root[moved]] != before[root[moved]]).any(axis=(1, 2))
+    to = root[moved]
+    after[moved] = after[to] @ inverse_batch(before[to]) @ before[moved]

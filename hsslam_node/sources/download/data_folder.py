@@ -1,0 +1,17 @@
+"""The folder of data sets, $HSSLAM_DATA; apart, as sources and downloads share it."""
+
+from pathlib import Path
+
+from hsslam_node.environment import DATA
+
+
+def data_folder() -> Path | None:
+    """$HSSLAM_DATA; None if it is not set."""
+    value = DATA.value()
+    return Path(value) if value else None
+
+
+def possible_places(name: str) -> list[Path]:
+    """Where a source may lie: the path itself (absolute, or from here), then the one in $HSSLAM_DATA."""
+    data = data_folder()
+    return [Path(name).expanduser(), *([data / name] if data else [])]

@@ -1,0 +1,1 @@
+"""What Foxglove draws: messages of the bus in its own schemas."""

@@ -1,0 +1,117 @@
+"""Our messages as Foxglove protobuf messages, which viewers open with nothing installed.
+
+Frames: `world` and `camera`, OpenCV axes (x right, y down, z forward), m.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from hsslam_proto import messages
+from hsslam_proto.foxglove.mesh import blocks_update, scene_update
+from hsslam_proto.mesh.codec import Block, Triangles
+from hsslam_proto.messages import Message, Quaternion, Vector
+
+WORLD, CAMERA = "world", "camera"
+_LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
+
+
+@dataclass(frozen=True)
+class VizMessage:
+    """One message of the /viz layer: its topic, protobuf schema and payload."""
+
+    topic: str
+    schema: type[Any]
+    payload: bytes
+
+
+def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
+    """What to draw of a message; a frame must have its colour as JPEG. Lost poses are not drawn."""
+    match message:
+        case messages.Frame(color_encoding="jpeg"):
+            return [
+                _viz("/viz/camera/image", _image(message)),
+                _viz("/viz/camera/calibration", _calibration(message)),
+            ]
+        case messages.Pose() if message.status != "lost":
+            return [
+                _viz("/viz/tf", _transform(message)),
+                _viz("/viz/pose", _pose(message)),
+            ]
+        case messages.Mesh():
+            return [VizMessage("/viz/mesh", SceneUpdate, scene_update(message, WORLD, stamp_ns))]
+        case messages.Event():
+            return [_viz("/viz/log", _log(message))]
+        case _:
+            return []
+
+
+def viz_blocks(blocks: Mapping[Block, Triangles | None], stamp_ns: int) -> VizMessage:
+    """What to draw of blocks of the live mesh; None: it has no surface any more."""
+    return VizMessage("/viz/mesh", SceneUpdate, blocks_update(blocks, WORLD, stamp_ns))
+
+
+def cleared_scene(stamp_ns: int) -> VizMessage:
+    """Takes away all that was drawn before: the map was thrown away."""
+    deletion = SceneEntityDeletion(type=SceneEntityDeletion.ALL)
+    deletion.timestamp.FromNanoseconds(stamp_ns)
+    return _viz("/viz/mesh", SceneUpdate(deletions=[deletion]))
+
+
+def _viz(topic: str, message: Any) -> VizMessage:
+    return VizMessage(topic, type(message), message.SerializeToString())
+
+
+def _image(frame: messages.Frame) -> CompressedImage:
+    image = CompressedImage(frame_id=CAMERA, data=bytes(frame.color), format="jpeg")
+    image.timestamp.FromNanoseconds(frame.stamp_ns)
+    return image
+
+
+def _calibration(frame: messages.Frame) -> CameraCalibration:
+    fx, fy, cx, cy = frame.fx, frame.fy, frame.cx, frame.cy
+    calibration = CameraCalibration(
+        frame_id=CAMERA,
+        width=frame.width_px,
+        height=frame.height_px,
+        distortion_model="plumb_bob",
+        D=[0.0] * 5,
+        K=[fx, 0, cx, 0, fy, cy, 0, 0, 1],
+        R=[1, 0, 0, 0, 1, 0, 0, 0, 1],
+        P=[fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0],
+    )
+    calibration.timestamp.FromNanoseconds(frame.stamp_ns)
+    return calibration
+
+
+def _transform(pose: messages.Pose) -> FrameTransform:
+    transform = FrameTransform(parent_frame_id=WORLD, child_frame_id=CAMERA)
+    transform.timestamp.FromNanoseconds(pose.stamp_ns)
+    _set(transform.translation, transform.rotation, pose.t, pose.q)
+    return transform
+
+
+def _pose(pose: messages.Pose) -> PoseInFrame:
+    out = PoseInFrame(frame_id=WORLD)
+    out.timestamp.FromNanoseconds(pose.stamp_ns)
+    _set(out.pose.position, out.pose.orientation, pose.t, pose.q)
+    return out
+
+
+def _log(event: messages.Event) -> Log:
+    log = Log(level=_LEVELS[event.level], message=event.text, name=event.process)
+    log.timestamp.FromNanoseconds(event.stamp_ns)
+    return log
+
+
+def _set(position: Any, rotation: Any, t: Vector, q: Quaternion) -> None:
+    position.x, position.y, position.z = t
+    rotation.x, rotation.y, rotation.z, rotation.w = q

@@ -1,0 +1,1 @@
+"""Meshes on the wire: messages, arrays, entities of Foxglove, the live mesh put together."""

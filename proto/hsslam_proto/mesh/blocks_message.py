@@ -1,0 +1,54 @@
+"""The message of the live mesh: blocks of space whose surface has changed."""
+
+import numpy as np
+
+from hsslam_proto.messages import Index, Message, Real
+
+
+class MeshBlocks(Message, frozen=True, kw_only=True):
+    """Blocks of the live mesh: cubes of `block_m` at integer places, each with its own vertices and faces.
+
+    `blocks` [B, 3] int32: block b covers b * block_m to (b + 1) * block_m, m world. `vertex_counts` and
+    `face_counts` [B] uint32: of each block, 0: it has no surface any more. `vertices` [V, 3] float32 m world,
+    `faces` [F, 3] uint32, numbers of vertices of their block, `colors` [V, 3] uint8 RGB: of all blocks, one
+    after the other. A block replaces what was sent of it in an earlier `revision`. `series` grows when a
+    mesher starts: blocks of an earlier series are gone. `voxel_m`: vertices lie on edges of the lattice of so
+    many metres. A `get` on the key is answered with all blocks there are, in as many messages as it takes.
+    """
+
+    series: Index
+    revision: Index
+    map_version: Index
+    voxel_m: Real
+    block_m: Real
+    blocks: memoryview
+    vertex_counts: memoryview
+    face_counts: memoryview
+    vertices: memoryview
+    faces: memoryview
+    colors: memoryview
+    map_epoch: Index = 0
+
+    def __post_init__(self) -> None:
+        for name in ("voxel_m", "block_m"):
+            if not 0 < getattr(self, name) < 1e6:
+                raise ValueError(f"{name} = {getattr(self, name)}: expected metres above 0")
+        _expect_bytes(self, "blocks", 12, memoryview(self.vertex_counts).nbytes // 4)
+        _expect_bytes(self, "vertex_counts", 4, memoryview(self.blocks).nbytes // 12)
+        _expect_bytes(self, "face_counts", 4, memoryview(self.blocks).nbytes // 12)
+        vertex_counts = np.frombuffer(self.vertex_counts, "<u4").astype(np.int64)
+        face_counts = np.frombuffer(self.face_counts, "<u4").astype(np.int64)
+        _expect_bytes(self, "vertices", 12, int(vertex_counts.sum()))
+        _expect_bytes(self, "colors", 3, int(vertex_counts.sum()))
+        _expect_bytes(self, "faces", 12, int(face_counts.sum()))
+        faces = np.frombuffer(self.faces, "<u4").reshape(-1, 3)
+        if (faces >= np.repeat(vertex_counts, face_counts)[:, None]).any():
+            raise ValueError("faces name more than the vertices of their block")
+        if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
+            raise ValueError("vertices: expected finite numbers")
+
+
+def _expect_bytes(message: MeshBlocks, name: str, each: int, count: int) -> None:
+    size = memoryview(getattr(message, name)).nbytes
+    if size != each * count:
+        raise ValueError(f"{name} has {size} bytes: expected {each * count}")

@@ -1,0 +1,115 @@
+"""Shared memory or the store of keyframes is full: a camera that stands still, a foreign file, a long way."""
+
+import contextlib
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from hsslam_bench.faults.experiment import Experiment, with_shared_memory
+from hsslam_bench.faults.fault import Finding
+from hsslam_bench.faults.strange_frames import NO_SHARED_MEMORY, small_room_frames
+from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
+from hsslam_node.frame import Frame
+from hsslam_proto import topics
+from hsslam_proto.frame_codec import frame_message
+from hsslam_services.bus.bus import Bus
+
+_STILL_S = 120.0
+_RATE_HZ = 20.0
+_SETTLED_S = 20.0
+_MOST_MB_PER_S = 0.02
+_FEW_KEYFRAMES = ("--slam.keyframes.capacity", "12")
+
+
+def camera_stands_still(experiment: Experiment) -> Finding:
+    """The same frame for two minutes, /dev/shm of 256 MB: memory does not grow, the run goes on."""
+    (frame,) = small_room_frames(1)
+    run = experiment.serve(
+        *SMALL_ROOM,
+        *("--source", "zenoh:", "--slam.keyframes.every-frames", "1"),
+        prefix=with_shared_memory("256m"),
+    )
+    run.wait_until_ready()
+    stopped = threading.Event()
+    camera = threading.Thread(target=_publish, args=(run, frame, stopped), daemon=True)
+    camera.start()
+    samples: list[tuple[float, float]] = []
+    begin_s = time.monotonic()
+    while run.code is None and (now_s := time.monotonic() - begin_s) < _STILL_S:
+        samples.append((now_s, _used_mb(run)))
+        time.sleep(1.0)
+    code = run.code
+    stopped.set()
+    camera.join()
+    late = [sample for sample in samples if sample[0] > _SETTLED_S]
+    grown = (late[-1][1] - late[0][1]) / (late[-1][0] - late[0][0]) if len(late) > 1 else 0.0
+    if code is None:
+        run.signal()
+        run.finish()
+    return Finding(
+        code is not None or grown > _MOST_MB_PER_S,
+        f"shared memory grew by {grown:.3f} MB/s after {_SETTLED_S:g} s; ended by itself: {code}",
+    )
+
+
+def map_is_saved_without_room(experiment: Experiment) -> Finding:
+    """Another file fills /dev/shm, then a client saves the map: the service outlives it."""
+    maps = experiment.folder / "maps"
+    run = experiment.serve(
+        *SMALL_ROOM,
+        *("--synth.length", "3000", "--maps", str(maps)),
+        prefix=with_shared_memory("700m"),
+    )
+    run.wait_for_poses(40)
+    filler = _shared_memory(run) / "filler"
+    with filler.open("wb", buffering=0) as file:
+        for size in (1 << 20, 4096, 1):
+            with contextlib.suppress(OSError):
+                while True:
+                    file.write(bytes(size))
+    answer = run.control("save", "mine")
+    code = run.ends_within(10.0)
+    filler.unlink()
+    if code is None:
+        run.signal()
+        run.finish()
+    lost = run.missing("trajectory.txt")
+    return Finding(
+        code is not None or bool(lost),
+        f"save: {answer[:120]!r}; ended by itself: {code}; not written: {lost or 'nothing'}",
+    )
+
+
+def keyframes_reach_their_capacity(experiment: Experiment) -> Finding:
+    """Room for 12 keyframes: every frame gets its pose, and the service says so once."""
+    run = experiment.serve(*SMALL_ROOM, *_FEW_KEYFRAMES, "--frames", "300", "--pace", "lockstep")
+    code = run.ends_within(240.0)
+    answered = len((run.out / "trajectory.txt").read_text().splitlines()) if code == 0 else 0
+    told = sum("keyframe" in line and "warning" in line.lower() for line in run.stderr.splitlines())
+    return Finding(
+        code != 0 or answered < 299,
+        f"exit code {code}; {answered} of 300 frames have a pose; {told} warnings",
+    )
+
+
+def _publish(run: LiveRun, frame: Frame, stopped: threading.Event) -> None:
+    with Bus(run.endpoint, "robot", "camera-still", settings=NO_SHARED_MEMORY) as bus:
+        publisher, index = bus.publisher(topics.FRAME), 0
+        while not stopped.wait(1 / _RATE_HZ):
+            stamp_ns = round(index * 1e9 / _RATE_HZ)
+            still = replace(frame, index=index, stamp_ns=stamp_ns)
+            publisher.put(frame_message(still, time.time_ns()))
+            index += 1
+
+
+def _shared_memory(run: LiveRun) -> Path:
+    """The /dev/shm that the service has."""
+    return Path(f"/proc/{run.process.pid}/root/dev/shm")
+
+
+def _used_mb(run: LiveRun) -> float:
+    with contextlib.suppress(OSError):
+        blocks = sum(path.stat().st_blocks for path in _shared_memory(run).rglob("*"))
+        return blocks * 512 / 1e6
+    return 0.0

@@ -1,0 +1,256 @@
+"""A `hsslam-serve` that runs: watched from outside, its processes killed, its end awaited."""
+
+import contextlib
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from hsslam_bench.runs.serve_run import RunFailedError
+from hsslam_node.errors import UserError
+from hsslam_proto import topics
+from hsslam_proto.messages import Health, Pose
+from hsslam_proto.request_messages import Ask, Status
+from hsslam_proto.requests import STATUS
+from hsslam_services.bus.ask import NotDoneError, ask
+from hsslam_services.bus.bus import Bus, free_endpoint
+
+SMALL_ROOM = (
+    *("--source", "synth:room", "--synth.width-px", "160", "--synth.height-px", "120"),
+    *("--rate-hz", "15", "--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
+)
+_POLL_S = 0.02
+_ASK_EVERY_S = 0.3
+_LAST_LINES = 12
+
+
+class LiveRun:
+    """A running `hsslam-serve` on a free port; the first use of `bus` connects a client to it.
+
+    `prefix` stands before the command. Methods that wait raise RunFailedError if the service ends
+    before, or if it takes too long.
+    """
+
+    def __init__(
+        self, out: Path, *options: str, prefix: tuple[str, ...] = (), viewer: str = "none"
+    ) -> None:
+        self.out = out
+        self.endpoint = free_endpoint()
+        self.port = int(self.endpoint.rpartition(":")[2])
+        self.poses: list[Pose] = []
+        self._messages = out.parent / f"{out.name}.stderr"
+        self._bus: Bus | None = None
+        command = [*prefix, sys.executable, "-P", "-m", "hsslam_services.commands.serve"]
+        places = ["--out", str(out), "--zenoh-port", str(self.port), "--viewer", viewer]
+        with self._messages.open("wb") as stderr:
+            self.process = subprocess.Popen(
+                [*command, *places, *options],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+            )
+
+    @property
+    def stderr(self) -> str:
+        """What the user has read so far."""
+        return self._messages.read_text(errors="replace")
+
+    @property
+    def last_words(self) -> str:
+        """The end of that, without the lines that show how far it is."""
+        lines = [line for line in self.stderr.splitlines() if not line.startswith("frame ")]
+        return "\n".join(lines[-_LAST_LINES:])
+
+    @property
+    def code(self) -> int | None:
+        """Exit code; None while it runs."""
+        return self.process.poll()
+
+    @property
+    def bus(self) -> Bus:
+        """A client, as an outsider's; waits for the router."""
+        if self._bus is None:
+            self.wait_until(lambda: _port_listens(self.port), 30)
+            self._bus = Bus(self.endpoint, "robot", "test")
+            self._health_subscription = self._bus.subscribe(topics.HEALTH, 1024)
+            self._pose_subscription = self._bus.subscribe(topics.POSE, 4096, history=True)
+        return self._bus
+
+    @property
+    def arena_dir(self) -> Path:
+        """The folder of its shared memory."""
+        return Path(json.loads((self.out / "run.json").read_text())["arena_dir"])
+
+    def wait_until(self, condition: Callable[[], object], timeout_s: float) -> None:
+        """Return when the condition holds."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            if self.code is not None:
+                raise RunFailedError(
+                    f"{self.out.name} ended with code {self.code}: {self.last_words}"
+                )
+            if time.monotonic() > deadline:
+                raise RunFailedError(
+                    f"{self.out.name}: not so in {timeout_s:g} s: {self.last_words}"
+                )
+            time.sleep(_POLL_S)
+
+    def wait_for_poses(self, count: int, timeout_s: float = 180) -> None:
+        """Return when `count` more poses have been published."""
+        wanted = len(self.poses) + count
+        self.wait_until(lambda: len(self.new_poses()) >= wanted, timeout_s)
+
+    def new_poses(self) -> list[Pose]:
+        """All poses so far, those taken in that have just come."""
+        assert self.bus
+        self.poses.extend(self._pose_subscription.drain())
+        return self.poses
+
+    def wait_until_ready(self, timeout_s: float = 120) -> None:
+        """Return when tracker and mapper take work."""
+
+        def is_ready() -> bool:
+            states = status.processes if (status := self.status()) else {}
+            return states.get("tracker") == states.get("mapper") == "running"
+
+        self.wait_until(is_ready, timeout_s)
+
+    def heartbeats(self, name: str, count: int = 2) -> list[Health]:
+        """The next heartbeats of a process; what it had at hand when the first was sent is done."""
+        assert self.bus
+        self._health_subscription.drain()
+        found: list[Health] = []
+
+        def arrived() -> bool:
+            found.extend(h for h in self._health_subscription.drain() if h.process == name)
+            return len(found) >= count
+
+        self.wait_until(arrived, 30)
+        return found
+
+    def status(self, timeout_s: float = 5.0) -> Status | None:
+        """The answer to `hsslam-ctl status`; None without one."""
+        time.sleep(_ASK_EVERY_S)
+        try:
+            return ask(self.endpoint, "robot", STATUS, Ask(), timeout_s, connect_s=1.0)
+        except (NotDoneError, UserError):
+            return None
+
+    def control(self, *words: str, timeout_s: float = 60.0) -> str:
+        """What `hsslam-ctl` prints."""
+        command = [sys.executable, "-P", "-m", "hsslam_services.commands.ctl", *words]
+        try:
+            done = subprocess.run(
+                [*command, "--connect", self.endpoint],
+                capture_output=True,
+                text=True,
+                timeout=timeout_s,
+            )
+        except subprocess.TimeoutExpired:
+            return f"no answer within {timeout_s:g} s"
+        return (done.stdout + done.stderr).strip()
+
+    def pid_of(self, name: str) -> int | None:
+        """Process id of a worker, None while it does not live."""
+        for child in psutil.Process(self.process.pid).children():
+            try:
+                words = " ".join(child.cmdline()).split()  # of a forked process they are one
+                if any(w.startswith("hsslam_") and w.endswith(f".{name}") for w in words):
+                    return child.pid
+            except psutil.Error:
+                continue
+        return None
+
+    def kill_worker(self, name: str, timeout_s: float = 15) -> None:
+        """SIGKILL it, and wait until its successor is there."""
+        old = self.pid_of(name)
+        if old is None:
+            raise RunFailedError(f"{self.out.name}: {name} does not live: {self.last_words}")
+        psutil.Process(old).kill()
+        self.wait_until(lambda: self.pid_of(name) not in (None, old), timeout_s)
+
+    def kill_supervisor(self) -> None:
+        """SIGKILL it; its processes live for as long as the watchdog lets them."""
+        self.close_bus()
+        self.process.kill()
+        self.process.wait()
+
+    def signal(self, number: signal.Signals = signal.SIGINT) -> None:
+        """Send a signal to the service."""
+        self.process.send_signal(number)
+
+    def finish(self, timeout_s: float = 180) -> int:
+        """Exit code of its end."""
+        if (code := self.ends_within(timeout_s)) is None:
+            raise RunFailedError(f"{self.out.name} does not end: {self.last_words}")
+        return code
+
+    def ends_within(self, timeout_s: float) -> int | None:
+        """Exit code of its end; None if it still runs after this time."""
+        self.close_bus()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return self.process.wait(timeout_s)
+        return None
+
+    def summary(self) -> dict[str, Any]:
+        """summary.json of the run folder."""
+        return json.loads((self.out / "summary.json").read_text())
+
+    def missing(self, *names: str) -> list[str]:
+        """Which of these files the run folder does not have."""
+        return [name for name in names if not (self.out / name).is_file()]
+
+    def left_behind(self, timeout_s: float = 0.0) -> list[str]:
+        """Processes, shared memory and port of the run that are still there after this time."""
+        deadline = time.monotonic() + timeout_s
+        while (left := self._left()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return left
+
+    def close_bus(self) -> None:
+        """Disconnect the client."""
+        if self._bus is not None:
+            self._bus.close()
+            self._bus = None
+
+    def close(self) -> None:
+        """End it by force, with all its processes and its shared memory."""
+        self.close_bus()
+        if self.code is None:
+            self.process.kill()
+            self.process.wait()
+        for process in self._processes():
+            with contextlib.suppress(psutil.Error):
+                process.kill()
+        if (self.out / "run.json").exists() and self.arena_dir.name.startswith("hsslam-"):
+            shutil.rmtree(self.arena_dir, ignore_errors=True)
+
+    def _left(self) -> list[str]:
+        left = [f"process {process.pid}" for process in self._processes()]
+        if (self.out / "run.json").exists() and self.arena_dir.exists():
+            left.append(str(self.arena_dir))
+        return left + ([f"port {self.port}"] if _port_listens(self.port) else [])
+
+    def _processes(self) -> list[psutil.Process]:
+        """Its processes that live, forked ones too: their command line is one text."""
+        return [
+            process
+            for process in psutil.process_iter(["cmdline", "status"])
+            if str(self.out) in " ".join(process.info["cmdline"] or []).split()
+            and process.info["status"] != psutil.STATUS_ZOMBIE
+        ]
+
+
+def _port_listens(port: int) -> bool:
+    connections = psutil.net_connections("tcp")
+    return any(
+        c.status == psutil.CONN_LISTEN and c.laddr and c.laddr.port == port for c in connections
+    )

@@ -1,0 +1,75 @@
+"""What is held against bounds: memory by minute, latency by quarter, accuracy, keyframes, the end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_bench.soak.long_run import EndTimes, LongRun
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.trajectory.ate import ate
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.run.run_info import RunInfo
+
+_QUARTERS = 4
+_WARM_SHARE = 1 / 6  # of the run: until minute 10 of 60 memory may grow
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Memory of all processes after the first sixth of a run, MB."""
+
+    by_minute_mb: Sequence[float]
+    spread: float  # largest distance from the median, as a share of it
+    most_mb: float
+
+
+def memory_after_warm_up(run: LongRun) -> Memory:
+    """Means of each minute; shorter runs have fewer of them, but at least one."""
+    times, sizes = np.array(run.memory_mb()).T if run.memory_mb() else np.zeros((2, 0))
+    late = times > run.minutes * _WARM_SHARE
+    if not late.any():
+        return Memory((), float("inf"), float("inf"))
+    minutes = np.floor(times[late]).astype(int)
+    means = [float(sizes[late][minutes == minute].mean()) for minute in np.unique(minutes)]
+    middle = float(np.median(means))
+    return Memory(means, float(np.abs(np.array(means) - middle).max()) / middle, float(sizes.max()))
+
+
+def p99_by_quarter_ms(run: LongRun) -> list[float]:
+    """99th percentile of the latency in each quarter of the run, ms."""
+    times, latencies = np.array(run.latencies_ms()).T
+    edges = np.linspace(0, times[-1], _QUARTERS + 1)
+    edges[-1] += 1e-9
+    parts = [latencies[(times >= a) & (times < b)] for a, b in pairwise(edges)]
+    return [float(np.percentile(part, 99)) if len(part) else float("inf") for part in parts]
+
+
+def keyframes_after(run: LongRun, seconds: float) -> int:
+    """How many keyframes are of frames later than so long after the first frame."""
+    begin_ns = run.poses[0].source_stamp_ns
+    return sum(k.source_stamp_ns - begin_ns > seconds * 1e9 for k in run.keyframes)
+
+
+def ate_of(folder: Path) -> float:
+    """ATE RMSE of the trajectory of a run against the truth of its source, m; infinite without one."""
+    options = RunInfo.read(folder).options
+    truth = open_ground_truth(options.source, options.source_options)
+    if truth is None:
+        return float("inf")
+    return ate(read_tum(folder / "trajectory.txt"), truth.trajectory).rmse_m
+
+
+def ended_in_time(end: EndTimes, everything_s: float) -> bool:
+    """Whether trajectories came in 2 s, the map in 10 s, everything in `everything_s`."""
+    return end.trajectories_s <= 2.0 and end.map_s <= 10.0 and end.everything_s <= everything_s
+
+
+def end_in_words(end: EndTimes) -> str:
+    """The times of an end."""
+    return (
+        f"trajectories {end.trajectories_s:.1f} s, map {end.map_s:.1f} s, everything "
+        f"{end.everything_s:.1f} s"
+    )

@@ -1,0 +1,52 @@
+"""How many keyframes the run may keep: by the budget for shared memory, and by what there is of it."""
+
+import os
+from pathlib import Path
+
+from hsslam_node.map.store import KeyframeStore
+
+_FULL = 0.95  # of the budget; the rest is for what grows slowly, such as poses
+_LEFT_FREE = 0.1  # of the shared memory of the system, for zenoh and for poses
+_FEWEST = 12  # keyframes, however small the budget
+_PRESSED = 0.7  # of what may be kept; told once
+_LOOK_EVERY = 8  # calls between looks at the arena
+_PIXELS = ("keyframe_color.", "keyframe_depth.")  # names of arrays
+
+
+class MemoryBudget:
+    """Says how many keyframes may be kept, and once that they get scarce."""
+
+    def __init__(self, arena_dir: Path, memory_gb: float) -> None:
+        self._folder = arena_dir
+        self._memory_gb = memory_gb
+        self._calls = 0
+        self._is_told = False
+        self._limit = ""  # what sets it
+
+    def apply(self, store: KeyframeStore) -> str | None:
+        """Allow the store as many keyframes as there is memory for; returns what is to be told, if any."""
+        if self._calls % _LOOK_EVERY == 0:
+            store.allow(self._most(store))
+        self._calls += 1
+        kept, most = len(store.kept()), store.most_kept
+        if self._is_told or kept < _PRESSED * most:
+            return None
+        self._is_told = True
+        return (
+            f"{kept} of at most {most} keyframes are kept ({self._limit}): those that show little of "
+            "their own go from now on"
+        )
+
+    def _most(self, store: KeyframeStore) -> int:
+        sizes = {path.name: path.stat().st_size for path in self._folder.glob("*.bin")}
+        pixels = sum(n for name, n in sizes.items() if name.startswith(_PIXELS))
+        others = sum(sizes.values()) - pixels
+        system = os.statvfs(self._folder)
+        total, free = (n * system.f_frsize for n in (system.f_blocks, system.f_bavail))
+        limits = {
+            f"--memory-gb {self._memory_gb:g}": _FULL * 1e9 * self._memory_gb - others,
+            f"{self._folder.parent} of {total / 1e6:.0f} MB": pixels + free - _LEFT_FREE * total,
+            "keyframes.capacity": store.capacity * store.pixel_bytes,
+        }
+        self._limit = min(limits, key=limits.__getitem__)
+        return max(int(limits[self._limit]) // store.pixel_bytes, min(_FEWEST, store.capacity))

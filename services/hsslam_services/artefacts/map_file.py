@@ -1,0 +1,31 @@
+"""The map of a run at its end, map.safetensors; apart as final map saver and rescue share it."""
+
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.map.checkpoint import save_checkpoint
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.map_snapshot import map_snapshot
+
+
+def save_map(
+    run_dir: Path, store: KeyframeStore, parameters: FieldParameters, slam: SlamConfig
+) -> dict[str, Any]:
+    """Write the newest published map; not if it is still the one that was loaded.
+
+    Returns its section of the summary.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    if store.count > store.inherited or parameters.version > 1:
+        checkpoint = map_snapshot(store, parameters, slam.sampling)
+        save_checkpoint(run_dir / "map.safetensors", checkpoint)
+    return {
+        "keyframes": store.count,
+        "keyframes_kept": len(store.kept()),
+        "model_bytes": parameters.layout.size_bytes_by_part(),
+        "map": {"adam_steps": parameters.step},
+    }

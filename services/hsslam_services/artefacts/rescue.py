@@ -1,0 +1,144 @@
+"""Saves what an arena still holds when its run cannot: each artefact in a process of its own, no bus."""
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from hsslam_node.device.device import CPU
+from hsslam_node.errors import UserError
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved, read_unsaved
+from hsslam_services.artefacts.map_file import save_map
+from hsslam_services.artefacts.mesh_file import mesh_of_arena, mesh_section, save_mesh
+from hsslam_services.artefacts.trajectory_files import TrajectoryFiles
+from hsslam_services.run.process_result import (
+    ProcessResult,
+    clear_result,
+    read_result,
+    write_result,
+)
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import update_summary
+
+_LONGEST_S = 3600.0  # for one artefact: the mesh of a large map
+_POLL_S = 0.02
+Tell = Callable[[str], None]
+
+
+def rescue(arena_dir: Path, run_dir: Path, tell: Tell) -> dict[str, str]:
+    """Save what is missing in the run folder; returns a line for each artefact that is still missing.
+
+    The arena is marked all the while, so that whoever ends this process loses nothing. No other
+    process of the run may live.
+
+    Raises:
+        UserError: the arena has no run.json, or the run folder cannot be written.
+    """
+    run = RunInfo.read(arena_dir)
+    unsaved = read_unsaved(arena_dir)
+    wanted = unsaved.artefacts if unsaved else ARENA_ARTEFACTS
+    not_saved: dict[str, str] = {}
+    try:
+        run_dir.mkdir(parents=True, exist_ok=True)
+        mark_unsaved(arena_dir, run_dir, wanted)
+        for artefact in wanted:
+            error = _in_own_process(artefact, run, arena_dir, run_dir, tell)
+            if error:
+                not_saved[artefact] = error
+            update_summary(run_dir, read_result(run_dir, _result_name(artefact)).summary)
+            tell(f"{artefact} not saved: {error}" if error else f"{artefact}: saved")
+        mark_unsaved(arena_dir, run_dir, not_saved)
+        update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
+        update_summary(run_dir, {"rescued": [a for a in wanted if a not in not_saved]})
+    except OSError as error:
+        raise UserError(f"{run_dir}: {error.strerror}: expected to write there") from None
+    return not_saved
+
+
+def _in_own_process(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, tell: Tell) -> str:
+    """Fork, save there; returns "" or what went wrong. What crashes there costs nothing here."""
+    name = _result_name(artefact)
+    clear_result(run_dir, name)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    pid = os.fork()
+    if pid == 0:
+        os._exit(_save(artefact, run, arena_dir, run_dir, tell))
+    deadline_s = time.monotonic() + _LONGEST_S
+    try:
+        while (ended := os.waitpid(pid, os.WNOHANG))[0] == 0:
+            if time.monotonic() > deadline_s:
+                os.kill(pid, signal.SIGKILL)
+            time.sleep(_POLL_S)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGKILL)
+        raise
+    code = os.waitstatus_to_exitcode(ended[1])
+    if code == 0:
+        return ""
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    return read_result(run_dir, name).error or how
+
+
+def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, tell: Tell) -> int:
+    """Save one artefact and leave its section of the summary, or why it failed; returns the exit code."""
+    sections: dict[str, Any] = {}
+    error = ""
+    try:
+        _SAVERS[artefact](run, arena_dir, run_dir, sections, tell)
+    except UserError as failure:
+        error = str(failure)
+    except BaseException as failure:  # this process ends here: its parent reports it
+        error = f"{type(failure).__name__}: {failure}"
+    with contextlib.suppress(OSError):
+        write_result(run_dir, _result_name(artefact), ProcessResult(error, sections))
+    return 1 if error else 0
+
+
+def _save_trajectories(
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Tell
+) -> None:
+    arena = Arena(arena_dir)
+    store = SharedMap(arena, run.options.slam).store()
+    files = TrajectoryFiles(arena, store, MapState(arena_dir).map_epoch)
+    sections |= files.section()
+    files.save(run_dir)
+
+
+def _save_map(
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Tell
+) -> None:
+    slam = run.options.slam
+    if (published := SharedMap(Arena(arena_dir), slam).published()) is not None:
+        sections |= save_map(run_dir, *published, slam)
+
+
+def _save_mesh(
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], tell: Tell
+) -> None:
+    slam = run.options.slam
+    published = SharedMap(Arena(arena_dir), slam).published()
+    if published is None:
+        return
+    mesh = mesh_of_arena(*published, slam, CPU, tell)
+    if len(mesh.faces):
+        save_mesh(run_dir, mesh)
+        sections |= mesh_section(mesh)
+
+
+def _result_name(artefact: str) -> str:
+    return f"rescue_{artefact}"
+
+
+_SAVERS: Mapping[str, Callable[..., None]] = MappingProxyType(
+    {"trajectories": _save_trajectories, "map": _save_map, "mesh": _save_mesh}
+)

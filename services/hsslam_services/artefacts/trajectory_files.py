@@ -1,0 +1,58 @@
+"""The trajectory files of one map epoch, written from pose log and keyframes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_map_epoch, online_trajectory
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.arena import Arena
+from hsslam_services.run.summary import pose_section
+
+
+class TrajectoryFiles:
+    """The three trajectories of one map epoch (`store`: its keyframes) and their pose statistics."""
+
+    def __init__(
+        self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
+    ) -> None:
+        self._rows = PoseLog(arena).rows()
+        self._here = of_map_epoch(self._rows, map_epoch)
+        self._map_epoch, self._suffix = map_epoch, suffix
+        poses = store.poses() if store is not None else np.zeros((0, 4, 4))
+        stamps = store.stamps_ns() if store is not None else np.zeros(0, np.int64)
+        own = slice(store.inherited if store is not None else 0, len(poses))
+        self._trajectories = {
+            "trajectory": final_trajectory(self._here, poses),
+            "trajectory_online": online_trajectory(self._here),
+            "keyframes": Trajectory(stamps[own], poses[own]),
+        }
+
+    def section(self) -> dict[str, Any]:
+        """Pose statistics of the run for the summary; with several epochs, also those of this one."""
+        section = pose_section(self._rows)
+        if self._map_epoch > 0 or self._suffix:
+            keyframes = len(self._trajectories["keyframes"])
+            counts = {**pose_section(self._here)["frames"], "keyframes": keyframes}
+            name = f"trajectory{self._suffix}.txt"
+            section["map_epochs"] = {str(self._map_epoch): {**counts, "trajectory": name}}
+        return section
+
+    def save(self, run_dir: Path) -> None:
+        """Write the files, each one even if another cannot be written.
+
+        Raises:
+            UserError: one or more cannot be written; the line names them.
+        """
+        errors = []
+        for name, trajectory in self._trajectories.items():
+            path = run_dir / f"{name}{self._suffix}.txt"
+            try:
+                write_tum(path, trajectory)
+            except OSError as error:
+                errors.append(f"{path}: {error.strerror}: expected to write the file there")
+        if errors:
+            raise UserError("; ".join(errors))

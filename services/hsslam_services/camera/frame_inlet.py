@@ -1,0 +1,50 @@
+"""Which frames the tracker takes from the bus."""
+
+from pathlib import Path
+
+from hsslam_proto.frame_order import LARGEST_STEP, FrameOrder, Place
+from hsslam_proto.messages import Frame
+from hsslam_services.bus.subscription import Received, Subscription
+from hsslam_services.run.camera_progress import CameraProgress
+
+
+class FrameInlet:
+    """Refuses frames that cannot be of the run's camera; the topic counts them as rejected.
+
+    A run with a camera process takes the frames of that one alone. A camera outside is known by the number in
+    its frames, else by the publisher of their attachments.
+    """
+
+    def __init__(
+        self,
+        frames: Subscription[Frame],
+        order: FrameOrder,
+        arena_dir: Path,
+        has_camera_process: bool,
+    ) -> None:
+        self._frames = frames
+        self._order = order
+        self._arena_dir = arena_dir
+        self._has_camera_process = has_camera_process
+        self._camera = 0  # number of the run's own camera, once it has sent anything
+
+    def admit(self, received: Received[Frame]) -> Place | None:
+        """Where a frame stands among those of its camera; None if it is refused."""
+        frame, envelope = received.message, received.envelope
+        publisher = frame.publisher or (envelope.publisher if envelope else 0)
+        if self._has_camera_process and not self._is_own(publisher):
+            self._frames.refuse(f"frame {frame.index} of another publisher than the run's camera")
+            return None
+        place = self._order.place(publisher, frame.index, frame.stamp_ns)
+        if place.kind == "absurd":
+            self._frames.refuse(
+                f"frame {frame.index}: expected at most {LARGEST_STEP} after the last of its camera"
+            )
+            return None
+        return place
+
+    def _is_own(self, publisher: int) -> bool:
+        """Whether the frame is of the run's camera, which leaves its number before the first frame."""
+        if not self._camera and CameraProgress.exists(self._arena_dir):
+            self._camera = CameraProgress.read(self._arena_dir).publisher
+        return publisher == self._camera

@@ -1,0 +1,131 @@
+"""Frames of a recording on the sensor's clock, whatever the wall clock does."""
+
+import time
+
+from hsslam_node.frame import Frame
+from hsslam_proto import topics
+from hsslam_proto.frame_codec import frame_message
+from hsslam_services.bus.bus import Publisher
+from hsslam_services.bus.peers import Peers
+from hsslam_services.camera.wall_clock import WallClock
+from hsslam_services.launch.worker import Worker
+from hsslam_services.run.camera_progress import CameraProgress
+
+_POLL_S = 0.05
+_LARGEST_LAG_NS = 10**9
+_LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
+NEEDED = ("tracker", "mapper")
+OTHERS = ("recorder",)  # logs from the first frame on, if it can
+
+
+class Realtime:
+    """Sends frames when the sensor would have; the clock starts when the first map is there.
+
+    `clock_scale` stretches the source's stamps to another rate, `period_s` apart. A gap in the stamps is
+    waited out for 1 s (or three frames of a slow sensor), and reported, as is a step back.
+    """
+
+    def __init__(
+        self,
+        worker: Worker,
+        frames: Publisher,
+        progress: CameraProgress,
+        clock_scale: float,
+        period_s: float = 1 / 30,
+    ) -> None:
+        self._worker = worker
+        self._frames = frames
+        self._progress = progress
+        self._scale = clock_scale
+        self._longest_wait_ns = max(_LONGEST_WAIT_NS, round(3e9 * period_s))
+        self._wall = WallClock()
+        self._maps = worker.bus.subscribe(topics.MAP, 1)
+        self._poses = worker.bus.subscribe(topics.POSE, 8)
+        self._peers = Peers(worker.bus)
+
+    def wait_for_peers(self) -> None:
+        """Wait until tracker, mapper and recorder take work, unless frames were sent before."""
+        if not self._progress.pinned_ns:
+            self._peers.wait(NEEDED, OTHERS, self._worker)
+
+    def send(self, frame: Frame) -> None:
+        """Publish at the frame's time. Until there is a map, one frame at a time, answered, and sent again if
+        the tracker does not get it."""
+        if not self._progress.pinned_ns:
+            self._send_until_answered(frame)
+            return
+        due_ns = self._due_ns(frame)
+        self._sleep_until(due_ns)
+        self._frames.put(frame_message(frame, self._stamp_ns(due_ns), self._progress.publisher))
+
+    def held(self, seconds: float) -> None:
+        """The sensor's clock stood still for so long."""
+        if self._progress.pinned_ns:
+            self._progress.pinned_ns += round(1e9 * seconds)
+
+    def begin_map_epoch(self) -> None:
+        """The map was thrown away: the clock stands still until there is another."""
+        self._progress.pinned_ns = 0
+        self._maps.drain()
+        self._peers.restarted()  # known: they take work
+
+    def _send_until_answered(self, frame: Frame) -> None:
+        publisher = self._progress.publisher
+        message = frame_message(frame, time.time_ns(), publisher)
+        before = self._peers.frames_received("tracker")
+        self._frames.put(message)
+        sent_s = time.monotonic()
+        while not self._worker.should_stop():
+            has_map = self._maps.wait(_POLL_S) is not None
+            name = publisher, frame.index
+            status = {p.status for p in self._poses.drain() if (p.publisher, p.index) == name}
+            if has_map or "tracked" in status:  # a saved map needs no first step
+                self._progress.pinned_source_ns = round(frame.stamp_ns * self._scale)
+                self._progress.pinned_ns = time.monotonic_ns()
+                return
+            if "lost" in status:
+                return  # nothing to start a map on, or another place: the next frame may do
+            has_restarted = self._peers.restarted()
+            if has_restarted or self._peers.has_missed("tracker", before, sent_s):
+                self._worker.count("resent")
+                self._frames.put(message)
+                sent_s = time.monotonic()
+
+    def _due_ns(self, frame: Frame) -> int:
+        """Monotonic time of the frame, ns. A source slower than its sensor, a gap and a step back in its
+        stamps move the clock."""
+        source_ns = round(frame.stamp_ns * self._scale)
+        wait_ns = self._progress.due_ns(source_ns) - time.monotonic_ns()
+        is_back = frame.stamp_ns < self._progress.last_source_ns
+        if is_back:
+            self._worker.count("steps back")
+            back_s = (self._progress.last_source_ns - frame.stamp_ns) / 1e9
+            self._tell(frame, f"its stamp is {back_s:g} s before the last one's")
+        if wait_ns > self._longest_wait_ns:
+            self._progress.pinned_ns -= wait_ns - self._longest_wait_ns
+            self._worker.count("gaps")
+            waited_s = self._longest_wait_ns / 1e9
+            self._tell(frame, f"a gap of {wait_ns / 1e9:.1f} s in the stamps: waits {waited_s:g} s")
+        elif wait_ns < (0 if is_back else -_LARGEST_LAG_NS):
+            self._progress.pinned_ns -= wait_ns
+            if not is_back:
+                self._worker.count("clock_shifts")
+                if self._worker.counters["clock_shifts"] == 1:
+                    self._tell(frame, "the source is slower than its clock: clock moved")
+        return self._progress.due_ns(source_ns)
+
+    def _stamp_ns(self, due_ns: int) -> int:
+        """The wall clock at a monotonic time."""
+        stepped_s = self._wall.follow()
+        if stepped_s:
+            self._worker.count("wall clock steps")
+            self._worker.event("warning", f"the wall clock was set by {stepped_s:+.1f} s")
+        return self._wall.at(due_ns)
+
+    def _sleep_until(self, due_ns: int) -> None:
+        wait_s = (due_ns - time.monotonic_ns()) / 1e9
+        if wait_s > 0:
+            self._worker.stop_event().wait(wait_s)
+
+    def _tell(self, frame: Frame, text: str) -> None:
+        self._worker.event("warning", f"frame {frame.index}: {text}")

@@ -1,0 +1,73 @@
+"""A source that is away for a while: opened again with growing pauses, once it has given frames."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, Source, SourceLostError
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.launch.worker import Worker
+
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0
+_POLL_S = 0.2
+MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # of a source that had given frames
+
+
+def open_with_patience(worker: Worker, *, had_frames: bool) -> Source | None:
+    """The run's source; None if the worker must stop before it is there.
+
+    `had_frames`: it worked before in this run, so that what is wrong now may pass.
+
+    Raises:
+        UserError: it cannot be opened and gave no frame yet.
+    """
+    pause_s = _FIRST_PAUSE_S
+    while not worker.should_stop():
+        try:
+            return open_any_source(
+                worker.options.source, worker.options.source_options, worker.should_stop
+            )
+        except MAY_PASS as error:
+            if worker.should_stop():  # while it waited for a live camera
+                return None
+            if not had_frames:
+                raise
+            worker.event("warning", f"{error}; tried again in {pause_s:g} s")
+        worker.count("opened in vain")
+        _rest(worker, pause_s)
+        pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+    return None
+
+
+def live_frames(
+    worker: Worker, source: Source, first: int
+) -> Generator[Frame | BadFrame, None, None]:
+    """Frames of a live camera, numbered from `first`; one that is lost is opened again.
+
+    Raises:
+        UserError: it fails before its first frame.
+    """
+    index, used = first, 0
+    opened: Source | None = source
+    while opened is not None:
+        try:
+            for item in opened.frames():
+                yield replace(item, index=index)
+                index, used = index + 1, used + isinstance(item, Frame)
+            return
+        except MAY_PASS as error:
+            if used == 0 and first == 0:
+                raise
+            worker.event("warning", f"{error}: the source is opened again")
+            worker.count("reopened")
+        _rest(worker, _FIRST_PAUSE_S)
+        opened = open_with_patience(worker, had_frames=True)
+
+
+def _rest(worker: Worker, seconds: float) -> None:
+    """Wait so long, or until the worker must stop; the supervisor sees it come round."""
+    left_s = seconds
+    while left_s > 0 and not worker.should_stop():
+        worker.stop_event().wait(min(_POLL_S, left_s))
+        left_s -= _POLL_S

@@ -1,0 +1,41 @@
+"""The newest mesh of a log: the final one, or the live one put together from its blocks."""
+
+from pathlib import Path
+
+import trimesh
+
+from hsslam_proto import messages
+from hsslam_proto.map_epoch import EpochOrder
+from hsslam_proto.mesh.assembled import AssembledMesh
+from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.codec import mesh_arrays
+from hsslam_proto.topics import KEYFRAME, MESH, MESH_BLOCKS
+from hsslam_services.log.reader import Logged, bus_messages
+
+
+def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
+    """Coloured triangles (m, world of the poses) from the files of one log; None if they hold none of
+    the last map.
+
+    Raises:
+        UserError: a file is damaged, or of a version that cannot be read.
+    """
+    final: Logged | None = None
+    live = AssembledMesh()
+    epochs = EpochOrder()
+    for logged in bus_messages(files, {MESH.name, MESH_BLOCKS.name, KEYFRAME.name}):
+        if logged.topic is MESH:
+            final = logged
+            continue
+        message = logged.message()
+        epochs.begins_with(message)
+        if isinstance(message, MeshBlocks):
+            live.add(message)
+    message = None if final is None else final.message()
+    triangles = live.whole() if live.map_epoch == epochs.now else None
+    if isinstance(message, messages.Mesh) and not epochs.is_past(message):
+        triangles = mesh_arrays(message)
+    if triangles is None:
+        return None
+    vertices, faces, colors = triangles
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)

@@ -1,0 +1,82 @@
+"""`hsslam-serve rescue DIR`: saves what the arena of an earlier run still holds."""
+
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import SHM_ROOT, run_dir_of, try_own
+from hsslam_services.arena.process_registry import living_processes
+from hsslam_services.arena.unsaved_marker import read_unsaved
+from hsslam_services.launch.spawn import child_environment
+from hsslam_services.run.exit_code import ExitCode
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary, update_summary
+
+RESCUE_HELP = """usage: hsslam-serve rescue DIR
+
+Saves the results of a run that are not on disk from the run's shared memory, which is kept when
+the run ends with exit code 4. DIR is the run folder, or the folder in /dev/shm. When everything is
+saved, the memory is freed.
+
+Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved."""
+
+
+def rescue_command(args: Sequence[str]) -> ExitCode:
+    """Run the command; returns the exit code.
+
+    Raises:
+        UserError: a wrong argument, a run that is still at work, or nothing to save from.
+    """
+    if "-h" in args or "--help" in args:
+        print(RESCUE_HELP)
+        return ExitCode.SAVED
+    if len(args) != 1:
+        raise UserError(f"rescue {' '.join(args)}: expected one run folder")
+    given = Path(args[0]).absolute()
+    arena_dir, run_dir = _places(given)
+    if not arena_dir.exists():
+        if read_summary(run_dir).get("not_saved") == {}:
+            print(f"{run_dir}: everything is saved")
+            return ExitCode.SAVED
+        raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
+    try:
+        with try_own(arena_dir) as is_free:
+            if not is_free or living_processes(arena_dir):
+                raise UserError(
+                    f"{given}: its run or its rescue is going on: expected its end first"
+                )
+            return _rescue(arena_dir, run_dir)
+    except OSError as error:
+        raise UserError(f"{arena_dir}: {error.strerror}: expected an arena of this user") from None
+
+
+def _places(given: Path) -> tuple[Path, Path]:
+    """The arena folder and the run folder."""
+    if given.parent != SHM_ROOT:
+        return Path(RunInfo.read(given).arena_dir), given
+    unsaved = read_unsaved(given)
+    try:
+        return given, unsaved.run_dir if unsaved else run_dir_of(given)
+    except OSError:
+        raise UserError(f"{given}: not an arena: expected a run folder") from None
+
+
+def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
+    os.environ.update(child_environment())
+    from hsslam_services.artefacts.rescue import (
+        rescue,
+    )  # after the environment, which PyTorch reads
+
+    not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
+    known = read_summary(run_dir).get("not_saved", {})
+    left = {name: line for name, line in known.items() if name in ("log", "evaluation")} | not_saved
+    update_summary(run_dir, {"not_saved": None})
+    update_summary(run_dir, {"not_saved": left})
+    if not_saved:
+        return ExitCode.NOT_SAVED
+    shutil.rmtree(arena_dir, ignore_errors=True)
+    print(f"results: {run_dir}")
+    return ExitCode.SAVED

@@ -1,0 +1,138 @@
+"""Chooses the load level from how late the poses of the last seconds were."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from hsslam_services.governor.levels import LEVELS
+
+_WINDOW_S: Final = 2.0
+_FEWEST_FRAMES: Final = 15  # in the window: fewer say nothing
+_LATE_PERIODS: Final = 1.0  # beyond the least latency of the last time
+_UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # of the frames that are late or were dropped
+_TWO_UP_SHARE: Final = 0.25  # so many go up two levels at once
+_UP_AFTER_S: Final = 2.0  # since the last change: a level takes that long to show
+_CALM_S: Final = 10.0  # over which few frames must be late to go down
+_DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if that was too early
+_LONGEST_DOWN_AFTER_S: Final = 160.0
+_LONGEST_PERIOD_S: Final = 0.2
+_MOST_DROPPED: Final = 60  # at once
+_BASELINE_S: Final = 30.0  # half of the time over which the least latency is sought
+
+
+@dataclass(frozen=True)
+class _Seen:
+    at_s: float
+    late: int
+    frames: int
+
+
+class _Share:
+    """The share of late frames in the last seconds."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._seen: deque[_Seen] = deque()
+        self._late = 0
+        self.frames = 0
+
+    def add(self, seen: _Seen) -> float:
+        """Take in frames, and forget those of too long ago; returns the share, 0 to 1."""
+        self._seen.append(seen)
+        self._late += seen.late
+        self.frames += seen.frames
+        while seen.at_s - self._seen[0].at_s > self._seconds:
+            gone = self._seen.popleft()
+            self._late -= gone.late
+            self.frames -= gone.frames
+        return self._late / self.frames
+
+    def clear(self) -> None:
+        self._seen.clear()
+        self._late = self.frames = 0
+
+
+class Governor:
+    """Goes up a level when frames are late or dropped, and down when few were for a while.
+
+    Late is a frame whose latency is more than a frame period above the least of the last minute, so
+    that a camera with a clock of its own can be judged as well. A level that was left too early is kept
+    twice as long the next time.
+
+    Args:
+        level: to begin at, as that of a predecessor.
+    """
+
+    def __init__(self, level: int = 0) -> None:
+        self.level = min(max(level, 0), len(LEVELS) - 1)
+        self.late_share = 0.0
+        self._last: tuple[int, float] | None = None  # index and stamp, s
+        self._recent, self._calm = _Share(_WINDOW_S), _Share(_CALM_S)
+        self._least = [float("inf"), float("inf")]  # latency, s: of the last half minute, of now
+        self._least_since_s = float("-inf")
+        self._changed_s: float | None = None  # the level; at first, when frames began to come
+        self._down_after_s = _DOWN_AFTER_S
+        self._went_down = False
+
+    def frame(self, now_s: float, index: int, stamp_s: float, latency_s: float) -> bool:
+        """Take in a pose published now; whether the level changes.
+
+        Args:
+            now_s: monotonic clock, s.
+            index: of the frame; those between it and the last one were dropped.
+            stamp_s: of the sensor, s.
+            latency_s: from the stamp to the pose, by clocks that need not agree, s.
+        """
+        dropped, period_s = self._since_last(index, stamp_s)
+        late_s = latency_s - self._baseline(now_s, latency_s)
+        late = dropped + (late_s > _LATE_PERIODS * period_s)
+        seen = _Seen(now_s, late, 1 + dropped)
+        self.late_share, calm_share = self._recent.add(seen), self._calm.add(seen)
+        if self._changed_s is None:
+            self._changed_s = now_s
+        at_level_s = now_s - self._changed_s
+        if self._recent.frames < _FEWEST_FRAMES:
+            return False
+        if self.late_share > _UP_SHARE and at_level_s >= _UP_AFTER_S:
+            return self._up(now_s, at_level_s)
+        is_calm = at_level_s >= self._down_after_s and calm_share <= _DOWN_SHARE
+        return is_calm and self._down(now_s)
+
+    def _since_last(self, index: int, stamp_s: float) -> tuple[int, float]:
+        """Frames dropped between the last one and this one, and the period of the camera, s."""
+        last, self._last = self._last, (index, stamp_s)
+        if last is None or index <= last[0]:  # a camera that counts anew
+            return 0, _LONGEST_PERIOD_S
+        frames = index - last[0]
+        period_s = (stamp_s - last[1]) / frames
+        return min(frames - 1, _MOST_DROPPED), min(max(period_s, 0.0), _LONGEST_PERIOD_S)
+
+    def _baseline(self, now_s: float, latency_s: float) -> float:
+        if now_s - self._least_since_s > _BASELINE_S:
+            self._least = [self._least[1], float("inf")]
+            self._least_since_s = now_s
+        self._least[1] = min(self._least[1], latency_s)
+        return min(self._least)
+
+    def _up(self, now_s: float, at_level_s: float) -> bool:
+        if self.level == len(LEVELS) - 1:
+            return False
+        if self._went_down and at_level_s < self._down_after_s:
+            self._down_after_s = min(2 * self._down_after_s, _LONGEST_DOWN_AFTER_S)
+        self._went_down = False
+        by = 2 if self.late_share > _TWO_UP_SHARE else 1
+        return self._change(now_s, min(by, len(LEVELS) - 1 - self.level))
+
+    def _down(self, now_s: float) -> bool:
+        if self.level == 0:
+            self._down_after_s = _DOWN_AFTER_S
+            return False
+        self._went_down = True
+        return self._change(now_s, -1)
+
+    def _change(self, now_s: float, by: int) -> bool:
+        self.level += by
+        self._changed_s = now_s
+        self._recent.clear()
+        self._calm.clear()
+        return True

@@ -1,0 +1,48 @@
+"""The order in which work gives way to the latency of poses, as a table; real time alone."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class LoadLevel:
+    """What the processes do at one level; each level keeps what the levels before it gave up."""
+
+    gives_up: str  # for the operator
+    mesh_every: float = 1.0  # times the time between refreshes of the mesh and views of the map
+    view_width_px: int = 64  # of views of the map
+    image_every_s: float = 0.0  # least time between images in the live viewer
+    iterations: float = 1.0  # share of the mapper's iterations
+    rays: float = 1.0  # share of the rays of an iteration
+    ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
+
+
+LEVELS: Final = (
+    LoadLevel("nothing"),
+    LoadLevel("mesh, views and viewer images less often", mesh_every=3.0, image_every_s=0.1),
+    LoadLevel(
+        "half of the mapping iterations, bundle adjustment less often",
+        mesh_every=3.0,
+        image_every_s=0.1,
+        iterations=0.5,
+        ba_every=2.0,
+    ),
+    LoadLevel(
+        "a third of the rays, smaller views",
+        mesh_every=6.0,
+        view_width_px=32,
+        image_every_s=0.2,
+        iterations=0.5,
+        rays=0.67,
+        ba_every=2.0,
+    ),
+    LoadLevel(
+        "mapping but for a sixth",
+        mesh_every=12.0,
+        view_width_px=32,
+        image_every_s=0.5,
+        iterations=0.25,
+        rays=0.67,
+        ba_every=4.0,
+    ),
+)

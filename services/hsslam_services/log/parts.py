@@ -1,0 +1,44 @@
+"""The files of the log of a run, in a file apart as writer, readers and recovery share their names."""
+
+import re
+from pathlib import Path
+
+_PART = re.compile(r"run(?:\.(\d+))?\.mcap")
+
+
+def parts(run_dir: Path) -> list[Path]:
+    """The parts of the log of a run, in order: run.mcap, run.1.mcap, ...; the oldest may be gone."""
+    found = [path for path in run_dir.glob("run*.mcap") if _PART.fullmatch(path.name)]
+    return sorted(found, key=part_number)
+
+
+def next_part(run_dir: Path) -> Path:
+    """Where the next part of the log of a run goes."""
+    existing = parts(run_dir)
+    if not existing:
+        return run_dir / "run.mcap"
+    return run_dir / f"run.{part_number(existing[-1]) + 1}.mcap"
+
+
+def part_number(path: Path) -> int:
+    """0 for run.mcap, 1 for run.1.mcap, ..."""
+    match = _PART.fullmatch(path.name)
+    return int(match.group(1) or 0) if match else 0
+
+
+def remove_oldest(run_dir: Path, keep_bytes: int) -> list[Path]:
+    """Remove the oldest parts until all are `keep_bytes` or less, but never the newest; returns them.
+
+    Raises:
+        OSError: a part cannot be removed.
+    """
+    existing = parts(run_dir)
+    total_bytes = sum(path.stat().st_size for path in existing)
+    removed: list[Path] = []
+    for path in existing[:-1]:
+        if total_bytes <= keep_bytes:
+            break
+        total_bytes -= path.stat().st_size
+        path.unlink()
+        removed.append(path)
+    return removed

@@ -1,0 +1,131 @@
+"""What a recorder has logged, in a small file beside the log, so that its successor goes on at once."""
+
+import contextlib
+import os
+import struct
+import zlib
+from collections import Counter, OrderedDict
+from pathlib import Path
+
+import msgspec
+
+from hsslam_proto.envelope import Envelope
+from hsslam_services.log.parts import part_number, parts
+from hsslam_services.log.whole_records import Found, whole_records
+
+_FILE = ".run.mcap.recorded"
+_HEAD = struct.Struct("<II")  # length and sum of what follows
+_MOST_SENDERS = 256
+Identity = tuple[str, int, int]  # key, publish time ns, sequence
+
+
+class _Saved(msgspec.Struct, frozen=True, array_like=True):
+    """What is in the log up to `position` of `part`; `channels` are the keys of its channels."""
+
+    run_id: str
+    part: str
+    position: int
+    channels: dict[int, str]
+    counts: dict[str, int]
+    next_sequence: list[tuple[str, int, int]]  # of key and publisher
+
+
+class RecordedSoFar:
+    """Counts by topic key, and the place of each publisher in its sequence.
+
+    A new recorder of the same run reads what its predecessor has saved, and the end of the log from
+    there on: about a second of it. `has` is true of messages that the predecessor has logged; `add` takes
+    those that are logged now. The newest 256 publishers are known.
+    """
+
+    def __init__(self, run_dir: Path, run_id: str) -> None:
+        self.counts: Counter[str] = Counter()
+        self._run_id = run_id
+        self._next: OrderedDict[tuple[str, int], int] = OrderedDict()
+        self._unplaced: set[Identity] = set()
+        self._read(run_dir)
+        self._before = dict(self._next)
+        self._path = run_dir / _FILE
+        self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+
+    def has(self, key: str, envelope: Envelope | None) -> bool:
+        """Whether the predecessor has logged this message."""
+        if envelope is None:
+            return False
+        if envelope.sequence < self._before.get((key, envelope.publisher), 0):
+            return True
+        identity = (key, envelope.publish_ns, envelope.sequence)
+        if identity not in self._unplaced:
+            return False
+        self._unplaced.discard(identity)
+        self._follow(key, envelope)
+        return True
+
+    def add(self, key: str, envelope: Envelope | None) -> None:
+        """A message is logged."""
+        self.counts[key] += 1
+        if envelope is not None:
+            self._follow(key, envelope)
+
+    def save(self, part: Path, position: int, channels: dict[int, str]) -> None:
+        """All that was added is in the log, up to `position` of `part`."""
+        senders = [(*sender, sequence) for sender, sequence in self._next.items()]
+        saved = _Saved(self._run_id, part.name, position, channels, dict(self.counts), senders)
+        data = msgspec.msgpack.encode(saved)
+        with contextlib.suppress(OSError):  # a full disk: the older one counts
+            os.pwrite(self._fd, _HEAD.pack(len(data), zlib.crc32(data)) + data, 0)
+
+    def close(self) -> None:
+        """The run is over: no process goes on with it."""
+        os.close(self._fd)
+        self._path.unlink(missing_ok=True)
+
+    def _follow(self, key: str, envelope: Envelope) -> None:
+        sender = (key, envelope.publisher)
+        following = max(self._next.pop(sender, 0), envelope.sequence + 1)
+        self._next[sender] = following
+        if len(self._next) > _MOST_SENDERS:
+            self._next.popitem(last=False)
+
+    def _read(self, run_dir: Path) -> None:
+        saved = _saved(run_dir / _FILE)
+        if saved is None:  # the predecessor died before it saved, within its first second
+            for path in parts(run_dir)[-1:]:
+                self._read_end(path, 0, {})
+            return
+        if saved.run_id != self._run_id:
+            return
+        self.counts.update(saved.counts)
+        self._next.update({(key, sender): n for key, sender, n in saved.next_sequence})
+        number = part_number(Path(saved.part))
+        for path in parts(run_dir):
+            if part_number(path) == number:
+                self._read_end(path, saved.position, dict(saved.channels))
+            elif part_number(path) > number:
+                self._read_end(path, 0, {})
+
+    def _read_end(self, path: Path, position: int, channels: dict[int, str]) -> None:
+        with path.open("rb") as stream:
+            size = stream.seek(0, 2)
+            for found in whole_records(stream, size, position):
+                if not isinstance(found, Found) or found.content is None:
+                    continue
+                content = found.content
+                channels |= {id: channel.topic for id, channel in content.channels.items()}
+                for message in content.messages:
+                    key = channels.get(message.channel, "")
+                    self.counts[key] += 1
+                    self._unplaced.add((key, message.publish_ns, message.sequence))
+
+
+def _saved(path: Path) -> _Saved | None:
+    """What is in the file; None if there is none, or it is torn."""
+    try:
+        content = path.read_bytes()
+        length, crc = _HEAD.unpack_from(content)
+        data = content[_HEAD.size : _HEAD.size + length]
+        if zlib.crc32(data) != crc:
+            return None
+        return msgspec.msgpack.decode(data, type=_Saved)
+    except (OSError, struct.error, msgspec.MsgspecError):
+        return None

@@ -1,0 +1,124 @@
+"""The file of a log: it survives a full disk, and a power cut but for the last seconds."""
+
+import contextlib
+import errno
+import fcntl
+import os
+import threading
+from pathlib import Path
+
+from hsslam_node.durable_file import sync_folder
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class ResilientFile:
+    """Sequential output that keeps in memory, in order, what a full disk refuses, and tries again.
+
+    The file is new, and locked (flock) while it is open, so that others see that it grows. `sync`
+    brings it to the disk in a thread of its own: a slow disk delays no writer.
+    Positions (`tell`) count what was accepted, so an index written through it stays right.
+    Errors other than a full disk are raised as OSError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._pending = bytearray()
+        self._position = 0
+        self._syncing = _Syncing(self._fd, path.parent)
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes that wait for room on the disk; 0 in health."""
+        return len(self._pending)
+
+    @property
+    def sync_error(self) -> str:
+        """Why the disk refused what it had accepted before; empty in health."""
+        return self._syncing.error
+
+    def write(self, data: bytes) -> int:
+        """Accept all of `data`."""
+        self._position += len(data)
+        if self._pending:
+            self._pending += data
+            self.flush()
+            return len(data)
+        view = memoryview(data)
+        while view:
+            written = self._try_write(view)
+            if written == 0:
+                self._pending += view
+                break
+            view = view[written:]
+        return len(data)
+
+    def flush(self) -> None:
+        """Try to write what waits."""
+        while self._pending:
+            written = self._try_write(self._pending)
+            if written == 0:
+                return
+            del self._pending[:written]
+
+    def sync(self) -> None:
+        """Begin to bring to the disk what was written; returns at once."""
+        self._syncing.request()
+
+    def tell(self) -> int:
+        """Bytes accepted so far."""
+        return self._position
+
+    def close(self) -> None:
+        """Try once more, bring all to the disk, close; `pending_bytes` are lost."""
+        self.flush()
+        self._syncing.stop()
+        os.close(self._fd)
+
+    def _try_write(self, data: bytes | bytearray | memoryview) -> int:
+        try:
+            return os.write(self._fd, data)
+        except OSError as error:
+            if error.errno in _FULL:
+                return 0
+            raise
+
+
+class _Syncing(threading.Thread):
+    """Brings the file to the disk when it is asked to, and once more at the end; at first its name."""
+
+    def __init__(self, fd: int, folder: Path) -> None:
+        super().__init__(name="log sync", daemon=True)
+        self.error = ""
+        self._fd = fd
+        self._folder = folder
+        self._requested = threading.Event()
+        self._stopped = False
+        self.start()
+
+    def request(self) -> None:
+        self._requested.set()
+
+    def stop(self) -> None:
+        self._stopped = True
+        self._requested.set()
+        self.join()
+
+    def run(self) -> None:
+        self._try(lambda: sync_folder(self._folder))
+        is_last = False
+        while not is_last:
+            self._requested.wait()
+            self._requested.clear()
+            is_last = self._stopped
+            self._try(lambda: os.fdatasync(self._fd))
+
+    def _try(self, sync) -> None:
+        try:
+            sync()
+        except OSError as error:
+            if error.errno not in _FULL:
+                self.error = str(error.strerror)

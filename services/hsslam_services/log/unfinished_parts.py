@@ -1,0 +1,41 @@
+"""Parts that an earlier recorder left unfinished get their end, beside the new recording."""
+
+import threading
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_services.bus.publisher import Report
+from hsslam_services.log.file_index import is_finished
+from hsslam_services.log.parts import parts
+from hsslam_services.log.recovery import recover
+
+_JOIN_S = 5.0
+
+
+class UnfinishedParts:
+    """Finishes them one after another in a thread of its own, one chunk in memory at a time.
+
+    What is not finished when the run ends is finished by the command that opens it.
+    `tell(level, text)` takes its events.
+    """
+
+    def __init__(self, run_dir: Path, tell: Report) -> None:
+        self._tell = tell
+        self._parts = [path for path in parts(run_dir) if not is_finished(path)]
+        self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
+        if self._parts:
+            self._thread.start()
+
+    def close(self) -> None:
+        """Wait a moment for the end."""
+        if self._parts:
+            self._thread.join(_JOIN_S)
+
+    def _run(self) -> None:
+        for path in self._parts:
+            try:
+                self._tell("info", f"{path.name}: {recover(path).line()}")
+            except FileNotFoundError:  # the oldest part, removed meanwhile
+                continue
+            except (OSError, UserError) as error:
+                self._tell("error", f"{path.name}: left unfinished: {error}")

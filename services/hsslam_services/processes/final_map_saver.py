@@ -1,0 +1,24 @@
+"""The final map saver: writes the map at the end of a run; a process is a file of its own.
+
+Arena: reads keyframes, map
+"""
+
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.artefacts.map_file import save_map
+from hsslam_services.launch.worker import Worker, run_worker
+
+
+def main() -> None:
+    run_worker("final_map_saver", _run)
+
+
+def _run(worker: Worker) -> None:
+    slam = worker.options.slam
+    published = SharedMap(worker.arena, slam).published()
+    if published is not None:
+        worker.event("info", f"saving the map: {published[0].count} keyframes")
+        worker.add_to_summary(save_map(worker.run.path, *published, slam))
+
+
+if __name__ == "__main__":
+    main()

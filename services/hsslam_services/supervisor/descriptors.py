@@ -1,0 +1,27 @@
+"""How many files and sockets the supervisor may have open: apart as it changes a limit of the process."""
+
+import contextlib
+import resource
+
+_WANTED = 65_536  # the hard limit may be a billion, which some programs walk through
+_MOST_SESSIONS = 1000
+_DESCRIPTORS_PER_SESSION = 4  # of which a session takes one
+
+
+def allow_descriptors() -> None:
+    """Raise the soft limit of open descriptors towards the hard one; processes of the run inherit it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _WANTED if hard == resource.RLIM_INFINITY else min(_WANTED, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+def most_sessions() -> int:
+    """How many zenoh sessions the router takes, so that descriptors are left to start processes with."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return (
+        _MOST_SESSIONS
+        if soft == resource.RLIM_INFINITY
+        else min(_MOST_SESSIONS, soft // _DESCRIPTORS_PER_SESSION)
+    )

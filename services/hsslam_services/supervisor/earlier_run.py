@@ -1,0 +1,112 @@
+"""The run before in the same folder: still at work, being saved, to be kept aside, or to be replaced."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import owner_lives, try_own
+from hsslam_services.arena.unsaved_marker import is_marked, mark_unsaved, read_unsaved
+from hsslam_services.run.exit_code import ExitCode
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary
+
+_FILES = (
+    "run*.mcap*",
+    "run*.rrd",
+    "trajectory*.txt",
+    "keyframes*.txt",
+    "mesh.ply",
+    "map.safetensors",
+    "summary.json",
+    "*.png",
+    ".run*.mcap*",
+)
+_RESULTS = (*_FILES, "logs/*", ".*.partial*")
+_WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", "map.safetensors")
+_REPLACED = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
+_LONGEST_RESCUE_S = 600.0
+_POLL_S = 0.05
+
+
+def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
+    """Return when no process of an earlier run writes to the folder any more.
+
+    Raises:
+        UserError: a run is going on there, or its results are not saved in time.
+        KeyboardInterrupt: cancelled while it waits.
+    """
+    try:
+        arena_dir = Path(RunInfo.read(run_dir).arena_dir)
+    except UserError:
+        return  # of another version: none of ours writes there
+    if not arena_dir.exists():
+        return
+    if owner_lives(arena_dir):
+        raise UserError(f"--out {run_dir}: a run is going on there: expected another folder")
+    _wait_for_rescue(run_dir, arena_dir, is_cancelled)
+
+
+def clear_earlier_run(run_dir: Path) -> None:
+    """Remove the results of a run that ended in order, and nothing else; keep those of another aside.
+
+    Raises:
+        OSError: the folder does not allow it.
+    """
+    ended_in_order = read_summary(run_dir).get("exit_code") in [int(code) for code in _REPLACED]
+    with contextlib.suppress(UserError):
+        run = RunInfo.read(run_dir)
+        if not ended_in_order:
+            _keep_aside(run_dir, run.run_id, Path(run.arena_dir))
+    for pattern in _RESULTS:
+        for path in run_dir.glob(pattern):
+            path.unlink()
+
+
+def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], bool]) -> None:
+    """The watchdog of the earlier run owns the arena while it saves."""
+    deadline_s = time.monotonic() + _LONGEST_RESCUE_S
+    is_told = False
+    while not _is_left(arena_dir):
+        if not is_told:
+            is_told = True
+            text = (
+                "the run before was killed: its results are being saved, this run starts after that"
+            )
+            print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)
+        if is_cancelled():
+            raise KeyboardInterrupt
+        if time.monotonic() > deadline_s:
+            raise UserError(
+                f"--out {run_dir}: the results of the run before are still being saved: "
+                "expected another folder"
+            )
+        time.sleep(_POLL_S)
+
+
+def _is_left(arena_dir: Path) -> bool:
+    """Whether no process saves from the arena any more: it is gone, or kept for the user."""
+    try:
+        with try_own(arena_dir) as is_free:
+            return is_free and is_marked(arena_dir)
+    except OSError:
+        return True
+
+
+def _keep_aside(run_dir: Path, run_id: str, arena_dir: Path) -> None:
+    """Move the earlier results into a folder of their own, and let a kept arena name it."""
+    if not any(path for pattern in _WORTH_KEEPING for path in run_dir.glob(pattern)):
+        return
+    aside = run_dir / f"earlier-{run_id}"
+    aside.mkdir(exist_ok=True)
+    for pattern in (*_FILES, "run.json", "config.toml"):
+        for path in run_dir.glob(pattern):
+            path.rename(aside / path.name)
+    with contextlib.suppress(OSError):
+        (run_dir / "logs").rename(aside / "logs")
+    if (unsaved := read_unsaved(arena_dir)) is not None:
+        mark_unsaved(arena_dir, aside, unsaved.artefacts)
+    text = f"the run before did not end in order: its results are in {aside.name}"
+    print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)

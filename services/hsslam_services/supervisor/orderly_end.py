@@ -1,0 +1,125 @@
+"""The orderly end of a run: processes end stage by stage, each artefact is saved by a step of its own."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.arena_view import ArenaView
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.health.run_state import RunState
+from hsslam_services.health.status import frames_dropped
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import (
+    BA_STAGE,
+    CAMERA_STAGE,
+    EVALUATOR,
+    FINAL_MAP_SAVER,
+    MAP_STAGE,
+    MESH_SAVER,
+    MESHER_STAGE,
+    RECORDER_STAGE,
+    TRACKER_STAGE,
+    TRAJECTORY_SAVER,
+)
+from hsslam_services.run.process_result import read_result
+from hsslam_services.run.run_info import RunInfo
+
+_LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may be one that cannot be tracked
+
+
+@dataclass
+class OrderlyEnd:
+    """Ends a run: camera, tracker, trajectories, BA, mapper, map, mesher, mesh, log, evaluation.
+
+    `turn()` is one turn of the supervisor's loop; `run_alone(module, patience)` runs a process to its
+    end, or to more stop signals than that, and returns "" or what went wrong; `signals()` is how many
+    have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
+    `not_saved` has a line for each artefact that is missing.
+    """
+
+    run: RunInfo
+    children: Mapping[str, Child]
+    state: RunState
+    turn: Callable[[], None]
+    run_alone: Callable[[str, int], str]
+    signals: Callable[[], int]
+    tell: Callable[[str], None]
+    not_saved: dict[str, str] = field(default_factory=dict)
+
+    def to_the_end(self) -> None:
+        """Do all steps; one that fails does not cost the others."""
+        MapState(self.run.arena_dir).stopped_ns = time.monotonic_ns()
+        self._stop(CAMERA_STAGE)
+        self._drain()
+        self._stop(TRACKER_STAGE)
+        self._save("trajectories", TRAJECTORY_SAVER, patience=2 if self.state.tracked else 1)
+        saved_at = self._pose_version()
+        for name in ("global_ba", "mesher"):  # they end while the map is saved a first time
+            self.children[name].wanted = False
+        if math.isfinite(self.run.options.finish_budget_s):
+            self._save("map", FINAL_MAP_SAVER)
+        self._stop(BA_STAGE)
+        if self._pose_version() != saved_at:
+            self._save("trajectories", TRAJECTORY_SAVER)
+        self._stop(MAP_STAGE)
+        self._save("map", FINAL_MAP_SAVER)
+        self._stop(MESHER_STAGE)
+        self._save("mesh", MESH_SAVER)
+        self._stop(RECORDER_STAGE)
+        self._check_log()
+        if self.run.options.evaluate:
+            self._save("evaluation", EVALUATOR)
+
+    def miss(self, artefact: str, why: str) -> None:
+        """Note and report that something is not saved."""
+        self.not_saved[artefact] = why
+        self.tell(f"{artefact} not saved: {why}")
+
+    def _stop(self, stage: int) -> None:
+        of_stage = [c for c in self.children.values() if c.spec.stop_stage == stage]
+        for child in of_stage:
+            child.wanted = False
+        while any(child.is_alive for child in of_stage) and self.signals() < 2:
+            self.turn()
+        for child in of_stage:
+            child.kill()
+
+    def _drain(self) -> None:
+        """Wait for the answer to the last frame that the source has sent."""
+        deadline_s = time.monotonic() + _LONGEST_DRAIN_S
+        while time.monotonic() < deadline_s and self.signals() < 2:
+            self.turn()
+            tracker = self.children["tracker"]
+            if self.state.source_end is None or not tracker.is_alive:
+                return
+            if self.state.has_answered(self.state.source_end, frames_dropped(self.children)):
+                return
+
+    def _save(self, artefact: str, module: str, patience: int = 1) -> None:
+        if self.signals() > patience:
+            return
+        self.not_saved.pop(artefact, None)  # trajectories are saved again after a correction
+        error = self.run_alone(module, patience)
+        if error and self.signals() <= patience:
+            self.miss(artefact, error)
+
+    def _check_log(self) -> None:
+        """The recorder saves the log; what it leaves says whether the log is whole."""
+        recorder = self.children["recorder"]
+        if self.signals() > 1 or recorder.health is None:
+            return
+        log = read_result(self.run.path, recorder.spec.name).summary.get("log", {})
+        if recorder.state == "failed":
+            self.miss("log", recorder.user_error or "the recorder could not be kept running")
+        elif not log.get("complete", False):
+            self.miss("log", "not finished: hsslam-log recover makes it readable")
+
+    def _pose_version(self) -> int:
+        """How often keyframe poses were corrected; -1 without keyframes."""
+        try:
+            return KeyframeStore(ArenaView(Path(self.run.arena_dir))).pose_version
+        except (KeyError, OSError, ValueError):
+            return -1

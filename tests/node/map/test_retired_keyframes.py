@@ -1,0 +1,163 @@
+"""Keyframes that are retired: their slots are used again, their poses move with an anchor."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.keyframe_rows import SLAB_ROWS
+from hsslam_node.map.keyframe_slots import SLAB_KEYFRAMES
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+
+CAMERA = Camera(8, 6, 7.0, 7.5, 3.5, 2.5)
+
+
+class FullMemory(MemoryAllocator):
+    """Refuses to make more slabs of pixels than it is allowed."""
+
+    slabs = 1
+
+    def create(self, name, shape, dtype):
+        number = name.partition("keyframe_color.")[2]
+        if number and int(number) >= self.slabs:
+            raise OutOfMemoryError(f"array {name}: full")
+        return super().create(name, shape, dtype)
+
+
+def _frame(index: int) -> Frame:
+    color = np.full((6, 8, 3), index % 256, np.uint8)
+    return Frame(index, 1000 * index, CAMERA, color, np.full((6, 8), index, np.uint16), 5000.0)
+
+
+def _pose(k: int) -> np.ndarray:
+    return se3_exp(np.random.default_rng(k).normal(size=6))
+
+
+def _store(count: int, arrays: MemoryAllocator, capacity: int = 64) -> KeyframeStore:
+    store = KeyframeStore.create(arrays, CAMERA, 5000.0, capacity)
+    for k in range(count):
+        store.append(_frame(k), _pose(k))
+    return store
+
+
+def _shown(store: KeyframeStore, k: int) -> int:
+    return int(store.frame(k).depth_raw[0, 0])
+
+
+def test_a_retired_keyframe_has_a_pose_and_no_pixels():
+    arrays = MemoryAllocator()
+    store = _store(5, arrays)
+    store.retire(2, 4)
+    for each in (store, KeyframeStore(arrays)):  # in every process
+        assert each.kept().tolist() == [0, 1, 3, 4] and each.count == 5 and not each.is_kept(2)
+        np.testing.assert_array_equal(each.pose(2), _pose(2))
+        assert each.stamps_ns().tolist() == [0, 1000, 2000, 3000, 4000]
+        with pytest.raises(RetiredKeyframeError):
+            each.frame(2)
+    with pytest.raises(ValueError, match="keyframe 2 is not kept"):
+        store.retire(2, 1)
+
+
+def test_slots_are_used_again_after_a_rest():
+    arrays = MemoryAllocator()
+    store = _store(SLAB_KEYFRAMES, arrays)
+    store.retire(3, 2)
+    for k in range(SLAB_KEYFRAMES, 40):
+        store.append(_frame(k), _pose(k))
+        store.retire(k - 3, 2)
+        assert all(_shown(store, int(i)) == i for i in store.kept())
+    assert not arrays.exists(
+        "keyframe_color.003"
+    )  # 9 kept, 8 that rest, 1 that was retired just now
+    assert store.kept().tolist() == [0, 1, 2, 4, 37, 38, 39]
+
+
+def test_it_moves_with_its_anchor_and_with_the_anchor_of_that():
+    store = _store(8, MemoryAllocator())
+    store.retire(2, 5)
+    store.retire(5, 6)
+    before, move = store.poses(), _pose(100)
+    correction = store.correct_poses(np.array([6]), (move @ before[6])[None])
+    assert correction.keyframes.tolist() == [2, 5, 6]
+    np.testing.assert_allclose(store.poses()[[2, 5, 6]], move @ before[[2, 5, 6]], atol=1e-12)
+    np.testing.assert_array_equal(store.poses()[[0, 1, 3, 4, 7]], before[[0, 1, 3, 4, 7]])
+    np.testing.assert_array_equal(store.poses_of(correction.keyframes), correction.T_world_cam)
+
+
+def test_what_comes_while_a_correction_is_computed_moves_along():
+    store = _store(6, MemoryAllocator())
+    known, move = store.count, _pose(100)
+    store.append(_frame(6), _pose(6))
+    store.append(_frame(7), _pose(7))
+    before = store.poses()
+    store.correct_poses(np.array([4, 5]), move @ before[[4, 5]], known)
+    np.testing.assert_allclose(store.poses()[4:], move @ before[4:], atol=1e-12)
+    np.testing.assert_array_equal(store.poses()[:4], before[:4])
+
+
+def test_what_comes_while_it_is_written_moves_along():
+    """The tracker appends, at a pose of before, between the count and the new version."""
+    store = _store(6, MemoryAllocator())
+    before, move = store.poses(), _pose(100)
+    write_bank = store._rows.write_bank
+
+    def append_meanwhile(poses: np.ndarray, bank: int) -> None:
+        write_bank(poses, bank)
+        if store.count == 6:
+            store.append(_frame(6), _pose(6))
+
+    store._rows.write_bank = append_meanwhile
+    correction = store.correct_poses(np.array([5]), (move @ before[5])[None], 6)
+    assert correction.keyframes.tolist() == [5, 6] and correction.version == store.pose_version
+    np.testing.assert_allclose(
+        inverse(store.pose(5)) @ store.pose(6), inverse(before[5]) @ _pose(6)
+    )
+
+
+def test_a_tracker_that_died_between_slot_and_count_is_followed_by_another():
+    arrays = MemoryAllocator()
+    store = _store(5, arrays)
+    arrays.open("keyframe_slots")[5] = 6  # keyframe 5 has a slot, and was never complete
+    assert store.kept().tolist() == [0, 1, 2, 3, 4]
+    successor = KeyframeStore.create(arrays, CAMERA, 5000.0, 64)
+    assert successor.append(_frame(50), _pose(5)) == 5
+    assert successor.kept().tolist() == [0, 1, 2, 3, 4, 5] and _shown(successor, 5) == 50
+
+
+def test_full_memory_is_answered_with_slots_of_retired_ones():
+    store = _store(SLAB_KEYFRAMES, FullMemory())
+    assert not store.has_room() and store.refused == 1
+    with pytest.raises(OutOfMemoryError, match=r"keyframe_color\.001"):
+        store.append(_frame(8), _pose(8))
+    store.retire(4, 0)
+    assert store.has_room() and store.refused == 1
+    assert store.append(_frame(8), _pose(8)) == 8 and _shown(store, 8) == 8
+
+
+def test_no_more_are_kept_than_allowed():
+    store = _store(8, MemoryAllocator())
+    store.allow(9)
+    assert store.has_room() and store.most_kept == 9
+    store.append(_frame(8), _pose(8))
+    assert not store.has_room()
+    with pytest.raises(UserError, match=r"keyframes\.capacity"):
+        store.append(_frame(9), _pose(9))
+
+
+def test_the_number_of_keyframes_has_no_limit():
+    arrays = MemoryAllocator()
+    store = _store(2, arrays, capacity=16)
+    for k in range(2, SLAB_ROWS + 10):
+        store.append(_frame(k), np.eye(4))
+        store.retire(k - 1, 0)
+    assert store.count == SLAB_ROWS + 10 and store.kept().tolist() == [0, SLAB_ROWS + 9]
+    moved = se3_exp(np.full(6, 0.1))
+    store.correct_poses(np.array([0]), moved[None])
+    reader = KeyframeStore(arrays)
+    np.testing.assert_allclose(reader.pose(SLAB_ROWS + 3), moved @ inverse(_pose(0)), atol=1e-12)
+    ids = np.array([SLAB_ROWS + 9, 3, SLAB_ROWS])
+    np.testing.assert_array_equal(reader.poses_of(ids), reader.poses()[ids])
+    assert reader.frame_indices()[-1] == SLAB_ROWS + 9

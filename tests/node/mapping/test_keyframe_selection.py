@@ -1,0 +1,144 @@
+"""Keyframes stay for what they show that others do not: view, surface and light."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.config import KeyframeConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.cell_counts import CellCounts
+from hsslam_node.mapping.keyframe_selection import KeyframeSelection
+from hsslam_node.mapping.view_cells import view_cells
+from tests.small_room import room_frames, room_poses
+
+CONFIG = KeyframeConfig(recent=4)
+VIEWS = range(0, 40, 4)
+
+
+class Run:
+    """A store that is filled as by a tracker and thinned as by a mapper."""
+
+    def __init__(self, config: KeyframeConfig = CONFIG, capacity: int = 128) -> None:
+        first = room_frames()[0]
+        self.arrays = MemoryAllocator()
+        self.store = KeyframeStore.create(
+            self.arrays, first.camera, first.depth_units_per_m, capacity
+        )
+        self.selection = KeyframeSelection(config, 12.0)
+        self.most = 0
+
+    def see(self, frame: Frame, T: np.ndarray) -> None:
+        if self.store.has_room():
+            self.store.append(frame, T)
+        self.most = max(self.most, len(self.store.kept()))
+        self.selection.select(self.store)
+
+    def go(self, views=VIEWS) -> None:
+        for k in views:
+            self.see(room_frames()[k], room_poses()[k])
+
+
+def test_the_first_time_everything_stays_and_later_nothing_does():
+    run = Run()
+    run.go()
+    assert len(run.store.kept()) == len(VIEWS)
+    for _ in range(5):
+        run.go()
+    settled = len(run.store.kept())
+    assert settled < 5 * len(VIEWS)
+    for _ in range(2):
+        run.go()
+    kept = run.store.kept()
+    assert len(kept) <= settled + 2 and run.store.count == 8 * len(VIEWS)
+    assert kept[0] == 0 and kept[-4:].tolist() == list(range(run.store.count - 4, run.store.count))
+
+
+def test_a_retired_keyframe_hangs_on_one_that_stands_where_it_stood():
+    run = Run()
+    for _ in range(6):
+        run.go()
+    store, moved = run.store, se3_exp(np.array([0.5, 0, 0, 0, 0, 0]))
+    kept = store.kept()
+    before = store.poses()
+    store.correct_poses(kept[kept < 10], moved @ before[kept[kept < 10]])
+    retired = np.setdiff1d(np.arange(store.count), kept)
+    shift = store.poses()[retired] - before[retired]
+    assert len(retired) > 10 and np.allclose(shift[:, 0, 3], 0.5, atol=0.2)
+
+
+def test_another_light_and_another_side_are_new():
+    run = Run()
+    for _ in range(5):
+        run.go()
+    before = len(run.store.kept())
+    dark = [replace(f, color=(f.color // 3).astype(np.uint8)) for f in room_frames()]
+    for k in VIEWS:
+        run.see(dark[k], room_poses()[k])
+    assert len(run.store.kept()) >= before + len(VIEWS) - 4
+    before = len(run.store.kept())
+    turned = se3_exp(np.array([0, 0, 0, 0, np.pi, 0]))
+    for k in VIEWS:
+        run.see(room_frames()[k], turned @ room_poses()[k])
+    assert len(run.store.kept()) >= before + len(VIEWS) - 4
+
+
+def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
+    run = Run(capacity=12)
+    for _ in range(5):
+        run.go()
+    assert run.store.count == 50 and run.most <= 12 and run.store.refused == 0
+    assert run.store.kept()[0] == 0
+    spread = np.ptp(run.store.frame_indices()[run.store.kept()])
+    assert spread >= 28  # of 36: the kept ones are not all of one place
+
+
+def test_a_restarted_mapper_decides_alike():
+    run = Run()
+    for _ in range(6):
+        run.go()
+    settled = len(run.store.kept())
+    run.selection = KeyframeSelection(CONFIG, 12.0)
+    for _ in range(2):
+        run.go()
+    assert abs(len(run.store.kept()) - settled) <= 2
+
+
+def test_keyframes_of_a_saved_map_stay():
+    run = Run()
+    frame, T = room_frames()[0], room_poses()[0]
+    for _ in range(8):
+        run.store.append(frame, T)
+    run.store.mark_inherited()
+    run.go()
+    run.go()
+    assert set(range(8)) <= set(run.store.kept().tolist())
+
+
+def test_cells_are_those_of_surface_side_distance_and_light():
+    frame, T = room_frames()[0], room_poses()[0]
+    cells = view_cells(frame, T, 12.0)
+    assert len(cells) > 300 and (np.diff(cells) > 0).all()
+    near = T @ se3_exp(np.array([0.01, 0, 0, 0, 0, 0]))
+    assert np.isin(view_cells(frame, near, 12.0), cells).mean() > 0.7
+    far = T @ se3_exp(np.array([5.0, 0, 0, 0, 0, 0]))
+    assert np.isin(view_cells(frame, far, 12.0), cells).mean() < 0.1
+    hole = replace(frame, depth_raw=np.zeros_like(frame.depth_raw))
+    assert len(view_cells(hole, T, 12.0)) == 0
+
+
+def test_counts_are_those_of_a_dictionary_but_for_few():
+    rng = np.random.default_rng(0)
+    counts, truth = CellCounts(), {}
+    shown = [np.unique(rng.integers(0, 50_000, 2000) << 33) for _ in range(80)]
+    for cells in shown:
+        counts.add(counts.places(cells), 1)
+        truth |= {c: truth.get(c, 0) + 1 for c in cells.tolist()}
+    cells = np.array(list(truth))
+    wrong = counts.of(counts.places(cells)) - np.array(list(truth.values()))
+    assert (wrong >= 0).all() and (wrong > 0).mean() < 0.01
+    for cells in shown:
+        counts.add(counts.places(cells), -1)
+    assert not counts.of(counts.places(np.array(list(truth)))).any()

@@ -1,0 +1,67 @@
+"""How many keyframes are allowed follows the budget, the system's memory and the other arrays."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.memory_budget import MemoryBudget
+
+CAMERA = Camera(640, 480, 500.0, 500.0, 319.5, 239.5)
+BYTES = 5 * 640 * 480
+
+
+@pytest.fixture
+def arena(tmp_path: Path) -> Arena:
+    return Arena(tmp_path)
+
+
+def _store(arena: Arena, count: int, capacity: int = 1000) -> KeyframeStore:
+    store = KeyframeStore.create(arena, CAMERA, 1000.0, capacity)
+    color, depth = np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint16)
+    for k in range(count):
+        store.append(Frame(k, k, CAMERA, color, depth, 1000.0), np.eye(4))
+    return store
+
+
+def test_what_other_arrays_take_is_not_for_keyframes(arena):
+    store = _store(arena, 3)
+    assert MemoryBudget(arena.folder, 0.2).apply(store) is None
+    before = store.most_kept
+    assert 0.8 * 0.19e9 / BYTES < before <= 0.19e9 / BYTES
+    arena.create("field", (50_000_000,), np.uint8)
+    MemoryBudget(arena.folder, 0.2).apply(store)
+    assert before - store.most_kept == pytest.approx(50e6 / BYTES, abs=1)
+
+
+def test_scarcity_is_told_once(arena):
+    store = _store(arena, 16)
+    budget = MemoryBudget(arena.folder, 0.025)  # of which pose rows and table take a little
+    told = budget.apply(store)
+    assert told is not None and "--memory-gb 0.025" in told and "16 of at most" in told
+    assert budget.apply(store) is None and store.most_kept <= 16
+
+
+def test_capacity_counts_as_well(arena):
+    store = _store(arena, 9, capacity=12)
+    told = MemoryBudget(arena.folder, 2.0).apply(store)
+    assert store.most_kept == 12 and told is not None and "keyframes.capacity" in told
+
+
+def test_so_does_what_the_system_has_left(arena, monkeypatch):
+    store = _store(arena, 3)
+    real = os.statvfs(arena.folder)
+
+    def nearly_full(_: object) -> os.statvfs_result:
+        blocks = 64_000_000 // real.f_frsize
+        return os.statvfs_result((*real[:2], blocks, *[blocks // 4] * 2, *real[5:]))
+
+    monkeypatch.setattr(os, "statvfs", nearly_full)
+    budget = MemoryBudget(arena.folder, 2.0)
+    budget.apply(store)
+    assert store.most_kept == (8 * BYTES + 16e6 - 6.4e6) // BYTES

@@ -1,0 +1,35 @@
+"""A correction reaches the keyframes and, as a message, everybody else."""
+
+import numpy as np
+
+from hsslam_proto.messages import Correction
+from hsslam_proto.pose_codec import wire_pose
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.pose_corrector import PoseCorrector
+from tests.small_room import displaced, mapped_room
+
+
+class _Heard:
+    def __init__(self) -> None:
+        self.messages: list[Correction] = []
+
+    def put(self, message: Correction, /) -> None:
+        self.messages.append(message)
+
+
+def test_a_correction_is_written_and_told(tmp_path):
+    store, heard = mapped_room().store, _Heard()
+    state = MapState.create(tmp_path, localise_only=False)
+    state.map_epoch = 2
+    corrector = PoseCorrector(heard, state)
+    ids = np.array([3, 6])
+    wanted = np.stack([displaced(store.pose(int(k)), 0.02, 1.0) for k in ids])
+    corrector.correct(store, ids, wanted, store.count, (0.5, 0.25), [(8, 1)])
+    np.testing.assert_array_equal(store.poses_of(ids), wanted)
+    (message,) = heard.messages
+    assert (message.base_version, message.pose_version) == (0, 1) and message.map_epoch == 2
+    assert message.keyframes == [3, 6] and message.loops == [(1, 8)]
+    assert (message.loss_before, message.loss_after) == (0.5, 0.25)
+    assert list(zip(message.t, message.q, strict=True)) == [wire_pose(T) for T in wanted]
+    corrector.correct(store, ids[:1], wanted[:1], None, (0.5, 0.25))
+    assert heard.messages[1].base_version == 1 and heard.messages[1].loops == []

@@ -1,0 +1,101 @@
+"""Pacing of a recording with gaps, steps back and a wall clock that is set."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_proto import topics
+from hsslam_proto.messages import Frame as FrameMessage
+from hsslam_services.bus.bus import Bus, free_endpoint, open_router
+from hsslam_services.camera import wall_clock
+from hsslam_services.camera.realtime import Realtime
+from hsslam_services.launch.worker import Worker
+from hsslam_services.run.camera_progress import CameraProgress
+
+_CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
+_PIXELS = np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16)
+
+
+class _Clock:
+    """A wall clock that can be set; the monotonic one is that of the machine."""
+
+    def __init__(self) -> None:
+        self.set_by_ns = 0
+        self.monotonic_ns = time.monotonic_ns
+
+    def time_ns(self) -> int:
+        return time.time_ns() + self.set_by_ns
+
+
+@pytest.fixture
+def paced() -> Iterator[Callable[[list[float]], tuple[list[FrameMessage], list[str], float]]]:
+    """Sends frames of these stamps (s): what came, what was told, and how long it took."""
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    with Bus(endpoint, "r", "camera") as bus, Bus(endpoint, "r", "other") as other:
+        came = other.subscribe(topics.FRAME, 64)
+        told: list[str] = []
+        stop = threading.Event()
+        counters: dict[str, int] = {}
+        worker = SimpleNamespace(
+            bus=bus,
+            counters=counters,
+            count=lambda name: counters.update({name: counters.get(name, 0) + 1}),
+            event=lambda level, text: told.append(text),
+            stop_event=lambda: stop,
+            should_stop=stop.is_set,
+        )
+        progress = CameraProgress(pinned_source_ns=0, pinned_ns=time.monotonic_ns())
+        pace = Realtime(cast(Worker, worker), bus.publisher(topics.FRAME), progress, 1.0)
+
+        def send(stamps_s: list[float]) -> Any:
+            progress.pinned_ns = time.monotonic_ns() - round(stamps_s[0] * 1e9)
+            progress.last_source_ns = -1
+            begin_s = time.monotonic()
+            found = []
+            for index, stamp_s in enumerate(stamps_s):
+                pace.send(Frame(index, round(stamp_s * 1e9), _CAMERA, *_PIXELS, 5000.0))
+                progress.last_source_ns = round(stamp_s * 1e9)
+                found.append(came.wait(10.0))
+            return found, told, time.monotonic() - begin_s
+
+        yield send
+    router.close()
+
+
+def test_a_gap_of_an_hour_is_waited_for_a_second(paced):
+    found, told, took_s = paced([0.0, 0.1, 3600.0, 3600.1])
+    assert took_s < 10
+    assert len(found) == 4
+    assert len(told) == 1
+    assert "frame 2: a gap of 3599" in told[0]
+    assert "waits 1 s" in told[0]
+    assert [frame.source_stamp_ns for frame in found][2] == 3600 * 10**9
+
+
+def test_stamps_that_step_back_are_told_and_the_clock_goes_on(paced):
+    found, told, took_s = paced([100.0, 100.1, 50.0, 50.1, 50.2])
+    assert took_s < 10
+    assert told == ["frame 2: its stamp is 50.1 s before the last one's"]
+    assert found[4].stamp_ns - found[2].stamp_ns >= 0.19e9  # paced again
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_a_wall_clock_that_is_set_moves_stamps_and_not_the_pace(paced, monkeypatch, hours):
+    clock = _Clock()
+    monkeypatch.setattr(wall_clock, "time", clock)
+    before, told, _ = paced([0.0, 0.1])
+    clock.set_by_ns = hours * 3600 * 10**9
+    after, told, took_s = paced([0.0, 0.1, 0.2])
+    assert took_s < 5
+    assert len(told) == 1
+    assert f"the wall clock was set by {hours * 3600:+.1f} s" in told[0]
+    moved_s = (after[0].stamp_ns - before[1].stamp_ns) / 1e9
+    assert abs(moved_s - hours * 3600) < 30

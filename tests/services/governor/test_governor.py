@@ -1,0 +1,107 @@
+from itertools import pairwise
+
+import pytest
+
+from hsslam_services.governor.governor import Governor
+from hsslam_services.governor.levels import LEVELS
+
+_PERIOD_S = 1 / 30
+
+
+class _Camera:
+    """Frames at 30 Hz whose clock is 5 s behind ours; `latency_s` and drops are given."""
+
+    def __init__(self, governor: Governor) -> None:
+        self.governor = governor
+        self.index = 0
+        self.changes: list[tuple[float, int]] = []
+
+    @property
+    def now_s(self) -> float:
+        return self.index * _PERIOD_S
+
+    def run(self, seconds: float, latency_s: float, late_every: int = 1, drop: int = 0) -> None:
+        end = self.now_s + seconds
+        while self.now_s < end:
+            self.index += 1 + drop
+            late = latency_s if self.index % late_every == 0 else 0.015
+            if self.governor.frame(self.now_s, self.index, self.now_s, 5.0 + late):
+                self.changes.append((self.now_s, self.governor.level))
+
+
+def test_a_fast_machine_gives_nothing_up():
+    camera = _Camera(Governor())
+    camera.run(120, 0.03)
+    assert camera.changes == []
+
+
+@pytest.mark.parametrize(
+    ("how", "levels"),
+    [
+        ({"latency_s": 0.09, "late_every": 8}, [1, 2, 3, 4]),
+        ({"latency_s": 0.09, "late_every": 2}, [1, 3, 4]),  # 5 % come before 25 %
+        ({"latency_s": 0.015, "drop": 1}, [1, 3, 4]),
+    ],
+)
+def test_late_and_dropped_frames_go_up_a_level_or_two_at_a_time(how, levels):
+    camera = _Camera(Governor())
+    camera.run(5, 0.015)
+    camera.run(30, **how)
+    assert [level for _, level in camera.changes] == levels
+    times = [at_s for at_s, _ in camera.changes]
+    assert times[0] < 7 and all(b - a >= 2.0 for a, b in pairwise(times))
+
+
+def test_it_goes_down_slowly_and_more_slowly_if_that_was_too_early():
+    camera = _Camera(Governor())
+    camera.run(5, 0.015)
+    camera.run(4, 0.09)
+    camera.run(3, 0.015)
+    high = camera.governor.level
+    assert high >= 1
+    camera.run(5, 0.015)
+    assert camera.governor.level == high
+    camera.run(5, 0.015)
+    assert camera.governor.level == high - 1
+    camera.run(4, 0.09)  # it was needed
+    back = camera.now_s
+    assert camera.governor.level >= high
+    camera.run(15, 0.015)
+    assert all(at_s <= back for at_s, _ in camera.changes)
+    camera.run(200, 0.015)
+    assert camera.governor.level == 0
+
+
+def test_one_late_frame_now_and_then_changes_nothing():
+    camera = _Camera(Governor())
+    camera.run(60, 0.2, late_every=60)
+    assert camera.changes == []
+
+
+@pytest.mark.parametrize(("late_every", "level"), [(150, 0), (50, len(LEVELS) - 1)])
+def test_it_goes_down_if_at_most_one_frame_in_a_hundred_is_late(late_every: int, level: int):
+    camera = _Camera(Governor(len(LEVELS) - 1))
+    camera.run(120, 0.2, late_every=late_every)
+    assert camera.governor.level == level
+
+
+def test_a_gap_and_a_camera_that_counts_anew_are_no_load():
+    camera = _Camera(Governor())
+    camera.run(5, 0.015)
+    governor = camera.governor
+    assert not governor.frame(camera.now_s + 60, camera.index + 1, camera.now_s + 60, 5.015)
+    assert not governor.frame(camera.now_s + 61, 0, 0.0, 5.015)
+    assert governor.level == 0
+
+
+def test_a_restarted_tracker_goes_on_at_the_level():
+    assert Governor(2).level == 2
+    assert Governor(99).level == len(LEVELS) - 1
+
+
+def test_each_level_takes_more_than_the_one_before():
+    for a, b in pairwise(LEVELS):
+        assert b.gives_up
+        assert b.mesh_every >= a.mesh_every and b.image_every_s >= a.image_every_s
+        assert b.iterations <= a.iterations and b.rays <= a.rays and b.ba_every >= a.ba_every
+    assert (LEVELS[0].iterations, LEVELS[0].rays, LEVELS[0].mesh_every) == (1.0, 1.0, 1.0)

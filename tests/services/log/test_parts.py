@@ -1,0 +1,17 @@
+from hsslam_services.log.parts import next_part, parts, remove_oldest
+
+
+def test_parts_are_in_order(tmp_path):
+    for name in ("run.10.mcap", "run.2.mcap", "run.mcap", "other.mcap", "run.damaged.mcap"):
+        (tmp_path / name).touch()
+    assert [part.name for part in parts(tmp_path)] == ["run.mcap", "run.2.mcap", "run.10.mcap"]
+    assert next_part(tmp_path).name == "run.11.mcap"
+
+
+def test_the_oldest_parts_go_and_never_the_newest(tmp_path):
+    for name in ("run.10.mcap", "run.2.mcap", "run.mcap"):
+        (tmp_path / name).write_bytes(bytes(1000))
+    assert remove_oldest(tmp_path, 3000) == []
+    assert [path.name for path in remove_oldest(tmp_path, 2999)] == ["run.mcap"]
+    assert [path.name for path in remove_oldest(tmp_path, 1)] == ["run.2.mcap"]
+    assert [path.name for path in parts(tmp_path)] == ["run.10.mcap"]

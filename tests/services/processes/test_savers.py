@@ -1,0 +1,133 @@
+"""The savers and the rescue: files out of an arena that a real pipeline has filled, or has not."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_node.map.pose_log import TRACKED, PoseLog, pose_row
+from hsslam_node.presets import PRESETS
+from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_proto import topics
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.unsaved_marker import read_unsaved
+from hsslam_services.artefacts.rescue import rescue
+from hsslam_services.bus.bus import Bus
+from hsslam_services.run.process_result import read_result
+from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.summary import read_summary
+
+_ROOM = SynthOptions(width_px=160, height_px=120)
+_FRAMES = 12
+_FILES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt", "map.safetensors", "mesh.ply")
+
+
+def _save(run: RunInfo, saver: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", f"hsslam_services.processes.{saver}", "--run", run.run_dir]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def _save_all(run: RunInfo) -> dict[str, Any]:
+    """The sections of the summary that the savers leave."""
+    sections: dict[str, Any] = {}
+    for saver in ("trajectory_saver", "final_map_saver", "mesh_saver"):
+        done = _save(run, saver)
+        assert done.returncode == 0, done.stderr
+        sections |= read_result(run.path, saver).summary
+    return sections
+
+
+def _fill(arena: Arena, config) -> None:
+    slam, log = Slam(config, seed=0, arrays=arena), PoseLog(arena)
+    frames = open_source("synth:room", SourceOptions(synth=_ROOM, frames=_FRAMES)).frames()
+    for index, frame in enumerate(frames):
+        T = slam.process(frame).T_world_cam
+        assert slam.store is not None
+        keyframe = slam.store.count - 1
+        log.append(
+            pose_row(
+                index=index,
+                source_stamp_ns=frame.stamp_ns,
+                stamp_ns=10**9 * index,
+                publish_ns=10**9 * index + 10**7,
+                status=TRACKED,
+                keyframe=keyframe,
+                T_world_cam=T,
+                T_keyframe_cam=inverse(slam.store.pose(keyframe)) @ T,
+                quality=1.0,
+                map_version=1,
+            )
+        )
+
+
+def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo]):
+    preset = PRESETS["realtime"]
+    mapper = replace(preset.mapper, first_iterations=60)
+    slam = replace(preset, mapper=mapper, mesher=replace(preset.mesher, final_voxel_m=0.06))
+    run = make_run(synth=_ROOM, frames=_FRAMES, slam=slam)
+    _fill(Arena(Path(run.arena_dir)), slam)
+    bus = Bus(run.endpoint, run.robot, "test")
+    meshes = bus.subscribe(topics.MESH, 2)
+    summary = _save_all(run)
+
+    assert len(read_tum(run.path / "trajectory.txt")) == _FRAMES
+    assert len(read_tum(run.path / "trajectory_online.txt")) == _FRAMES
+    keyframes = read_tum(run.path / "keyframes.txt")
+    checkpoint = load_checkpoint(run.path / "map.safetensors")
+    np.testing.assert_array_equal(checkpoint.keyframe_stamps_ns, keyframes.stamps_ns)
+    mesh = trimesh.load_mesh(run.path / "mesh.ply")
+    assert len(mesh.faces) > 500
+    assert np.ptp(mesh.visual.vertex_colors[:, :3]) > 50
+    message = meshes.wait(5)
+    bus.close()
+    assert message is not None
+    assert message.final
+    assert message.face_count == len(mesh.faces)
+    assert summary["frames"] == {"tracked": _FRAMES, "lost": 0}
+    assert summary["keyframes"] == len(keyframes)
+    assert summary["mesh"]["faces"] == len(mesh.faces)
+    assert sum(summary["model_bytes"].values()) > 10**6
+
+    saved = {name: (run.path / name).read_bytes() for name in _FILES}
+    for name in _FILES:
+        (run.path / name).unlink()
+    (run.path / "trajectory.txt").mkdir()  # what cannot be written costs nothing else
+    failed = _save(run, "trajectory_saver")
+    assert failed.returncode == 2 and "trajectory.txt: Is a directory" in failed.stderr
+    lines: list[str] = []
+    not_saved = rescue(Path(run.arena_dir), run.path, lines.append)
+    assert list(not_saved) == ["trajectories"] == list(_unsaved(run))
+    assert "Is a directory" in not_saved["trajectories"]
+    assert "map: saved" in lines and "mesh: saved" in lines
+    (run.path / "trajectory.txt").rmdir()
+    assert rescue(Path(run.arena_dir), run.path, lines.append) == {}
+    assert _unsaved(run) == ()
+    again = {name: (run.path / name).read_bytes() for name in _FILES}
+    assert len(again.pop("map.safetensors")) == len(
+        saved.pop("map.safetensors")
+    )  # keys in any order
+    assert again == saved
+    assert read_summary(run.path)["frames"] == {"tracked": _FRAMES, "lost": 0}
+
+
+def _unsaved(run: RunInfo) -> tuple[str, ...]:
+    found = read_unsaved(Path(run.arena_dir))
+    assert found is not None
+    return found.artefacts
+
+
+def test_nothing_to_save_is_no_error(run_info: RunInfo):
+    sections = _save_all(run_info)
+    assert len(read_tum(run_info.path / "trajectory.txt")) == 0
+    assert not (run_info.path / "mesh.ply").exists()
+    assert sections["frames"] == {"tracked": 0, "lost": 0}

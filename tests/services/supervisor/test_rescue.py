@@ -1,0 +1,72 @@
+"""Results that are not saved stay in memory until a rescue; a killed supervisor costs none of them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.run.exit_code import ExitCode
+from tests.services.serve_process import SMALL_ROOM, ServeProcess
+
+pytestmark = pytest.mark.e2e
+_LONG = ("--synth.length", "1500")
+_RESULTS = ("trajectory.txt", "trajectory_online.txt", "map.safetensors", "mesh.ply")
+
+
+def _rescue(place: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hsslam_services.commands.serve", "rescue", str(place)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def _missing(folder: Path) -> list[str]:
+    return [name for name in _RESULTS if not (folder / name).is_file()]
+
+
+def _arena(run: ServeProcess) -> Path:
+    return Path(json.loads((run.out / "run.json").read_text())["arena_dir"])
+
+
+def test_what_cannot_be_written_is_kept_and_rescued(serve):
+    run = serve(*SMALL_ROOM, *_LONG)
+    run.wait_for_poses(20)
+    in_the_way = run.out / "trajectory.txt"
+    in_the_way.mkdir()
+    arena = _arena(run)
+    running = _rescue(run.out)
+    assert running.returncode == ExitCode.BAD_INPUT and "is going on" in running.stderr
+    run.signal()
+    assert run.finish() == ExitCode.NOT_SAVED, run.stderr
+    assert _missing(run.out) == ["trajectory.txt"]
+    last = run.stderr.strip().splitlines()[-1]
+    assert str(arena) in last and f"hsslam-serve rescue {run.out}" in last
+    summary = run.summary()
+    assert list(summary["not_saved"]) == ["trajectories"] and summary["exit_code"] == 4
+    still = _rescue(run.out)
+    assert still.returncode == ExitCode.NOT_SAVED and "Is a directory" in still.stderr
+    in_the_way.rmdir()
+    done = _rescue(arena)
+    assert done.returncode == ExitCode.SAVED, done.stderr
+    assert len(read_tum(run.out / "trajectory.txt")) >= 20
+    assert run.summary()["not_saved"] == {}
+    run.expect_nothing_left()
+
+
+def test_a_killed_supervisor_is_rescued_before_the_next_run_in_its_folder_begins(serve):
+    first = serve(*SMALL_ROOM, *_LONG)
+    first.wait_for_poses(20)
+    first.close_bus()
+    first.process.kill()
+    first.process.wait()
+    second = serve(*SMALL_ROOM, "--frames", "40", "--out", str(first.out))
+    second.out = first.out
+    assert second.finish() == ExitCode.SAVED, second.stderr
+    (aside,) = first.out.glob("earlier-*")
+    assert "results are being saved" in second.stderr and aside.name in second.stderr
+    assert _missing(aside) == [] == _missing(second.out)
+    assert len(read_tum(aside / "trajectory.txt")) >= 20
+    assert second.summary()["frames"]["in"] == 40
+    assert all(process["restarts"] == 0 for process in second.summary()["processes"].values())
+    second.expect_nothing_left()

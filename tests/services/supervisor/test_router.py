@@ -1,0 +1,223 @@
+"""The router of a run: who meets where, what outsiders may do, and that frozen ones hold nobody up."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_proto import messages, topics
+from hsslam_services.bus.bus import Bus, free_endpoint
+from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.supervisor.descriptors import most_sessions
+from hsslam_services.supervisor.router import RunRouter, open_run_router
+from tests.services.wire_samples import frame, keyframe, pose
+
+_LATEST_S = 0.05
+_HELD_UP_S = 0.25  # a busy machine is late by itself; zenoh waits 1 s for one that takes nothing
+_SENT_S = 5.0
+_FROZEN = """
+import sys, time, zenoh
+from hsslam_services.bus.zenoh_session import open_client
+session = open_client(sys.argv[1], settings={"transport/shared_memory/enabled": False})
+subscriber = zenoh.ext.declare_advanced_subscriber(
+    session, sys.argv[2], lambda sample: print(end="."),
+    history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True))
+print("ready", flush=True)
+time.sleep(60)
+"""
+_SENDER = """
+import sys, time
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
+endpoint, process, name, rate_hz, nbytes, until_s = sys.argv[1:]
+topic = next(topic for topic in topics.TOPICS if topic.name == name)
+with Bus(endpoint, "r", process) as bus:
+    publisher = bus.publisher(topic)
+    print("ready", flush=True)
+    for _ in range(int(float(until_s) * float(rate_hz))):
+        publisher.put_payload(bytes(int(nbytes)), time.time_ns())
+        time.sleep(1 / float(rate_hz))
+"""
+_SENT = (  # by the other processes of a run: process, topic, Hz, bytes
+    ("camera", "in/frame", "30", "1500000"),
+    ("mesher", "out/mesh", "4", "5000000"),
+    ("saver", "out/mesh", "4", "5000000"),
+    ("global_ba", "out/correction", "4", "2000000"),
+    ("mapper", "out/correction", "4", "2000000"),
+)
+
+
+def test_without_a_port_only_this_user_s_processes_meet(tmp_path):
+    with _router(tmp_path) as router:
+        assert router.endpoint == f"unixsock-stream/{tmp_path}/router.sock"
+        assert (tmp_path / "router.sock").is_socket()
+        assert _tcp_ports() == set()
+        with Bus(router.endpoint, "r", "a") as a, Bus(router.endpoint, "r", "b") as b:
+            poses, sent = b.subscribe(topics.POSE, 4), a.publisher(topics.POSE)
+            _until(lambda: (sent.put(pose(0)), poses.wait(0.1))[1])
+
+
+@pytest.mark.parametrize(
+    ("asked", "place"),
+    [
+        ({}, ""),
+        ({"source": "tum:fr1/desk"}, ""),
+        ({"source": "zenoh:"}, "127.0.0.1:7447"),
+        ({"source": "ros2:/camera"}, "127.0.0.1:7447"),
+        ({"zenoh_port": 9}, "127.0.0.1:9"),
+        ({"bind": "0.0.0.0"}, "0.0.0.0:7447"),
+        ({"security": "certs"}, "127.0.0.1:7447"),
+    ],
+)
+def test_a_port_is_open_if_it_is_asked_for(asked, place):
+    assert ServeOptions(**asked).outside_place == place
+
+
+def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
+    port = int(free_endpoint().rpartition(":")[2])
+    with (
+        _router(tmp_path, zenoh_port=port) as router,
+        Bus(router.endpoint, "r", "supervisor") as inside,
+        Bus(f"tcp/127.0.0.1:{port}", "r", "tracker") as outside,
+    ):
+        heard = {topic: inside.subscribe(topic, 8) for topic in topics.TOPICS}
+        looking = outside.subscribe(topics.KEYFRAME, 8)
+        frames = outside.publisher(topics.FRAME)
+        _until(lambda: (frames.put(frame(0)), heard[topics.FRAME].wait(0.1))[1])
+        forged = messages.Health(process="tracker", pid=os.getpid(), state="running", rss_bytes=1)
+        outside.publisher(topics.HEALTH).put(forged)
+        outside.publisher(topics.STOP).put(messages.Stop(reason="forged"))
+        outside.publisher(topics.POSE).put(pose(0))
+        with open_client(f"tcp/127.0.0.1:{port}") as plain:
+            for key in ("hsslam/r/**", "hsslam/r/sys/health", "hsslam/**", "**"):
+                plain.put(key, b"by any means")
+            frames.put(frame(1))
+            _until(lambda: heard[topics.FRAME].pending())
+        inside.publisher(topics.KEYFRAME).put(keyframe(0))
+        _until(lambda: looking.pending())
+        taken = {topic.name for topic, subscription in heard.items() if subscription.received}
+        assert taken == {"in/frame", "out/keyframe"}
+        assert {live.process for live in inside.live_processes()} == {"supervisor"}
+
+
+@pytest.mark.parametrize("key", ["hsslam/r/out/mesh", "hsslam/r/**"])
+def test_a_frozen_subscriber_delays_no_pose(tmp_path, key):
+    port = int(free_endpoint().rpartition(":")[2])
+    with _router(tmp_path, zenoh_port=port) as router:
+        frozen = [_started(_FROZEN, f"tcp/127.0.0.1:{port}", key) for _ in range(2)]
+        senders = [_started(_SENDER, router.endpoint, *sent, str(_SENT_S)) for sent in _SENT]
+        try:
+            late_s = _latencies_s(router.endpoint, lambda: _freeze(frozen))
+        finally:
+            for process in (*frozen, *senders):
+                process.kill()
+        print(f"{key}: {len(late_s)} poses, slowest {1e3 * max(late_s):.1f} ms")
+        assert len(late_s) > 20 * _SENT_S
+        assert sorted(late_s)[int(0.99 * len(late_s))] < _LATEST_S
+        assert max(late_s) < _HELD_UP_S
+
+
+def test_sessions_are_bounded_by_the_descriptors_there_are(tmp_path, monkeypatch):
+    monkeypatch.setattr("resource.getrlimit", lambda _: (16, 16))
+    most = most_sessions()
+    monkeypatch.undo()
+    assert most == 4 < most_sessions() <= 1000
+    monkeypatch.setattr("hsslam_services.supervisor.router.most_sessions", lambda: most)
+    with _router(tmp_path) as router:
+        sessions = [open_client(router.endpoint) for _ in range(most)]
+        with pytest.raises(UserError, match="expected a router"):
+            open_client(router.endpoint, timeout_s=1.0)
+        sessions.pop().close()
+        sessions.append(open_client(router.endpoint))  # there is room again
+        for session in sessions:
+            session.close()
+
+
+def test_a_node_of_ros_meets_others_at_the_router(tmp_path):
+    port = int(free_endpoint().rpartition(":")[2])
+    with (
+        _router(tmp_path, source="ros2:/camera", zenoh_port=port),
+        open_client(f"tcp/127.0.0.1:{port}") as camera,
+        open_client(f"tcp/127.0.0.1:{port}") as other,
+    ):
+        images = other.declare_subscriber("0/camera/**")
+        nodes = other.liveliness().declare_subscriber("@ros2_lv/**", history=True)
+        token = camera.liveliness().declare_token("@ros2_lv/0/abc/0/0/NN/%/%/camera")
+        _until(lambda: (camera.put("0/camera/image/type/hash", b"x"), images.try_recv())[1])
+        _until(nodes.try_recv)
+        token.undeclare()
+
+
+def test_a_busy_port_is_named(tmp_path):
+    port = int(free_endpoint().rpartition(":")[2])
+    (tmp_path / "other").mkdir()
+    with (
+        _router(tmp_path, zenoh_port=port),
+        pytest.raises(UserError, match=f"tcp/127.0.0.1:{port}: cannot listen"),
+        _router(tmp_path / "other", zenoh_port=port),
+    ):
+        pass
+
+
+def _latencies_s(endpoint: str, freeze: Callable[[], None]) -> list[float]:
+    """Of poses that go from one client to another at 60 Hz, from sending to receiving."""
+    found = []
+    with Bus(endpoint, "r", "tracker") as tracker, Bus(endpoint, "r", "supervisor") as other:
+        sent, kept = tracker.publisher(topics.POSE), tracker.publisher(topics.KEYFRAME)
+        heard = other.subscribe(topics.POSE, 64, history=False)
+        _until(lambda: (sent.put(pose(0)), heard.wait(0.1))[1])
+        freeze()
+        end_s = time.monotonic() + _SENT_S
+        while time.monotonic() < end_s:
+            begin_s = time.monotonic()
+            sent.put(pose(0))
+            kept.put(keyframe(0))
+            if heard.wait(2.0) is not None:
+                found.append(time.monotonic() - begin_s)
+            time.sleep(1 / 60)
+    return found
+
+
+def _freeze(processes: list[subprocess.Popen]) -> None:
+    for process in processes:
+        process.send_signal(signal.SIGSTOP)
+
+
+def _started(code: str, *arguments: str) -> subprocess.Popen:
+    environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, env=environment
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"ready\n"
+    return process
+
+
+@contextmanager
+def _router(folder: Path, **options) -> Iterator[RunRouter]:
+    router = open_run_router(ServeOptions(robot="r", **options), folder)
+    yield router
+    router.session.close()
+
+
+def _tcp_ports() -> set[int]:
+    import psutil
+
+    own = psutil.Process().net_connections("tcp")
+    return {c.laddr.port for c in own if c.status == psutil.CONN_LISTEN}
+
+
+def _until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
