@@ -15,7 +15,7 @@ from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.bus.zenoh_session import open_client
 
 # a message of 256 MiB on a busy machine: rather wait than lose what was to be counted
-_PATIENT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000}  # us
+PATIENT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000}  # us
 _AT_A_TIME = 8  # of each topic and request, between two rests
 _LARGE_BYTES = 2**20
 _REPLY_S = 60.0
@@ -37,7 +37,7 @@ def open_sending_session(endpoint: str) -> zenoh.Session:
     Raises:
         UserError: no router answers there.
     """
-    return open_client(endpoint, settings=_PATIENT)
+    return open_client(endpoint, settings=PATIENT)
 
 
 @dataclass

@@ -6,6 +6,7 @@ Arena: reads map_state, map; writes keyframes, pose_log, load_level
 """
 
 import time
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,8 +27,8 @@ from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.camera.frame_inlet import FrameInlet
-from hsslam_services.governor.governor import Governor
-from hsslam_services.governor.levels import LEVELS
+from hsslam_services.governor.granted_cores import granted_cores
+from hsslam_services.governor.latency_governor import LatencyGovernor
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.launch.worker_device import worker_device
@@ -70,8 +71,7 @@ class _TrackerLoop:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = MapState(worker.run.arena_dir)
-        self._level = SharedLevel(worker.run.arena_dir)
-        self._governor = Governor(self._level.number)
+        self._governor = _governor(worker)
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
         for row in self._log.newest_of_each():
@@ -130,28 +130,12 @@ class _TrackerLoop:
             self._announce_keyframe(result, message)
         self._account(result)
         self._tell_of_room()
-        if self._worker.options.pace == "realtime":
-            self._govern(message, publish_ns)
+        if self._governor is not None:
+            self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
+            self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             with self._worker.timed("settle"):
                 self._tracker.settle()
-
-    def _govern(self, message: messages.Frame, publish_ns: int) -> None:
-        """Let others give way if poses come late; lockstep waits for all."""
-        governor = self._governor
-        latency_s = (publish_ns - message.stamp_ns) / 1e9
-        stamp_s = message.stamp_ns / 1e9
-        late = governor.late_share
-        if governor.frame(time.monotonic(), message.index, stamp_s, latency_s):
-            self._level.number = governor.level
-            self._worker.count("load level changes")
-            self._worker.event(
-                "info",
-                f"load level {governor.level} of {len(LEVELS) - 1}, {late:.0%} of the frames late: "
-                f"gives up {LEVELS[governor.level].gives_up}",
-            )
-        self._worker.counters["load_level"] = governor.level
-        self._worker.count(f"frames at load level {governor.level}")
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
@@ -226,6 +210,15 @@ class _TrackerLoop:
         """Of the keyframes' poses that the next frame is aligned to."""
         store = self._link.store()
         return 0 if store is None else store.pose_version
+
+
+def _governor(worker: Worker) -> LatencyGovernor | None:
+    """None in lockstep, which waits for all."""
+    if worker.options.pace == "lockstep":
+        return None
+    level = SharedLevel(worker.run.arena_dir)
+    tell = partial(worker.event, "info")
+    return LatencyGovernor(level, granted_cores(), tell, worker.count)
 
 
 def _pose_message(

@@ -44,6 +44,7 @@ class ViewerProcess:
             command += ["--expect-data-soon"]
         if memory_gb is not None:
             command += _memory_limits(kind, memory_gb)
+        self._command = command
         environment = os.environ | {"RUST_LOG": "error"}
         try:
             self._process = subprocess.Popen(
@@ -57,6 +58,11 @@ class ViewerProcess:
             )
         except OSError as error:
             raise UserError(f"--viewer {kind}: cannot start {command[0]}: {error}") from None
+
+    @property
+    def command(self) -> list[str]:
+        """The program and its options."""
+        return self._command
 
     @property
     def pid(self) -> int:

@@ -2,18 +2,23 @@
 
 import time
 
-from hsslam_bench.fuzz.sender import FuzzSender
+from hsslam_bench.fuzz.sender import PATIENT, FuzzSender, open_sending_session
 from hsslam_proto.requests import REQUESTS
 from hsslam_proto.topics import POSE, TOPICS
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.bus.zenoh_session import free_endpoint, open_router
 from tests.services.wire_samples import pose
 
 COUNT = 150
 
 
-def test_every_message_and_every_request_is_counted(endpoint):
-    with Bus(endpoint, "r", "run") as bus, open_client(endpoint) as outside:
+def test_every_message_and_every_request_is_counted():
+    endpoint = free_endpoint()
+    with (
+        open_router(endpoint, settings=PATIENT),  # on a busy machine 256 MiB can take a while
+        Bus(endpoint, "r", "run") as bus,
+        open_sending_session(endpoint) as outside,
+    ):
         queue = bus.requests()
         listening = {topic.name: bus.subscribe(topic, 1) for topic in TOPICS}
         poses = bus.publisher(POSE)
@@ -30,7 +35,7 @@ def test_every_message_and_every_request_is_counted(endpoint):
 
 
 def _until(condition) -> None:
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)

@@ -98,7 +98,7 @@ def test_show_does_not_wait_for_the_drawing(tmp_path):
 )
 def test_the_viewer_is_started_with_its_limit_of_memory(kind, expected):
     process = ViewerProcess(kind, 1.5)
-    words = psutil.Process(process.pid).cmdline()
+    words = process.command
     psutil.Process(process.pid).kill()
     while not process.has_ended():
         time.sleep(0.01)

@@ -1,0 +1,66 @@
+"""The tracker's end of the governor: poses in, the shared load level and its events out; real time alone."""
+
+from collections.abc import Callable
+
+from hsslam_services.governor.governor import Governor
+from hsslam_services.governor.levels import LEVELS
+from hsslam_services.governor.shared_level import SharedLevel
+
+_FULL_CORES, _SCARCE_CORES = 1.9, 1.4  # with fewer, work is given up before a frame is late
+
+
+def first_level(cores: float) -> int:
+    """The load level to begin at with so many cores."""
+    if cores >= _FULL_CORES:
+        return 0
+    return 2 if cores >= _SCARCE_CORES else len(LEVELS) - 1
+
+
+class LatencyGovernor:
+    """Lets other processes give way if poses come late.
+
+    Args:
+        shared: goes on at its level, or at that of `cores` if this is higher.
+        cores: that the service may use.
+        tell: takes an event's text.
+        count: takes the name of a counter that grows by one.
+    """
+
+    def __init__(
+        self,
+        shared: SharedLevel,
+        cores: float,
+        tell: Callable[[str], None],
+        count: Callable[[str], None],
+    ) -> None:
+        self._shared, self._tell, self._count = shared, tell, count
+        first = first_level(cores)
+        self._governor = Governor(max(shared.number, first))
+        if self.level > shared.number:
+            shared.number = self.level
+            tell(f"{self._in_words()}, {cores:.1f} cores: gives up {LEVELS[first].gives_up}")
+
+    @property
+    def level(self) -> int:
+        """Of now."""
+        return self._governor.level
+
+    def frame(self, now_s: float, index: int, stamp_ns: int, publish_ns: int) -> None:
+        """Take in a pose published now.
+
+        Args:
+            now_s: monotonic clock, s.
+            index: of the frame.
+            stamp_ns, publish_ns: of the sensor and of the pose, by clocks that need not agree.
+        """
+        late = self._governor.late_share
+        latency_s = (publish_ns - stamp_ns) / 1e9
+        if self._governor.frame(now_s, index, stamp_ns / 1e9, latency_s):
+            self._shared.number = self.level
+            self._count("load level changes")
+            gives_up = LEVELS[self.level].gives_up
+            self._tell(f"{self._in_words()}, {late:.0%} of the frames late: gives up {gives_up}")
+        self._count(f"frames at load level {self.level}")
+
+    def _in_words(self) -> str:
+        return f"load level {self.level} of {len(LEVELS) - 1}"

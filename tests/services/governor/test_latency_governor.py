@@ -1,0 +1,53 @@
+from pathlib import Path
+
+import pytest
+
+from hsslam_services.governor.latency_governor import LatencyGovernor, first_level
+from hsslam_services.governor.levels import LEVELS
+from hsslam_services.governor.shared_level import SharedLevel
+
+_MOST = len(LEVELS) - 1
+
+
+@pytest.fixture
+def level(tmp_path: Path) -> SharedLevel:
+    SharedLevel.create(tmp_path)
+    return SharedLevel(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("cores", "number"), [(16.0, 0), (2.0, 0), (1.6, 2), (1.2, _MOST), (0.5, _MOST)]
+)
+def test_few_cores_begin_at_a_higher_level_and_say_so(
+    level: SharedLevel, cores: float, number: int
+):
+    told: list[str] = []
+    governor = LatencyGovernor(level, cores, told.append, lambda _: None)
+    assert governor.level == level.number == first_level(cores) == number
+    assert bool(told) == (number > 0)
+    assert all(f"{cores:.1f} cores" in text for text in told)
+
+
+def test_a_restarted_tracker_keeps_the_level_and_says_nothing(level: SharedLevel):
+    level.number = 3
+    told: list[str] = []
+    assert LatencyGovernor(level, 2.0, told.append, lambda _: None).level == 3
+    assert level.number == 3 and not told
+
+
+def test_late_poses_raise_the_shared_level_which_is_counted_and_told(level: SharedLevel):
+    told: list[str] = []
+    counted: list[str] = []
+    governor = LatencyGovernor(level, 2.0, told.append, counted.append)
+
+    def run(seconds: range, latency_s: float) -> None:
+        for index in range(30 * seconds.start, 30 * seconds.stop):  # a camera of 30 Hz
+            at_s = index / 30
+            governor.frame(at_s, index, round(1e9 * at_s), round(1e9 * (at_s + latency_s)))
+
+    run(range(10), 0.01)
+    assert level.number == 0 and counted == ["frames at load level 0"] * 300 and not told
+    run(range(10, 13), 0.2)
+    assert level.number == governor.level > 0
+    assert len(told) == counted.count("load level changes") > 0
+    assert told[-1].startswith(f"load level {level.number} of {_MOST}, ")
