@@ -16,7 +16,6 @@ import msgspec
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode
-from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.messages import Frame, Health, SourceEnd, Step
 from hsslam_proto.topics import (
     EVENT,
@@ -43,15 +42,13 @@ from hsslam_services.log.recorded_so_far import RecordedSoFar
 from hsslam_services.log.unfinished_parts import UnfinishedParts
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from hsslam_services.viewer.view import RerunView
+from hsslam_services.viewer.whole_mesh import WholeMesh
 
 _DEPTHS = {FRAME: 16, VIEW: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages
 _DEPTH = 8192
 _LARGE = (FRAME, VIEW, MESH, MESH_BLOCKS)
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
 _TURN_S = 0.3  # for messages on their way from senders without heartbeats
-_WHOLE_MESH_S = (
-    600.0  # between all blocks in the log: a viewer that comes late finds them near its time
-)
 
 
 class Recorder:
@@ -85,8 +82,6 @@ class Recorder:
         self._disk = DiskReport(run_dir, tell)
         self._unusable = 0
         self._beating: set[str] = set()
-        self._whole_mesh_s = self._shown_whole_s = time.monotonic()
-        self._has_asked_again = self._shows_whole_mesh = False
         try:
             self._unfinished = UnfinishedParts(run_dir, tell)
             self._recorded = RecordedSoFar(run_dir, run_id)
@@ -95,7 +90,7 @@ class Recorder:
             raise UserError(
                 f"{run_dir}: {error.strerror}: expected to write the log there"
             ) from None
-        self._part = self._log.path
+        self._whole_mesh = WholeMesh(self._log.path, time.monotonic())
         self._foxglove = FoxgloveLayer(self._log.write_viz)
         rrd = self._log.path.with_suffix(".rrd")
         self._view = RerunView(rrd, viewer, run_id, tell, viewer_memory_gb)
@@ -129,7 +124,8 @@ class Recorder:
                 if subscription.topic in _LARGE:
                     break
         self._foxglove.write_blocks()
-        self._ask_whole_mesh()
+        if self._whole_mesh.is_due(self._log.path, time.monotonic()):
+            next(s for s in self._subscriptions if s.topic is MESH_BLOCKS).ask_state()
         if self._log.tick():
             self._recorded.save(*self._log.place)
         self._disk.tell_of(self._log)
@@ -213,9 +209,9 @@ class Recorder:
             if self._log.write(topic, payload, received.arrival_ns, publish_ns, sequence):
                 self._recorded.add(key, envelope)
             self._foxglove.add(message, getattr(message, "stamp_ns", received.arrival_ns))
-        was_drawn = isinstance(message, MeshBlocks) and envelope is None and self._has_asked_again
-        if topic.drawn and (self._shows_whole_mesh or not was_drawn):
-            self._view.show(message, in_file=not (is_short or was_drawn))
+        if topic.drawn and self._whole_mesh.is_to_draw(message, envelope):
+            is_known = self._whole_mesh.is_repeated(message, envelope)
+            self._view.show(message, in_file=not (is_short or is_known))
 
     def _confirm(self) -> None:
         if self._confirms and self._logged:
@@ -229,20 +225,6 @@ class Recorder:
             self._beating.discard(health.process)
         else:
             self._beating.add(health.process)
-
-    def _ask_whole_mesh(self) -> None:
-        """A part of the log opens alone: it needs the blocks that were sent before it as well.
-
-        A web viewer that connects late needs them, too, once its server has forgotten the oldest data.
-        """
-        now_s = time.monotonic()
-        if self._part == self._log.path and now_s - self._whole_mesh_s < _WHOLE_MESH_S:
-            return
-        self._part, self._whole_mesh_s, self._has_asked_again = self._log.path, now_s, True
-        self._shows_whole_mesh = now_s - self._shown_whole_s >= _WHOLE_MESH_S
-        if self._shows_whole_mesh:
-            self._shown_whole_s = now_s
-        next(s for s in self._subscriptions if s.topic is MESH_BLOCKS).ask_state()
 
     def _key(self, topic: Topic) -> str:
         return topic.key(self._bus.robot)

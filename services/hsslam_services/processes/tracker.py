@@ -214,9 +214,9 @@ class _TrackerLoop:
 
 def _governor(worker: Worker) -> LatencyGovernor | None:
     """None in lockstep, which waits for all."""
+    level = SharedLevel(worker.run.arena_dir)
     if worker.options.pace == "lockstep":
         return None
-    level = SharedLevel(worker.run.arena_dir)
     tell = partial(worker.event, "info")
     return LatencyGovernor(level, granted_cores(), tell, worker.count)
 
