@@ -22,7 +22,8 @@ from hsslam_node.tracking.tracked_frame import frame_points
 
 _FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
 _INDEPENDENT = 0.1  # share of points and pixels that say something of their own
-_HELD = 24  # keyframes whose pyramids are kept: 3 MB each at 640 x 480
+_HELD_PYRAMIDS = 16  # 3 MB each at 640 x 480; a third of those that are wanted is not there
+_HELD_REFERENCES = 2  # 7 MB each; one is aligned to until the next is
 T = TypeVar("T")
 
 
@@ -94,13 +95,14 @@ class KeyframeAlignment:
         return PoseEdge(first, second, inverse(T_second_first), information, True)
 
     def _pyramid(self, k: int) -> tuple[PyramidLevel, ...]:
-        return _kept(self._levels, k, lambda: grey_pyramid(self._store.frame(k)))
+        return _kept(self._levels, _HELD_PYRAMIDS, k, lambda: grey_pyramid(self._store.frame(k)))
 
     def _reference(self, k: int) -> ReferenceKeyframe:
         pixels = self._tracker.photometric_pixels
         levels = self._pyramid(k)
         return _kept(
             self._references,
+            _HELD_REFERENCES,
             k,
             lambda: reference_keyframe(k, self._store.frame(k), levels, pixels),
         )
@@ -125,10 +127,10 @@ def difference(T: np.ndarray, other: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(x[:3])), float(np.linalg.norm(x[3:]))
 
 
-def _kept(held: OrderedDict[int, T], k: int, make: Callable[[], T]) -> T:
+def _kept(held: OrderedDict[int, T], most: int, k: int, make: Callable[[], T]) -> T:
     if k not in held:
         held[k] = make()
-        while len(held) > _HELD:
+        while len(held) > most:
             held.popitem(last=False)
     held.move_to_end(k)
     return held[k]
