@@ -9,6 +9,7 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 
 _BLOCK = 8  # voxels along a side of an Open3D block
 _BLOCKS = 8_000  # taken at the start, 80 MB; it grows
@@ -35,35 +36,90 @@ class TsdfOptions:
                 raise UserError(f"--tsdf.{option} {getattr(self, name)}: expected above 0")
 
 
-def fuse_tsdf(
-    frames: Iterable[tuple[Frame, np.ndarray]], options: TsdfOptions | None = None
-) -> trimesh.Trimesh:
-    """Coloured mesh, in the world of the poses, of frames with their T_world_cam [4, 4].
-
-    Connected pieces of fewer than 50 faces are left out, as in our own meshes.
+class TsdfVolume:
+    """A volume that takes frames one by one.
 
     Raises:
         UserError: Open3D is not installed, or finds a library of the system missing.
 
     Source: Curless and Levoy (1996); Open3D's VoxelBlockGrid.
     """
-    options = options or TsdfOptions()
-    o3d = _open3d()
-    grid = _empty_grid(o3d, options)
-    used = 0
+
+    def __init__(self, options: TsdfOptions | None = None) -> None:
+        self._options = options or TsdfOptions()
+        self._o3d = _open3d()
+        core = self._o3d.core
+        self._grid = self._o3d.t.geometry.VoxelBlockGrid(
+            attr_names=("tsdf", "weight", "color"),
+            attr_dtypes=(core.float32, core.float32, core.float32),
+            attr_channels=((1), (1), (3)),
+            voxel_size=self._options.voxel_m,
+            block_resolution=_BLOCK,
+            block_count=_BLOCKS,
+            device=core.Device("CPU:0"),
+        )
+        self.frames = 0  # taken so far
+        self.truncation_m = self._options.truncation_m
+
+    def integrate(self, frame: Frame, T_world_cam: np.ndarray) -> None:
+        """Take a frame, its pose being [4, 4]."""
+        options, o3d = self._options, self._o3d
+        depth = o3d.t.geometry.Image(o3d.core.Tensor(frame.depth_raw))
+        color = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(frame.color)))
+        K, extrinsic = self._view(frame.camera, T_world_cam)
+        units, far = frame.depth_units_per_m, options.max_depth_m
+        cut = options.truncation_m / options.voxel_m  # Open3D wants it in voxels
+        blocks = self._grid.compute_unique_block_coordinates(depth, K, extrinsic, units, far, cut)
+        self._grid.integrate(blocks, depth, color, K, K, extrinsic, units, far, cut)
+        self.frames += 1
+
+    def mesh(self) -> trimesh.Trimesh:
+        """Coloured mesh in the world of the poses.
+
+        Connected pieces of fewer than 50 faces are left out, as in our own meshes.
+        """
+        if not self.frames:
+            return trimesh.Trimesh()
+        found = self._grid.extract_triangle_mesh(weight_threshold=self._options.least_weight)
+        found = found.to_legacy()
+        mesh = trimesh.Trimesh(
+            np.asarray(found.vertices),
+            np.asarray(found.triangles),
+            vertex_colors=(np.clip(np.asarray(found.vertex_colors), 0, 1) * 255).astype(np.uint8),
+            process=False,
+        )
+        return _without_crumbs(mesh)
+
+    def depth_m(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
+        """Depth [H, W] float32 m of its surface seen from a pose [4, 4]; 0: it has none there."""
+        options, o3d = self._options, self._o3d
+        K, extrinsic = self._view(camera, T_world_cam)
+        blocks = self._grid.hashmap().key_tensor()[
+            self._grid.hashmap().active_buf_indices().to(o3d.core.int64)
+        ]
+        found = self._grid.ray_cast(
+            blocks, K, extrinsic, camera.width_px, camera.height_px, ["depth"], 1.0, 0.1,
+            options.max_depth_m, options.least_weight, options.truncation_m / options.voxel_m,
+        )  # fmt: skip
+        return found["depth"].numpy()[..., 0]
+
+    def _view(self, camera: Camera, T_world_cam: np.ndarray) -> tuple[Any, Any]:
+        tensor = self._o3d.core.Tensor
+        return tensor(camera.K), tensor(np.linalg.inv(T_world_cam))
+
+
+def fuse_tsdf(
+    frames: Iterable[tuple[Frame, np.ndarray]], options: TsdfOptions | None = None
+) -> trimesh.Trimesh:
+    """Coloured mesh (`TsdfVolume.mesh`) of frames with their T_world_cam [4, 4].
+
+    Raises:
+        UserError: Open3D is not installed, or finds a library of the system missing.
+    """
+    volume = TsdfVolume(options)
     for frame, T_world_cam in frames:
-        _integrate(o3d, grid, frame, T_world_cam, options)
-        used += 1
-    if not used:
-        return trimesh.Trimesh()
-    found = grid.extract_triangle_mesh(weight_threshold=options.least_weight).to_legacy()
-    mesh = trimesh.Trimesh(
-        np.asarray(found.vertices),
-        np.asarray(found.triangles),
-        vertex_colors=(np.clip(np.asarray(found.vertex_colors), 0, 1) * 255).astype(np.uint8),
-        process=False,
-    )
-    return _without_crumbs(mesh)
+        volume.integrate(frame, T_world_cam)
+    return volume.mesh()
 
 
 def _open3d() -> Any:
@@ -74,32 +130,6 @@ def _open3d() -> Any:
             f"the TSDF needs Open3D: {error}: pip install 'hsslam-node[dev]', and libusb-1.0"
         ) from None
     return open3d
-
-
-def _empty_grid(o3d: Any, options: TsdfOptions) -> Any:
-    core = o3d.core
-    return o3d.t.geometry.VoxelBlockGrid(
-        attr_names=("tsdf", "weight", "color"),
-        attr_dtypes=(core.float32, core.float32, core.float32),
-        attr_channels=((1), (1), (3)),
-        voxel_size=options.voxel_m,
-        block_resolution=_BLOCK,
-        block_count=_BLOCKS,
-        device=core.Device("CPU:0"),
-    )
-
-
-def _integrate(
-    o3d: Any, grid: Any, frame: Frame, T_world_cam: np.ndarray, options: TsdfOptions
-) -> None:
-    depth = o3d.t.geometry.Image(o3d.core.Tensor(frame.depth_raw))
-    color = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(frame.color)))
-    K = o3d.core.Tensor(frame.camera.K)
-    extrinsic = o3d.core.Tensor(np.linalg.inv(T_world_cam))
-    units, far = frame.depth_units_per_m, options.max_depth_m
-    cut = options.truncation_m / options.voxel_m  # Open3D wants it in voxels
-    blocks = grid.compute_unique_block_coordinates(depth, K, extrinsic, units, far, cut)
-    grid.integrate(blocks, depth, color, K, K, extrinsic, units, far, cut)
 
 
 def _without_crumbs(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

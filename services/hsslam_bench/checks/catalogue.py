@@ -8,6 +8,7 @@ from hsslam_bench.checks.faults import fault_checks
 from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
+from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -42,6 +43,7 @@ def catalogue() -> list[Check]:
         *baseline_checks(),
         *gpu_checks(),
         *map_term_checks(),
+        *field_error_checks(),
         *fault_checks(),
         *soak_checks(),
     ]

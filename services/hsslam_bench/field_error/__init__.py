@@ -1,0 +1,1 @@
+"""How far the map's zero level lies from the true surface, measured at true poses."""

@@ -1,0 +1,38 @@
+"""Frames as a sensor delivers them, each with its true pose and its true depth: for the bench alone."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hsslam_bench.scripts.known_source import known_source
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.sources.effects import KinectNoise
+from hsslam_node.sources.options import SourceOptions
+
+
+@dataclass(frozen=True)
+class TrueFrame:
+    """What the sensor says, and what is so. The world is the camera of the first frame."""
+
+    frame: Frame
+    T_world_cam: np.ndarray  # [4, 4]
+    depth_m: np.ndarray  # [H, W] float32, 0 = nothing there
+
+
+def true_frames(spec: str, options: SourceOptions) -> Iterator[TrueFrame]:
+    """The frames of a source whose depth is exact, with the noise that the options ask for.
+
+    Raises:
+        UserError: a frame cannot be read, or has no true pose.
+    """
+    source, truth = known_source(spec, replace(options, noise="none"))
+    noise = KinectNoise(source, options.seed) if options.noise == "kinect" else None
+    T_first_world = inverse(truth.T_world_cam[0])
+    for frame, T in zip(source.frames(), truth.T_world_cam, strict=True):
+        if not isinstance(frame, Frame):
+            raise UserError(f"frame {frame.index}: {frame.reason}")
+        sensed = noise.changed(frame) if noise else frame
+        yield TrueFrame(sensed, T_first_world @ T, frame.depth_m())
