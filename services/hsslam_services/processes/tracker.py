@@ -71,7 +71,8 @@ class _TrackerLoop:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = MapState(worker.run.arena_dir)
-        self._governor = _governor(worker)
+        self._level = SharedLevel(worker.run.arena_dir)
+        self._governor = _governor(worker, self._level)
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
         for row in self._log.newest_of_each():
@@ -212,9 +213,8 @@ class _TrackerLoop:
         return 0 if store is None else store.pose_version
 
 
-def _governor(worker: Worker) -> LatencyGovernor | None:
+def _governor(worker: Worker, level: SharedLevel) -> LatencyGovernor | None:
     """None in lockstep, which waits for all."""
-    level = SharedLevel(worker.run.arena_dir)
     if worker.options.pace == "lockstep":
         return None
     tell = partial(worker.event, "info")
