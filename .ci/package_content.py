@@ -1,4 +1,4 @@
-"""What wheel and sdist of a folder carry: all modules, the licence, the type marker, no tests.
+"""What wheel and sdist of a folder carry: modules, camera presets, licence, type marker, and no tests.
 
 python .ci/package_content.py dist
 """
@@ -14,6 +14,7 @@ _FOLDERS = (
     "proto",
     "services",
 )  # each holds packages; an import path is a path below one of them
+_CARRIED = ("*.py", "*.toml")  # modules and camera presets
 _PACKAGES = ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench")
 
 
@@ -28,7 +29,8 @@ def main(dist: str) -> None:
         str(path.relative_to(ROOT / folder))
         for folder in _FOLDERS
         for package in _PACKAGES
-        for path in (ROOT / folder / package).rglob("*.py")
+        for pattern in _CARRIED
+        for path in (ROOT / folder / package).rglob(pattern)
     }
     info = next(name.split("/")[0] for name in names if name.endswith("/METADATA"))
     own = {name for name in names if not name.startswith(f"{info}/")}
@@ -40,7 +42,8 @@ def main(dist: str) -> None:
     sources = {
         str(path.relative_to(ROOT))
         for folder in ("hsslam_node", "proto", "services")
-        for path in (ROOT / folder).rglob("*.py")
+        for pattern in _CARRIED
+        for path in (ROOT / folder).rglob(pattern)
     }
     _expect(sdist, missing=(sources | {"LICENSE", "README.md", "pyproject.toml"}) - inside)
     _expect(sdist, extra={name for name in inside if name.startswith("tests/")})
