@@ -31,8 +31,8 @@ class TrackerConfig:
     """Largest number of Gauss-Newton steps per level of the image pyramid."""
     stop_step: float = 2e-4
     """Stop the alignment at a smaller step, m and rad."""
-    sdf_weight: float = 1.0
-    """Weight of the points' distance to the map's surface; 0: computed and judged, but it moves no pose."""
+    sdf_weight: float = 0.3
+    """Weight of the points' distance to the map's surface; 1: errors independent, 0: moves no pose."""
     sdf_huber_m: float = 0.02
     """Huber threshold of the SDF residual, m."""
     sdf_sigma_m: float = 0.005
