@@ -22,8 +22,8 @@ from hsslam_node.tracking.tracked_frame import frame_points
 
 _FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
 _INDEPENDENT = 0.1  # share of points and pixels that say something of their own
-_HELD_PYRAMIDS = 16  # 3 MB each at 640 x 480; a third of those that are wanted is not there
-_HELD_REFERENCES = 2  # 7 MB each; one is aligned to until the next is
+_HELD_PYRAMIDS = 16  # 3 MB each at 640 x 480; a third of the lookups miss
+_HELD_REFERENCES = 2  # 7 MB each; a round aligns many keyframes to one, then to the next
 T = TypeVar("T")
 
 

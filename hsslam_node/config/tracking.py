@@ -32,7 +32,7 @@ class TrackerConfig:
     stop_step: float = 2e-4
     """Stop the alignment at a smaller step, m and rad."""
     sdf_weight: float = 0.3
-    """Weight of the points' distance to the map's surface; 1: errors independent, 0: moves no pose."""
+    """Weight of the distances to the map's surface, whose errors are alike; 0: the map moves no pose."""
     sdf_huber_m: float = 0.02
     """Huber threshold of the SDF residual, m."""
     sdf_sigma_m: float = 0.005

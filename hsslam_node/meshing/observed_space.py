@@ -117,7 +117,7 @@ def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_ce
             z = depth[row, column]
             if not (z > 0.0 and z < 1e4):
                 continue
-            _to_grid(T_grid_cam, (column - cx) / fx * z, (row - cy) / fy * z, z, p)
+            to_grid(T_grid_cam, (column - cx) / fx * z, (row - cy) / fy * z, z, p)
             _mark_vertex(p, surface, limit, dirty, block_cells)
             for right, down in ((stride, 0), (0, stride)):
                 u, v = column + right, row + down
@@ -126,7 +126,7 @@ def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_ce
                 other = depth[v, u]
                 if not abs(other - z) < CONTINUOUS * z:
                     continue
-                _to_grid(T_grid_cam, (u - cx) / fx * other, (v - cy) / fy * other, other, q)
+                to_grid(T_grid_cam, (u - cx) / fx * other, (v - cy) / fy * other, other, q)
                 steps = int(max(abs(q[0] - p[0]), abs(q[1] - p[1]), abs(q[2] - p[2])))
                 for step in range(1, steps + 1):
                     share = step / (steps + 1)
@@ -135,7 +135,8 @@ def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_ce
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_grid(T_grid_cam, x, y, z, out):
+def to_grid(T_grid_cam, x, y, z, out):
+    """Write the grid position of camera point (x, y, z), m, into `out` [3]."""
     for a in range(3):
         out[a] = T_grid_cam[a, 0] * x + T_grid_cam[a, 1] * y + T_grid_cam[a, 2] * z
         out[a] += T_grid_cam[a, 3]

@@ -12,6 +12,7 @@ from hsslam_node.meshing.observed_space import (
     CONTINUOUS,
     HALO,
     observed_cells,
+    to_grid,
 )
 
 _FIRST_BLOCKS = 64
@@ -165,15 +166,12 @@ def _mark(depth, intrinsics, T_grid_cam, stride, marks, used, table, news):
     fx, fy, cx, cy = intrinsics
     p = np.empty(3)
     q = np.empty(3)
-    T = T_grid_cam
     for row in range(stride // 2, height, stride):
         for column in range(stride // 2, width, stride):
             z = depth[row, column]
             if not (z > 0.0 and z < 1e4):
                 continue
-            x, y = (column - cx) / fx * z, (row - cy) / fy * z
-            for a in range(3):
-                p[a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * z + T[a, 3]
+            to_grid(T_grid_cam, (column - cx) / fx * z, (row - cy) / fy * z, z, p)
             if _mark_vertex(p, marks, used, table, news):
                 return True
             for right, down in ((stride, 0), (0, stride)):
@@ -183,9 +181,7 @@ def _mark(depth, intrinsics, T_grid_cam, stride, marks, used, table, news):
                 other = depth[v, u]
                 if not abs(other - z) < CONTINUOUS * z:
                     continue
-                x, y = (u - cx) / fx * other, (v - cy) / fy * other
-                for a in range(3):
-                    q[a] = T[a, 0] * x + T[a, 1] * y + T[a, 2] * other + T[a, 3]
+                to_grid(T_grid_cam, (u - cx) / fx * other, (v - cy) / fy * other, other, q)
                 steps = int(max(abs(q[0] - p[0]), abs(q[1] - p[1]), abs(q[2] - p[2])))
                 for step in range(1, steps + 1):
                     share = step / (steps + 1)

@@ -54,7 +54,7 @@ here, so that nothing is done other than meant. There is one answer:
 - a reply: done, the payload is the message answered;
 - an error reply with encoding `{refusal}`: refused, the payload says why;
 - an error reply of any other encoding: zenoh's own, no answer within the query's timeout;
-- no reply: no service of that robot is connected.
+- no reply: the router knows no service of this robot.
 
 | `rpc/` | asked | answered | limit | wait at least | |
 | --- | --- | --- | --- | --- | --- |

@@ -12,8 +12,9 @@ class MeshBlocks(Message, frozen=True, kw_only=True):
     `face_counts` [B] uint32: of each block, 0: it has no surface any more. `vertices` [V, 3] float32 m world,
     `faces` [F, 3] uint32, numbers of vertices of their block, `colors` [V, 3] uint8 RGB: of all blocks, one
     after the other. A block replaces what was sent of it in an earlier `revision`. `series` grows when a
-    mesher starts: blocks of an earlier series are gone. `voxel_m`: vertices lie on edges of the lattice of so
-    many metres. A `get` on the key is answered with all blocks there are, in as many messages as it takes.
+    mesher starts: blocks of an earlier series are gone. `voxel_m`: side of the lattice's cells, m; vertices
+    lie on their edges. A `get` on the key is answered with all blocks there are, in as many messages as it
+    takes.
     """
 
     series: Index

@@ -17,7 +17,7 @@ from hsslam_bench.runs.live_run import SMALL_ROOM
 _HOUR_S = 3600
 _WATCH_S = 10.0
 _RATE_HZ = 15.0
-_LEAST_SHARE = 0.6  # of the frames of that time
+_LEAST_SHARE = 0.6  # of the frames that the camera sends in that time
 _GAP_S, _GAP_FRAMES, _MOST_S = 400.0, 90, 120.0
 # Put before the C library: the wall clock of the service alone is off by the number in a file.
 _CLOCK = r"""

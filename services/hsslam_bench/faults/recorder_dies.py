@@ -54,7 +54,7 @@ def late_in_a_long_run(experiment: Experiment) -> Finding:
 
 
 def disk_is_full(experiment: Experiment) -> Finding:
-    """A disk of 160 MB fills up: the run goes on, trajectory and map are written, and it is told."""
+    """A disk of 160 MB fills up: the run goes on, reports it, and writes trajectory and map."""
     disk = experiment.folder / "disk"
     disk.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={_DISK}", "tmpfs", str(disk)], check=True)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from hsslam_bench.field_error.true_frames import TrueFrame
@@ -25,7 +24,6 @@ class SurfacePoints:
     depth_m: np.ndarray  # [N] planar
     cosine: np.ndarray  # [N] between the surface's normal and the ray; 1: seen from the front
     normal: np.ndarray  # [N, 3] world, away from the camera
-    edge_px: np.ndarray  # [N] distance to the nearest edge of the depth
     pixel: np.ndarray  # [N, 2] int64 (u, v)
 
 
@@ -56,17 +54,8 @@ def surface_points(view: TrueFrame, generator: np.random.Generator) -> SurfacePo
         points[:, 2],
         np.abs(cosine),
         normal @ R.T,
-        _edge_distance(depth)[v, u],
         np.stack([u, v], axis=-1),
     )
-
-
-def _edge_distance(depth: np.ndarray) -> np.ndarray:
-    """Distance [H, W] px to the nearest pixel whose neighbours' depths are 5 % apart."""
-    low = cv2.erode(depth, np.ones((3, 3), np.uint8))
-    high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
-    is_edge = (low <= 0) | (high - low > 0.05 * high)
-    return cv2.distanceTransform((~is_edge).astype(np.uint8), cv2.DIST_L2, 3)
 
 
 def times_seen(

@@ -41,5 +41,5 @@ def cpu_quota(pid: int, cores: float, machine_cores: int) -> Iterator[None]:
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):  # a process that outlives the run is told elsewhere
+        with contextlib.suppress(OSError):  # `left_behind` reports a process that outlives the run
             group.rmdir()

@@ -65,7 +65,7 @@ class LiveRun:
 
     @property
     def last_words(self) -> str:
-        """The end of that, without the lines that show how far it is."""
+        """The last lines of `stderr`, without the status lines."""
         lines = [line for line in self.stderr.splitlines() if not line.startswith("frame ")]
         return "\n".join(lines[-_LAST_LINES:])
 

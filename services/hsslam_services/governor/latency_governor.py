@@ -10,7 +10,7 @@ _FULL_CORES, _SCARCE_CORES = 1.9, 1.4  # with fewer, work is given up before a f
 
 
 def first_level(cores: float) -> int:
-    """The load level to begin at with so many cores."""
+    """The load level at which a service that may use `cores` cores begins."""
     if cores >= _FULL_CORES:
         return 0
     return 2 if cores >= _SCARCE_CORES else len(LEVELS) - 1
@@ -21,7 +21,7 @@ class LatencyGovernor:
 
     Args:
         shared: goes on at its level, or at that of `cores` if this is higher.
-        cores: that the service may use.
+        cores: that the service may use; infinite: they do not count.
         tell: takes an event's text.
         count: takes the name of a counter that grows by one.
     """

@@ -5,6 +5,7 @@ Publishes: out/pose, out/keyframe
 Arena: reads map_state, map; writes keyframes, pose_log, load_level
 """
 
+import math
 import time
 from functools import partial
 from itertools import pairwise
@@ -71,8 +72,13 @@ class _TrackerLoop:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = MapState(worker.run.arena_dir)
-        self._level = SharedLevel(worker.run.arena_dir)
-        self._governor = _governor(worker, self._level)
+        self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for all
+        self._governor = LatencyGovernor(
+            SharedLevel(worker.run.arena_dir),
+            granted_cores() if self._is_realtime else math.inf,
+            partial(worker.event, "info"),
+            worker.count,
+        )
         self._device = worker_device(worker, warm_started=True)
         self._views: MapViews | None = None
         for row in self._log.newest_of_each():
@@ -131,7 +137,7 @@ class _TrackerLoop:
             self._announce_keyframe(result, message)
         self._account(result)
         self._tell_of_room()
-        if self._governor is not None:
+        if self._is_realtime:
             self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
@@ -211,14 +217,6 @@ class _TrackerLoop:
         """Of the keyframes' poses that the next frame is aligned to."""
         store = self._link.store()
         return 0 if store is None else store.pose_version
-
-
-def _governor(worker: Worker, level: SharedLevel) -> LatencyGovernor | None:
-    """None in lockstep, which waits for all."""
-    if worker.options.pace == "lockstep":
-        return None
-    tell = partial(worker.event, "info")
-    return LatencyGovernor(level, granted_cores(), tell, worker.count)
 
 
 def _pose_message(
