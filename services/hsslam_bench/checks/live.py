@@ -83,8 +83,7 @@ def _first_pose(run: ServeRun, bound_s: float) -> Measured:
 def _log(session: Session) -> Measured:
     texts, ok, values = [], True, {}
     for run in _runs(session):
-        frames, counts = run.summary["frames"], run.log.counts
-        expected = {"in/frame": frames["in"], "out/pose": frames["tracked"] + frames["lost"]}
+        counts, expected = run.log.counts, live_figures.messages_expected(run.summary)
         found = {topic: counts.get(topic, 0) for topic in expected}
         ok &= found == expected and not run.log.error
         kinds = ", ".join(f"{found[t]}/{n} {t}" for t, n in expected.items())

@@ -1,5 +1,8 @@
 """Figures of a run on the sensor's clock: frames tracked, latency, accuracy, mapping."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from hsslam_bench.checks.accuracy import ate_m, scored
@@ -53,6 +56,15 @@ def accuracy(run: ServeRun, lockstep: ServeRun, factor: float, margin_m: float =
         ours_m,
         "lower",
     )
+
+
+def messages_expected(summary: Mapping[str, Any]) -> dict[str, int]:
+    """Messages that a complete log holds by the summary; a frame that was sent again is there again."""
+    frames, camera = summary["frames"], summary["processes"]["camera"]["counters"]
+    return {
+        "in/frame": frames["in"] + camera.get("resent", 0),
+        "out/pose": frames["tracked"] + frames["lost"],
+    }
 
 
 def iterations(run: ServeRun, least_hz: float) -> Measured:
