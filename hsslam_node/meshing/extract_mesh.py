@@ -1,6 +1,7 @@
 """The mesh of everything that a set of cameras saw, in one call."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -8,11 +9,10 @@ import trimesh
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.meshing.block_mesher import BlockMesher
-from hsslam_node.meshing.block_surface import QueryColor, QuerySdf
+from hsslam_node.meshing.block_surface import Block, QueryColor, QuerySdf, block_surface
 from hsslam_node.meshing.faces_seen import faces_seen
 from hsslam_node.meshing.observed_space import ObservedSpace
-from hsslam_node.meshing.weld import kept_faces
+from hsslam_node.meshing.weld import BlockMesh, kept_faces, weld_blocks
 
 
 def extract_mesh(
@@ -24,6 +24,7 @@ def extract_mesh(
     voxel_m: float = 0.03,
     stride_px: int = 1,
     min_component_faces: int = 50,
+    threads: int = 1,
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
 
@@ -38,15 +39,26 @@ def extract_mesh(
         voxel_m: cell of marching cubes, m.
         stride_px: step between the depth pixels that mark observed space.
         min_component_faces: smaller connected pieces are left out.
+        threads: that ask the map and the keyframes at once; the mesh is the same with any number.
     """
-    mesher = BlockMesher(ObservedSpace(bound, voxel_m))
-    for depth_m, T_world_cam in keyframes:
-        mesher.observe(depth_m, camera, T_world_cam, stride_px)
-    mesher.update(query_sdf, query_color)
-    mesh = mesher.mesh(min_component_faces)
-    if len(mesh.faces) == 0:
-        return mesh
-    seen = faces_seen(np.asarray(mesh.vertices), np.asarray(mesh.faces), camera, keyframes)
+    space = ObservedSpace(bound, voxel_m)
+
+    def observe(k: int) -> None:
+        depth_m, T_world_cam = keyframes[k]
+        space.observe(depth_m, camera, T_world_cam, stride_px)
+
+    def surface(block: Block) -> BlockMesh | None:
+        return block_surface(space, block, query_sdf, query_color)[0]
+
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in pool.map(observe, range(len(keyframes))):
+            pass
+        blocks = [mesh for mesh in pool.map(surface, space.occupied_blocks()) if mesh]
+        mesh = weld_blocks(blocks, space, min_component_faces)
+        if len(mesh.faces) == 0:
+            return mesh
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+        seen = faces_seen(vertices, faces, camera, keyframes, pool)
     return kept_faces(mesh, seen, min_component_faces)
 
 

@@ -1,6 +1,7 @@
 """Which triangles of a mesh some camera looked at: the others are guesses of the field."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 from numba import njit
@@ -22,6 +23,7 @@ def faces_seen(
     faces: np.ndarray,
     camera: Camera,
     keyframes: Sequence[tuple[np.ndarray, np.ndarray]],
+    pool: Executor,
 ) -> np.ndarray:
     """Mask [F] of the triangles that a keyframe measured and that do not show it their back.
 
@@ -35,6 +37,7 @@ def faces_seen(
         faces: [F, 3], counter-clockwise as seen from free space.
         camera: undistorted.
         keyframes: depth [H, W] float32 m, planar, 0 = no measurement, and T_world_cam [4, 4].
+        pool: looks through keyframes at once; all that they write is "seen".
     """
     corners = np.asarray(vertices, np.float64)[faces]  # [F, 3, 3]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -42,11 +45,15 @@ def faces_seen(
     seen = np.zeros(len(corners), np.bool_)
     centres = corners.mean(axis=1)
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    for k in _spread_order(len(keyframes)):
+
+    def look(k: int) -> None:
         depth_m, T_world_cam = keyframes[k]
         depth_m = np.ascontiguousarray(depth_m, np.float32)
         T_cam_world, position = inverse(T_world_cam), np.asarray(T_world_cam)[:3, 3].copy()
         _mark_seen(centres, normals, depth_m, T_cam_world, position, intrinsics, seen)
+
+    for _ in pool.map(look, _spread_order(len(keyframes))):
+        pass
     touched = np.zeros(len(vertices), np.bool_)
     touched[faces[seen].ravel()] = True
     return np.asarray(touched[faces].all(axis=1))
@@ -82,7 +89,8 @@ def _mark_seen(centres, normals, depth, T, position, intrinsics, seen):
             d = position[a] - centres[i, a]
             to_camera += normals[i, a] * d
             distance += d * d
-        seen[i] = to_camera > _LEAST_COSINE * np.sqrt(distance)
+        if to_camera > _LEAST_COSINE * np.sqrt(distance):
+            seen[i] = True  # never False: another thread may have seen it meanwhile
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

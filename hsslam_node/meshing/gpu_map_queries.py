@@ -17,6 +17,8 @@ _CHUNK = 1 << 16
 class GpuMapQueries:
     """Signed distance and colour of the map at any points; `params` [P] are copied to the device."""
 
+    threads = 1
+
     def __init__(self, layout: FieldLayout, params: np.ndarray, device: Device) -> None:
         self._on = device.tensors_on
         self._layout = gpu_layout(kernel_layout(layout), self._on)

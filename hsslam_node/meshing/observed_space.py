@@ -37,15 +37,14 @@ class ObservedSpace:
         self._surface = np.zeros(blocks * block_cells + 1 + 2 * HALO, np.uint8)
         self._occupied = np.zeros(self.block_count, np.bool_)
         self._limit = cells.astype(np.int64)  # last vertex inside the bound
-        self._dirty = np.zeros(self.block_count, np.bool_)
 
     def observe(
         self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 2
     ) -> None:
-        """Mark the vertices nearest to every stride-th depth pixel; their blocks become dirty.
+        """Mark the vertices nearest to every stride-th depth pixel, and their blocks.
 
-        Between neighbouring pixels on one surface the marks are joined: a floor seen at a flat
-        angle has pixels many voxels apart.
+        Several threads may call it at once. Between neighbouring pixels on one surface the marks are
+        joined: a floor seen at a flat angle has pixels many voxels apart.
 
         Args:
             depth_m: [H, W] float32 m, planar, 0 = no measurement.
@@ -64,20 +63,13 @@ class ObservedSpace:
             stride_px,
             self._surface,
             self._limit,
-            self._dirty,
+            self._occupied,
             self.block_cells,
         )
-        self._occupied |= self._dirty
-
-    def take_dirty(self) -> list[tuple[int, int, int]]:
-        """Blocks touched by observations since the last call."""
-        dirty = _indices(self._dirty)
-        self._dirty[:] = False
-        return dirty
 
     def occupied_blocks(self) -> list[tuple[int, int, int]]:
         """All blocks that have been touched by an observation."""
-        return _indices(self._occupied)
+        return [(int(i), int(j), int(k)) for i, j, k in np.argwhere(self._occupied)]
 
     def cells(self, block: tuple[int, int, int]) -> np.ndarray:
         """Cells of a block whose eight vertices are near observed surface, [n, n, n] bool."""
@@ -92,12 +84,6 @@ class ObservedSpace:
         grid = np.multiply(block, self.block_cells) + vertices
         return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
 
-    def clear(self) -> None:
-        """Forget all observations (after poses were corrected)."""
-        self._surface = np.zeros(self._surface.shape, np.uint8)
-        self._occupied[:] = False
-        self._dirty[:] = False
-
     def _slices(self, block: tuple[int, int, int]) -> tuple[slice, slice, slice]:
         """The vertices of a block with the halo around them."""
         n = self.block_cells
@@ -106,32 +92,43 @@ class ObservedSpace:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, dirty, block_cells):
+def _mark(depth, intrinsics, T_grid_cam, stride, surface, limit, occupied, block_cells):
     """Mark the vertices nearest to back-projected pixels and to the surface between neighbours."""
     height, width = depth.shape
-    fx, fy, cx, cy = intrinsics
-    p = np.empty(3)
-    q = np.empty(3)
+    across = (np.arange(width) - intrinsics[2]) / intrinsics[0]
+    grid = np.empty((2, 3, width))  # positions of the pixels of a row and of the next
     for row in range(stride // 2, height, stride):
+        here, below = row // stride % 2, (row // stride + 1) % 2
+        if row == stride // 2:
+            _grid_row(depth, row, across, intrinsics, T_grid_cam, stride, grid[here])
+        if row + stride < height:
+            _grid_row(depth, row + stride, across, intrinsics, T_grid_cam, stride, grid[below])
         for column in range(stride // 2, width, stride):
             z = depth[row, column]
             if not (z > 0.0 and z < 1e4):
                 continue
-            to_grid(T_grid_cam, (column - cx) / fx * z, (row - cy) / fy * z, z, p)
-            _mark_vertex(p, surface, limit, dirty, block_cells)
-            for right, down in ((stride, 0), (0, stride)):
-                u, v = column + right, row + down
-                if u >= width or v >= height:
+            x0, x1, x2 = grid[here, 0, column], grid[here, 1, column], grid[here, 2, column]
+            _mark_vertex(x0, x1, x2, surface, limit, occupied, block_cells)
+            for line, u, v in ((here, column + stride, row), (below, column, row + stride)):
+                if u >= width or v >= height or not abs(depth[v, u] - z) < CONTINUOUS * z:
                     continue
-                other = depth[v, u]
-                if not abs(other - z) < CONTINUOUS * z:
-                    continue
-                to_grid(T_grid_cam, (u - cx) / fx * other, (v - cy) / fy * other, other, q)
-                steps = int(max(abs(q[0] - p[0]), abs(q[1] - p[1]), abs(q[2] - p[2])))
+                d0, d1, d2 = grid[line, 0, u] - x0, grid[line, 1, u] - x1, grid[line, 2, u] - x2
+                steps = int(max(abs(d0), abs(d1), abs(d2)))
                 for step in range(1, steps + 1):
                     share = step / (steps + 1)
-                    between = p + share * (q - p)
-                    _mark_vertex(between, surface, limit, dirty, block_cells)
+                    y0, y1, y2 = x0 + share * d0, x1 + share * d1, x2 + share * d2
+                    _mark_vertex(y0, y1, y2, surface, limit, occupied, block_cells)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _grid_row(depth, row, across, intrinsics, T, stride, out):
+    """Write the grid positions of every stride-th pixel of a row into `out` [3, W]."""
+    down = (row - intrinsics[3]) / intrinsics[1]
+    for a in range(3):
+        for column in range(stride // 2, len(across), stride):
+            z = depth[row, column]
+            position = T[a, 0] * (across[column] * z) + T[a, 1] * (down * z) + T[a, 2] * z
+            out[a, column] = position + T[a, 3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -143,27 +140,29 @@ def to_grid(T_grid_cam, x, y, z, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark_vertex(p, surface, limit, dirty, block_cells):
+def _mark_vertex(x, y, z, surface, limit, occupied, block_cells):
     """Mark the vertex nearest to a grid position and the blocks whose cells it changes."""
-    i0 = int(np.floor(p[0] + 0.5))
-    i1 = int(np.floor(p[1] + 0.5))
-    i2 = int(np.floor(p[2] + 0.5))
+    i0 = int(np.floor(x + 0.5))
+    i1 = int(np.floor(y + 0.5))
+    i2 = int(np.floor(z + 0.5))
     if i0 < 0 or i1 < 0 or i2 < 0 or i0 > limit[0] or i1 > limit[1] or i2 > limit[2]:
+        return
+    if surface[i0 + HALO, i1 + HALO, i2 + HALO]:
         return
     surface[i0 + HALO, i1 + HALO, i2 + HALO] = 1
     for i in range(
         max((i0 - HALO) // block_cells, 0),
-        min((i0 + CLOSE_CELLS) // block_cells, dirty.shape[0] - 1) + 1,
+        min((i0 + CLOSE_CELLS) // block_cells, occupied.shape[0] - 1) + 1,
     ):
         for j in range(
             max((i1 - HALO) // block_cells, 0),
-            min((i1 + CLOSE_CELLS) // block_cells, dirty.shape[1] - 1) + 1,
+            min((i1 + CLOSE_CELLS) // block_cells, occupied.shape[1] - 1) + 1,
         ):
             for k in range(
                 max((i2 - HALO) // block_cells, 0),
-                min((i2 + CLOSE_CELLS) // block_cells, dirty.shape[2] - 1) + 1,
+                min((i2 + CLOSE_CELLS) // block_cells, occupied.shape[2] - 1) + 1,
             ):
-                dirty[i, j, k] = True
+                occupied[i, j, k] = True
 
 
 def _window(grid: np.ndarray, width: int, combine: np.ufunc) -> np.ndarray:
@@ -183,10 +182,6 @@ def observed_cells(surface: np.ndarray) -> np.ndarray:
     grown = _window(surface, 2 * CLOSE_CELLS + 1, np.bitwise_or)  # one vertex of halo is left
     vertices = _window(grown, 3, np.bitwise_and)  # [n + 1] vertices
     return _window(vertices, 2, np.bitwise_and).view(np.bool_)
-
-
-def _indices(blocks: np.ndarray) -> list[tuple[int, int, int]]:
-    return [(int(i), int(j), int(k)) for i, j, k in np.argwhere(blocks)]
 
 
 _FAR_M = 2.0  # a turn moves surfaces at this distance

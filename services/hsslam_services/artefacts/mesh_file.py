@@ -71,7 +71,15 @@ def final_mesh(
         return store.frame(int(kept[i])).depth_m()
 
     observed = DepthViews(depth_m, store.poses_of(kept))
-    return extract_mesh(queries.sdf, queries.color, layout.bound, store.camera, observed, voxel_m)
+    return extract_mesh(
+        queries.sdf,
+        queries.color,
+        layout.bound,
+        store.camera,
+        observed,
+        voxel_m,
+        threads=queries.threads,
+    )
 
 
 def save_mesh(run_dir: Path, mesh: trimesh.Trimesh) -> None:

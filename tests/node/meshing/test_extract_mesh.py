@@ -12,6 +12,15 @@ def mesh(scene):
     )
 
 
+def test_two_threads_make_the_same_mesh(scene, mesh):
+    other = extract_mesh(
+        scene.sdf, scene.color, scene.bound, scene.camera, scene.keyframes, stride_px=2, threads=2
+    )
+    for name in ("vertices", "faces"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(mesh, name))
+    np.testing.assert_array_equal(other.visual.vertex_colors, mesh.visual.vertex_colors)
+
+
 def test_surface_is_the_scene(scene, mesh):
     error = np.abs(scene.distance(np.asarray(mesh.vertices)))
     assert np.percentile(error, 99) < 1e-3  # the rest are cut corners of the room

@@ -1,5 +1,7 @@
 """Triangles are kept that some keyframe looked at: no curtain along the rays, no second skin."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,12 @@ def _square(z: float, *, half: float = 0.3, front: bool = True) -> tuple[np.ndar
 
 def _seen(vertices, faces, depth_m=2.0, T=None):
     depth = np.full((120, 160), depth_m, np.float32)
-    return faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4) if T is None else T)])
+    return _seen_by([(depth, np.eye(4) if T is None else T)], vertices, faces)
+
+
+def _seen_by(keyframes, vertices, faces):
+    with ThreadPoolExecutor(1) as pool:
+        return faces_seen(vertices, faces, CAMERA, keyframes, pool)
 
 
 def test_what_was_measured_is_kept():
@@ -46,7 +53,7 @@ def test_without_measurement_or_out_of_sight_nothing_is_kept():
     assert not _seen(*_square(2.0), depth_m=0.0).any()
     behind = np.diag([1.0, -1.0, -1.0, 1.0])
     assert not _seen(*_square(2.0), T=behind).any()
-    assert not faces_seen(*_square(2.0), CAMERA, []).any()
+    assert not _seen_by([], *_square(2.0)).any()
 
 
 def test_a_single_missed_triangle_between_others_is_kept():
@@ -60,6 +67,6 @@ def test_a_single_missed_triangle_between_others_is_kept():
     )
     depth = np.full((120, 160), 2.0, np.float32)
     depth[59:61, 79:81] = 0.0
-    assert faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4))]).all()
+    assert _seen_by([(depth, np.eye(4))], vertices, faces).all()
     depth[50:70, 70:90] = 0.0
-    assert not faces_seen(vertices, faces, CAMERA, [(depth, np.eye(4))]).all()
+    assert not _seen_by([(depth, np.eye(4))], vertices, faces).all()

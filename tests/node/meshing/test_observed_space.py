@@ -47,24 +47,21 @@ def test_pixels_without_depth_and_points_outside_mark_nothing():
     depth[:24] = 0.0
     depth[0] = np.nan
     space.observe(depth, CAMERA, np.eye(4), 1)
-    assert space.occupied_blocks() == [] and space.take_dirty() == []
+    assert space.occupied_blocks() == []
 
 
-def test_only_touched_blocks_are_dirty_once():
+def test_only_touched_blocks_are_occupied():
     space = ObservedSpace(BOUND, 0.03, 8)
     space.observe(_wall(0.5), CAMERA, np.eye(4), 1)
-    dirty = space.take_dirty()
-    assert dirty and {b[2] for b in dirty} == {1, 2}  # 0.5 m is cell 16.7
-    assert space.take_dirty() == []
-    assert set(space.occupied_blocks()) >= {b for b in dirty if space.cells(b).any()}
+    assert {b[2] for b in space.occupied_blocks()} == {1, 2}  # 0.5 m is cell 16.7
 
 
-def test_every_block_with_cells_was_dirty():
+def test_every_block_with_cells_is_occupied():
     space = ObservedSpace(BOUND, 0.04, 8)
     rng = np.random.default_rng(0)
     space.observe(rng.uniform(0.3, 1.9, (48, 64)).astype(np.float32), CAMERA, np.eye(4), 1)
-    dirty = set(space.take_dirty())
-    assert {b for b in np.ndindex(*space.block_count) if space.cells(b).any()} <= dirty
+    occupied = set(space.occupied_blocks())
+    assert {b for b in np.ndindex(*space.block_count) if space.cells(b).any()} <= occupied
 
 
 def test_neighbouring_blocks_agree_on_the_whole_grid():
@@ -85,13 +82,6 @@ def test_no_cell_leaves_the_bound():
     for block in space.occupied_blocks():
         corners = space.vertex_positions(block, np.argwhere(space.cells(block)) + 1)
         assert bound.contains(corners - 1e-5).all()
-
-
-def test_clear_forgets():
-    space = ObservedSpace(BOUND, 0.03)
-    space.observe(_wall(1.0), CAMERA, np.eye(4))
-    space.clear()
-    assert space.occupied_blocks() == [] and space.take_dirty() == []
 
 
 def test_voxel_must_have_a_size():

@@ -81,9 +81,16 @@ def _options(args: Sequence[str]) -> MeshOptions:
 def _mesh(options: MeshOptions) -> None:
     saved = SavedMap(Path(options.map), options.device)
     camera, views = _views(saved)
-    bound = saved.checkpoint.layout.bound
-    queries = saved.queries
-    mesh = extract_mesh(queries.sdf, queries.color, bound, camera, views, options.voxel)
+    queries, bound = saved.queries, saved.checkpoint.layout.bound
+    mesh = extract_mesh(
+        queries.sdf,
+        queries.color,
+        bound,
+        camera,
+        views,
+        options.voxel,
+        threads=queries.threads,
+    )
     if len(mesh.faces) == 0:
         raise UserError(
             f"{options.map}: its {len(views)} keyframes see no surface: expected a map with a surface"
