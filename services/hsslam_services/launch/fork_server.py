@@ -22,6 +22,7 @@ import setproctitle
 
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.spawn import module_command
+from hsslam_services.run.memory import return_free_memory
 
 _PROCESSES = "hsslam_services.processes"
 # The camera waits for no other process, so it is forked before the large imports.
@@ -88,6 +89,8 @@ def _serve(supervisor: socket.socket, run_dir: str) -> _Request | None:
             return request
     _import(_IMPORTS)
     _load_kernels(Path(run_dir))
+    gc.collect()
+    return_free_memory()  # of the imports and the warm start
     gc.freeze()  # a collection in a forked process would copy every page that it looks at
     supervisor.setblocking(True)
     while True:

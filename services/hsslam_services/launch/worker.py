@@ -28,7 +28,7 @@ from hsslam_services.launch.heartbeat_figures import HeartbeatFigures
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.process_table import PROCESSES, process_number
 from hsslam_services.run.camera_progress import CameraProgress
-from hsslam_services.run.memory import OwnMemory
+from hsslam_services.run.memory import OwnMemory, return_free_memory
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from hsslam_services.arena.arena import Arena
 
 _HEARTBEAT_S = 0.5
+_TRIM_EVERY_S = 10.0
 _STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 _EMA = 0.1  # weight of a new stage time
 _TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
@@ -154,8 +155,12 @@ class Worker:
         self._stop.set()
 
     def _beat(self) -> None:
+        trim_at_s = 0.0
         while True:
             self._publish_health()
+            if time.monotonic() >= trim_at_s:
+                return_free_memory()
+                trim_at_s = time.monotonic() + _TRIM_EVERY_S
             if self._ended.wait(_HEARTBEAT_S):
                 break
             if self.is_orphan():

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from hsslam_services.run.memory import MemoryOfAll, OwnMemory, read_pss_mb
+from hsslam_services.run.memory import MemoryOfAll, OwnMemory, read_pss_mb, return_free_memory
 
 
 def test_own_pages_count_whole_and_shared_ones_by_their_share():
@@ -51,3 +51,13 @@ def test_the_peak_is_of_one_moment():
     assert found["peak_pss_mb_of"] == {
         "tracker": 500, "mapper": 400, "supervisor": own, "fork_server": 0,
     }  # fmt: skip
+
+
+def test_free_memory_between_arrays_in_use_is_given_back():
+    arrays = [np.ones(100_000, np.uint8) for _ in range(1000)]  # below glibc's own limit for a mapping
+    kept = arrays[::100]
+    del arrays
+    before = read_pss_mb()
+    return_free_memory()
+    assert before - read_pss_mb() > 50
+    assert all(array.all() for array in kept)
