@@ -54,7 +54,9 @@ def test_the_peak_is_of_one_moment():
 
 
 def test_free_memory_between_arrays_in_use_is_given_back():
-    arrays = [np.ones(100_000, np.uint8) for _ in range(1000)]  # below glibc's own limit for a mapping
+    arrays = [
+        np.ones(100_000, np.uint8) for _ in range(1000)
+    ]  # below glibc's own limit for a mapping
     kept = arrays[::100]
     del arrays
     before = read_pss_mb()
