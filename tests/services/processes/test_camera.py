@@ -54,10 +54,10 @@ class _OtherEnd:
                 Health(process=name, pid=pid, state="running", rss_bytes=0, topics=counts)
             )
 
-    def next_frame(self, timeout_s: float = 60.0) -> Frame:
+    def next_frame(self, timeout_s: float = 60.0, received: int = 0) -> Frame:
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            self.beat()
+            self.beat(received=received)
             frame = self.frames.wait(0.2)
             if frame is not None:
                 return frame
@@ -183,7 +183,7 @@ def test_the_first_frame_is_sent_again_if_the_tracker_did_not_get_it(other_end):
         end.beat(received=1)
         assert end.frames.wait(0.1) is None
     end.maps.put(MapVersion(version=1, iterations=1, loss=0.0, keyframes=1, mapping_ms=0.0))
-    assert end.next_frame().index == 1
+    assert end.next_frame(received=1).index == 1
 
 
 def test_a_paused_camera_sends_nothing_and_its_clock_stands_still(other_end):

@@ -13,9 +13,9 @@ from hsslam_services.run.memory import MemoryOfAll, OwnMemory, read_pss_mb, retu
 
 def test_own_pages_count_whole_and_shared_ones_by_their_share():
     before = read_pss_mb()
-    block = np.ones(100 * 10**6, np.uint8)
-    alone = read_pss_mb()
-    assert alone - before == pytest.approx(100, abs=15)
+    block = np.ones(400 * 10**6, np.uint8)
+    alone = read_pss_mb()  # processes of other tests may end, and leave this one their share
+    assert alone - before == pytest.approx(400, abs=60)
     child = os.fork()
     if child == 0:
         signal.pause()
@@ -23,7 +23,7 @@ def test_own_pages_count_whole_and_shared_ones_by_their_share():
     together = read_pss_mb() + read_pss_mb(child)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    assert together == pytest.approx(alone, abs=40)
+    assert together == pytest.approx(alone, abs=60)
     assert len(block) > mmap.PAGESIZE
 
 
