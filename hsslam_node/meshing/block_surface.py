@@ -55,5 +55,5 @@ def block_surface(
         return None, len(vertices)
     color = query_color(space.vertex_positions(block, local))
     rgb = np.clip(np.asarray(color) * 255.0 + 0.5, 0, 255).astype(np.uint8)
-    mesh = BlockMesh(block, local.astype(np.float32), faces.astype(np.int64), rgb)
+    mesh = BlockMesh(block, local.astype(np.float32), faces.astype(np.int32), rgb)
     return mesh, len(vertices)

@@ -18,7 +18,7 @@ class BlockMesh:
 
     block: tuple[int, int, int]
     vertices: np.ndarray  # [V, 3] float32, cells from the block's first vertex
-    faces: np.ndarray  # [F, 3] int64
+    faces: np.ndarray  # [F, 3] int32
     colors: np.ndarray  # [V, 3] uint8
 
 
@@ -59,7 +59,7 @@ def kept_faces(
 
 def without_specks(mesh: BlockMesh, block_cells: int, min_faces: int) -> BlockMesh | None:
     """The mesh of a block less small pieces within it; those that reach a neighbour stay; None: nothing."""
-    label = _components(mesh.faces, len(mesh.vertices))
+    label = _components(mesh.faces.astype(np.int64), len(mesh.vertices))
     at_side = ((mesh.vertices <= 0) | (mesh.vertices >= block_cells)).any(axis=1)
     stays = np.bincount(label[mesh.faces[:, 0]], minlength=label.max() + 1) >= min_faces
     stays[label[at_side]] = True
@@ -69,7 +69,8 @@ def without_specks(mesh: BlockMesh, block_cells: int, min_faces: int) -> BlockMe
     if not keep.any():
         return None
     used, faces = np.unique(mesh.faces[keep], return_inverse=True)
-    return BlockMesh(mesh.block, mesh.vertices[used], faces.reshape(-1, 3), mesh.colors[used])
+    faces = faces.reshape(-1, 3).astype(np.int32)
+    return BlockMesh(mesh.block, mesh.vertices[used], faces, mesh.colors[used])
 
 
 def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:

@@ -25,7 +25,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
-_AHEAD = 30  # frames decoded in advance: rides out a second of other load
+_AHEAD = 15  # frames decoded in advance: rides out half a second of other load
 
 
 class PauseListener:

@@ -57,7 +57,7 @@ class Recorder:
     A restarted recorder opens the next part at once, finishes that of its predecessor beside it, and
     logs what publishers kept meanwhile once. Nearly full disk: frames, meshes and run.rrd are left out,
     all else goes on. `tell(level, text)` takes its events.
-    `viewer_memory_gb`: limit of a viewer that is started here (None: rerun's own). `is_lockstep`: publishes
+    `viewer_memory_gb`: limit of a viewer that is started here (None: its default). `is_lockstep`: publishes
     a step for each frame that is logged; otherwise only once the source has ended.
 
     Raises:

@@ -101,8 +101,8 @@ class ServeOptions:
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 2.0
     """Shared memory of the run, GB; from 70 % on redundant keyframes go."""
-    viewer_memory_gb: float = 0.5
-    """Memory of the viewer or of the web viewer's server, GB; beyond it the oldest data goes."""
+    viewer_memory_gb: float | None = None
+    """Memory of the viewer (none: 0.5 GB) or of the web viewer's server (none: 0.25 GB); beyond it the oldest data goes."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
@@ -166,9 +166,9 @@ class ServeOptions:
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
         if not (math.isfinite(self.memory_gb) and self.memory_gb >= 0.1):
             raise UserError(f"--memory-gb {self.memory_gb}: expected GB, 0.1 or more")
-        if not (math.isfinite(self.viewer_memory_gb) and self.viewer_memory_gb >= 0.1):
-            expected = "expected GB, 0.1 or more"
-            raise UserError(f"--viewer-memory-gb {self.viewer_memory_gb}: {expected}")
+        viewer_gb = self.viewer_memory_gb
+        if viewer_gb is not None and not (math.isfinite(viewer_gb) and viewer_gb >= 0.1):
+            raise UserError(f"--viewer-memory-gb {viewer_gb}: expected GB, 0.1 or more")
         if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
         if self.zenoh_port is not None and not 1 <= self.zenoh_port <= 65535:

@@ -16,6 +16,7 @@ from hsslam_services.launch.parent_death import die_with_parent
 _PORT = 9876
 _WEB_PORT = 9090
 _SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
+_MEMORY_GB = {"spawn": 0.5, "web": 0.25}  # unless the user says otherwise
 
 
 class ViewerProcess:
@@ -23,7 +24,7 @@ class ViewerProcess:
 
     The native viewer is the user's window and stays when the run ends; the web server does not.
     `page` is the address to open in a browser, None for the native viewer. `memory_gb`: what it keeps at
-    most, GB (None: rerun's own limits); it then forgets the oldest data.
+    most, GB (None: 0.5 for the native viewer, 0.25 for the server); it then forgets the oldest data.
 
     Raises:
         UserError: the viewer cannot be started.
@@ -42,8 +43,7 @@ class ViewerProcess:
             command += ["--serve-web", "--web-viewer-port", str(web_port)]
         else:
             command += ["--expect-data-soon"]
-        if memory_gb is not None:
-            command += _memory_limits(kind, memory_gb)
+        command += _memory_limits(kind, _MEMORY_GB[kind] if memory_gb is None else memory_gb)
         self._command = command
         environment = os.environ | {"RUST_LOG": "error"}
         try:
