@@ -14,6 +14,7 @@ class ProcessSpec:
     `stop_stage`: all processes of a stage have ended before those of the next stage are told to end.
     `restarts_with_map`: it keeps state of the map, so a reset replaces it.
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
+    `returns_memory`: large arrays go back to the system once freed; slower by what the system takes to clear.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
     """
 
@@ -25,6 +26,7 @@ class ProcessSpec:
     ends_run: bool = False
     restarts_with_map: bool = False
     lockstep_needs: bool = False
+    returns_memory: bool = False
     reads_source: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
@@ -89,6 +91,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "writes run.mcap and feeds rerun",
         nice=8,
         stop_stage=RECORDER_STAGE,
+        returns_memory=True,
         stop_timeout_s=120.0,  # it recovers earlier parts and finishes its files
     ),
     _row(
@@ -108,6 +111,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         is_late=True,
         restarts_with_map=True,
         lockstep_needs=True,
+        returns_memory=True,
         stop_timeout_s=60.0,  # it finishes its round
     ),
     _row(
@@ -115,6 +119,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "extracts the mesh",
         nice=19,
         stop_stage=MESHER_STAGE,
+        returns_memory=True,
         is_late=True,
         restarts_with_map=True,
     ),

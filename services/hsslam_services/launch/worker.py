@@ -28,7 +28,7 @@ from hsslam_services.launch.heartbeat_figures import HeartbeatFigures
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.process_table import PROCESSES, process_number
 from hsslam_services.run.camera_progress import CameraProgress
-from hsslam_services.run.memory import OwnMemory, return_free_memory
+from hsslam_services.run.memory import OwnMemory, return_free_memory, return_large_arrays
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 
@@ -213,7 +213,10 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run
-    _give_way(next((spec.nice for spec in PROCESSES if spec.name == name), 0))
+    spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: it ends by itself
+    _give_way(spec.nice if spec else 0)
+    if spec is None or spec.returns_memory:
+        return_large_arrays()
     try:
         run = RunInfo.read(run_dir)
         enter_process(Path(run.arena_dir), name)

@@ -9,7 +9,20 @@ from typing import Any
 import psutil
 
 _EVERY_S = 5.0  # the kernel walks all pages for it: some milliseconds
-_TRIM = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc alone
+_LARGE_BYTES = 512 << 10
+_M_MMAP_THRESHOLD = -3  # of malloc.h
+_LIBC = ctypes.CDLL(None)
+_TRIM = getattr(_LIBC, "malloc_trim", None)  # of glibc alone
+_MALLOPT = getattr(_LIBC, "mallopt", None)
+
+
+def return_large_arrays() -> None:
+    """From now on arrays of 0.5 MB or more go back to the system once they are freed.
+
+    The system clears the next one, which takes time that tracking does not have.
+    """
+    if _MALLOPT is not None:
+        _MALLOPT(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
 
 def return_free_memory() -> None:

@@ -99,10 +99,10 @@ class ServeOptions:
     """Where the map is computed; auto: an NVIDIA GPU if one works."""
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
-    memory_gb: float = 2.0
+    memory_gb: float = 1.0
     """Shared memory of the run, GB; from 70 % on redundant keyframes go."""
     viewer_memory_gb: float | None = None
-    """Memory of the viewer (none: 0.5 GB) or of the web viewer's server (none: 0.25 GB); beyond it the oldest data goes."""
+    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.25)."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"

@@ -3,12 +3,19 @@
 import mmap
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
 
-from hsslam_services.run.memory import MemoryOfAll, OwnMemory, read_pss_mb, return_free_memory
+from hsslam_services.run.memory import (
+    MemoryOfAll,
+    OwnMemory,
+    read_pss_mb,
+    return_free_memory,
+)
 
 
 def test_own_pages_count_whole_and_shared_ones_by_their_share():
@@ -63,3 +70,23 @@ def test_free_memory_between_arrays_in_use_is_given_back():
     return_free_memory()
     assert before - read_pss_mb() > 50
     assert all(array.all() for array in kept)
+
+
+_FREED = """
+import numpy as np
+from hsslam_services.run.memory import read_pss_mb, return_large_arrays
+if {returns}:
+    return_large_arrays()
+arrays = [np.ones(1_000_000, np.uint8) for _ in range(200)]
+last, before = arrays[-1], read_pss_mb()
+del arrays
+print(before - read_pss_mb())
+"""
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_large_arrays_go_back_once_they_are_freed_where_a_process_says_so(returns):
+    kept = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(128 << 20)}
+    command = [sys.executable, "-c", _FREED.format(returns=returns)]
+    found = subprocess.run(command, env=os.environ | kept, capture_output=True, text=True)
+    assert (float(found.stdout) > 150) == returns, found.stderr
