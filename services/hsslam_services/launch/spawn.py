@@ -10,6 +10,7 @@ from typing import IO, Protocol
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_services.launch.process_table import environment_of_threads
+from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 from hsslam_services.run.process_result import read_result
 
 # glibc gives memory of this size back to the system when it is freed, and the system clears it again
@@ -19,6 +20,7 @@ _KEPT_MEMORY = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the largest that glibc takes
     "MALLOC_TRIM_THRESHOLD_": str(128 << 20),
     "MALLOC_ARENA_MAX": "2",  # else each of many threads keeps memory of its own
+    **RETURN_FREED_MEMORY_OF_RERUN,
 }
 
 

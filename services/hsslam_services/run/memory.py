@@ -9,6 +9,7 @@ from typing import Any
 import psutil
 
 _EVERY_S = 5.0  # the kernel walks all pages for it: some milliseconds
+RETURN_FREED_MEMORY_OF_RERUN = {"MIMALLOC_PURGE_DELAY": "0"}  # environment of its SDK and viewer
 _LARGE_BYTES = 512 << 10
 _M_MMAP_THRESHOLD = -3  # of malloc.h
 _LIBC = ctypes.CDLL(None)

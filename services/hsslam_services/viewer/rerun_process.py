@@ -12,6 +12,7 @@ import rerun_cli
 
 from hsslam_node.errors import UserError
 from hsslam_services.launch.parent_death import die_with_parent
+from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 
 _PORT = 9876
 _WEB_PORT = 9090
@@ -45,7 +46,7 @@ class ViewerProcess:
             command += ["--expect-data-soon"]
         command += _memory_limits(kind, _MEMORY_GB[kind] if memory_gb is None else memory_gb)
         self._command = command
-        environment = os.environ | {"RUST_LOG": "error"}
+        environment = os.environ | RETURN_FREED_MEMORY_OF_RERUN | {"RUST_LOG": "error"}
         try:
             self._process = subprocess.Popen(
                 command,

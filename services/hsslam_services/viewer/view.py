@@ -26,15 +26,20 @@ _CLOSE_S = 10.0
 
 @dataclass(frozen=True)
 class _Intervals:
-    """The least time between what is drawn of a kind; poses and blocks of the mesh are drawn together."""
+    """The least time between what is drawn of a kind; poses and blocks of the mesh are drawn together.
+
+    `flush_s`: what is drawn of an entity leaves as a chunk this often. The end of a file lists all its
+    chunks, so rerun keeps 2.4 kB of each in memory until then.
+    """
 
     images_s: float
     meshes_s: float
     poses_s: float
+    flush_s: float
 
 
-_FILE = _Intervals(images_s=0.1, meshes_s=3.0, poses_s=1.0)
-_LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1)
+_FILE = _Intervals(images_s=0.1, meshes_s=10.0, poses_s=1.0, flush_s=10.0)
+_LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2)
 
 
 class RerunView:
@@ -166,7 +171,11 @@ class _Drawing(threading.Thread):
         self._watch = watch
         self.images_s = intervals.images_s
         self._image_ns = 0
-        self._stream = rr.RecordingStream("hsslam", recording_id=recording_id)
+        self._stream = rr.RecordingStream(
+            "hsslam",
+            recording_id=recording_id,
+            batcher_config=rr.ChunkBatcherConfig(flush_tick=intervals.flush_s),
+        )
         self._stream.set_sinks(sink, default_blueprint=blueprint())
         self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
