@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.table import Table
 
-_PROTOCOLS = {"mesh": "exact", "mesh_literature": "literature"}
+_PROTOCOLS = {"mesh": "exact", "mesh_literature": "lit."}
 
 
 def eval_table(figures: Mapping[str, Any]) -> list[Table]:
@@ -49,13 +49,15 @@ def _meshes(figures: Mapping[str, Any]) -> Table | None:
     ]
     if not lines:
         return None
-    names = (
-        *("", "protocol", "accuracy mean / median, cm", "< 5 cm, %"),
-        *("completion mean / median, cm", "< 5 cm, %", "depth L1, cm", "holes, %"),
-    )
     table = Table(title="mesh", title_justify="left")
-    for name in names:
-        table.add_column(name, justify="left" if name in ("", "protocol") else "right")
+    for name in ("", "by"):
+        table.add_column(name, no_wrap=True)
+    for name in (
+        *("accuracy mean / median, cm", "< 5 cm, %", "completion mean / median, cm"),
+        *("< 5 cm, %", "depth L1, cm", "holes, %"),
+    ):
+        table.add_column(name, justify="right")
+    table.caption = "exact: our protocol; lit.: that of the literature (--help)"
     for name, protocol, mesh, depth in lines:
         accuracy, completion = (
             f"{_number(mesh[f'{kind}_mean_m'], 100, 2)} / "

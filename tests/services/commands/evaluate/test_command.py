@@ -54,7 +54,7 @@ def test_table_json_and_pictures(result, tmp_path, capsys):
     assert figures["ate"]["final"]["rmse_m"] == pytest.approx(0.005, abs=2e-4)
     assert figures["ate"]["final"]["scored"] == 60
     assert figures["mesh"]["accuracy_mean_m"] < 0.008  # moved by half a centimetre
-    assert "exact" in shown and "literature" in shown
+    assert "│ exact" in shown and "│ lit." in shown
     assert 0.001 < figures["mesh_literature"]["accuracy_mean_m"] < 0.02  # points are that far apart
     assert 0 < figures["depth_l1"]["views"] <= 6  # sixty frames see little that turns inside it
     assert figures["consistency"]["given"][0]["gap_frames"] == 10
