@@ -79,7 +79,9 @@ def _measured(options: PeersOptions, console: Console) -> Iterator[PeerRow]:
         results = given
         if options.results is not None:
             results = [*given, *results_in(options.results, sequence.name)]
-        for peer in track(peers, sequence.name, console=console, transient=True):
+        for peer in track(
+            peers, sequence.name, console=console, transient=True, disable=not console.is_terminal
+        ):
             yield _run(peer, sequence, options.out.with_suffix(""))
         for result in results:
             yield PeerRow(sequence.name, result.name, _scored(result, sequence))

@@ -12,8 +12,8 @@ from hsslam_node.evaluation.mesh.tsdf_baseline import import_open3d
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory
 
-VOXEL_M = 0.01
-MOST_DEPTH_M = 5.0
+VOXEL_M = 3 / 512  # this and the next as in Open3D's example
+MOST_DEPTH_M = 3.0
 TRUNCATION_VOXELS = 8.0
 _LEAST_DEPTH_M = 0.1
 _BLOCKS = 20_000  # taken at the start; it grows
@@ -37,6 +37,7 @@ class _Model:
 
     def __init__(self, first: Frame) -> None:
         self._o3d = open3d = expect_open3d()
+        open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
         self._device = open3d.core.Device("CPU:0")
         self._model: Any = open3d.t.pipelines.slam.Model(
             VOXEL_M, 16, _BLOCKS, open3d.core.Tensor(np.eye(4)), self._device
