@@ -18,7 +18,7 @@ _LEAST_COMPONENT_FACES = 50  # as the mesher leaves out
 
 @dataclass(frozen=True)
 class TsdfOptions:
-    """Parameters of the TSDF; the defaults are the more accurate of `TSDF_SETTINGS` on house with noise."""
+    """Parameters of the TSDF; the defaults are the more accurate of both settings on house with noise."""
 
     voxel_m: float = 0.02
     """Voxel size, m."""

@@ -1,4 +1,4 @@
-"""A peer: another system that this machine can run, and what it leaves of a sequence."""
+"""A peer and what it leaves of a sequence; a file of its own, as all systems share it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
