@@ -57,7 +57,8 @@ def _followed(frames: Iterable[Frame], far_m: float, far_deg: float) -> Estimate
     odometry: _Odometry | None = None
     stamps_ns: list[int] = []
     poses: list[np.ndarray] = []
-    keyframe = last = None
+    keyframe: cv2.OdometryFrame | None = None
+    last: cv2.OdometryFrame | None = None
     T_world_keyframe = T_world_last = np.eye(4)
     for frame in frames:
         odometry = odometry or _Odometry(frame.camera)
@@ -65,7 +66,7 @@ def _followed(frames: Iterable[Frame], far_m: float, far_deg: float) -> Estimate
         T: np.ndarray | None = np.eye(4)
         if keyframe is not None:
             T = odometry.motion(keyframe, current)
-            if T is None and keyframe is not last:
+            if T is None and last is not None and last is not keyframe:
                 keyframe, T_world_keyframe = last, T_world_last
                 T = odometry.motion(keyframe, current)
         last = current
