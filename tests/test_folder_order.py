@@ -1,6 +1,7 @@
 """The order of folders: imports go down, never up and never in a circle; folders stay small."""
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -67,6 +68,21 @@ _ARROWS = [
 ]
 
 
+# The lists of all commands name the bench's by strings, which are imported only if one is asked for.
+_LISTS_OF_COMMANDS = ("hsslam_services.commands.hsslam", "hsslam_services.commands.all_options")
+
+
+def test_every_folder_has_its_place_in_the_order():
+    beside = {"hsslam_services"}  # the package itself
+    assert not [module for module in _MODULES if _folder(module) is None and module not in beside]
+
+
+def test_the_product_does_not_name_the_bench():
+    product = [m for m in _MODULES if not m.startswith("hsslam_bench")]
+    named = [m for m in product if re.search(r"hsslam_bench[.:]", _MODULES[m].read_text())]
+    assert sorted(named) == sorted(_LISTS_OF_COMMANDS)
+
+
 def test_no_import_goes_up_or_sideways():
     wrong = []
     for module, target in _ARROWS:
@@ -78,7 +94,9 @@ def test_no_import_goes_up_or_sideways():
     assert not wrong
 
 
-@pytest.mark.parametrize("package", ["hsslam_node", "hsslam_services", "hsslam_bench"])
+@pytest.mark.parametrize(
+    "package", ["hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench"]
+)
 def test_folders_import_each_other_without_circles(package: str):
     arrows: dict[str, set[str]] = defaultdict(set)
     for module, target in _ARROWS:

@@ -96,7 +96,7 @@ class Tracker:
         Raises:
             TornMapError: the map was overwritten meanwhile; nothing has changed, track again.
         """
-        self.settle()
+        self.prepare_next()
         self._localise_only = localise_only
         self._store.expect_like(frame)
         levels = grey_pyramid(frame)
@@ -120,7 +120,7 @@ class Tracker:
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
 
-    def settle(self) -> None:
+    def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
         if self._next_reference is not None:
             self._reference = self._next_reference()

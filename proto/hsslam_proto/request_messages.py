@@ -100,8 +100,8 @@ class Done(Message, frozen=True, kw_only=True):
 
 
 class Refusal(Message, frozen=True, kw_only=True):
-    """Why a request was not done. Reasons `unknown` to `malformed` tell of the request itself;
-    `busy`, `not_now` and `failed` of the service."""
+    """Why a request was not done. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
+    `failed`: the service cannot do it."""
 
     reason: Literal[
         "unknown", "encoding", "schema", "version", "size", "malformed", "busy", "not_now", "failed"

@@ -59,7 +59,7 @@ def main() -> None:
     (path.parent / RESULT).write_bytes(msgspec.json.encode(found))
 
 
-def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[str, Any]:
+def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dict[str, Any]:
     """Run a job, leave its files in `folder`; returns {"values": by metric, "details": ...}.
 
     Raises:
@@ -70,7 +70,7 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
     device = choose_device(job.device)
     warm_start(job.config, device)  # machine code is loaded, for all rows alike
     slam = Slam(job.config, job.seed, device=device)
-    rows, seconds = _track(source, slam, tell, device)
+    rows, seconds = _track(source, slam, report, device)
     if slam.store is None or slam.parameters is None:
         raise UserError(f"{job.source}: no frame could be read: expected some")
     poses = slam.store.poses()
@@ -108,7 +108,7 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
 
 
 def _track(
-    source: Source, slam: Slam, tell: Callable[[int, int], None], device: Device
+    source: Source, slam: Slam, report: Callable[[int, int], None], device: Device
 ) -> tuple[np.ndarray, float]:
     """Rows of POSE_ROW, and the time for them: of the processor alone where there is no other device,
     so that it does not matter what else runs."""
@@ -123,7 +123,7 @@ def _track(
         seconds += clock() - start
         rows.append(_row(result, frame))
         if len(rows) % _TELL_EVERY == 0:
-            tell(len(rows), source.frame_count or 0)
+            report(len(rows), source.frame_count or 0)
     start = clock()
     slam.finish()
     return np.array(rows, POSE_ROW), seconds + clock() - start

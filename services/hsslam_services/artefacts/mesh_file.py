@@ -25,10 +25,10 @@ _TELL_EVERY_S = 5.0
 class MeshProgress:
     """Reports how many of the keyframes the extraction has seen, every few seconds; it sees each twice."""
 
-    def __init__(self, keyframes: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, keyframes: int, report: Callable[[str], None]) -> None:
         self._expected = 2 * keyframes
         self._seen = 0
-        self._tell = tell
+        self._report = report
         self._due_s = time.monotonic() + _TELL_EVERY_S
 
     def saw_keyframe(self) -> None:
@@ -36,7 +36,7 @@ class MeshProgress:
         self._seen += 1
         if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + _TELL_EVERY_S
-            self._tell(f"mesh: {100 * self._seen / max(self._expected, 1):.0f} %")
+            self._report(f"mesh: {100 * self._seen / max(self._expected, 1):.0f} %")
 
 
 def mesh_of_arena(
@@ -44,11 +44,11 @@ def mesh_of_arena(
     parameters: FieldParameters,
     slam: SlamConfig,
     device: Device,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> trimesh.Trimesh:
     """The mesh of the newest published map; `tell` takes lines of progress."""
     params = published_params(parameters)[1]
-    progress = MeshProgress(len(store.kept()), tell)
+    progress = MeshProgress(len(store.kept()), report)
     voxel_m = slam.mesher.final_voxel_m
     return final_mesh(parameters.layout, params, store, voxel_m, device, progress.saw_keyframe)
 

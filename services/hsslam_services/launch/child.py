@@ -182,7 +182,7 @@ class Child:
         spec = self.spec
         since_start_s, since_beat_s = now - self._started_s, now - self._beat_s
         if self.state == "stalled":
-            why = f"does not come round for {spec.stall_timeout_s:g} s"
+            why = f"made no progress in its main loop for {spec.stall_timeout_s:g} s"
         elif self.health is not None and since_beat_s > spec.health_timeout_s:
             why = f"sends no heartbeat for {spec.health_timeout_s:g} s"
         elif self.state == "starting" and since_start_s > spec.startup_timeout_s:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _WIDTH_PX, _HEIGHT_PX = 160, 120
 
 
-def warm_up(tell: Callable[[str], None]) -> bool:
+def warm_up(report: Callable[[str], None]) -> bool:
     """Run everything that has kernels on a few tiny frames; `tell` gets a line before each part.
 
     Kernels serve all presets alike: nothing is compiled for a size. Must come before the first
@@ -34,7 +34,7 @@ def warm_up(tell: Callable[[str], None]) -> bool:
         folder.mkdir(parents=True, exist_ok=True)
         os.environ.update(NUMBA_CACHE_DIR=str(folder))
         for part in _compile_all():
-            tell(part)
+            report(part)
         warm_stamp().touch()
     except OSError as error:
         raise UserError(

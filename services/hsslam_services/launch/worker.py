@@ -219,11 +219,13 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
         return_large_arrays()
     try:
         run = RunInfo.read(run_dir)
-        enter_process(Path(run.arena_dir), name)
+        not_entered = _enter(run, name)
         if os.getppid() != run.supervisor_pid:
             raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
         with Worker(name, run) as worker:
             try:
+                if not_entered:
+                    worker.event("warning", not_entered)
                 loop(worker)
             except UserError as error:
                 worker.event("error", str(error))
@@ -233,6 +235,15 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
         with contextlib.suppress(OSError):  # the run folder may be what is wrong
             write_result(run_dir, name, ProcessResult(error=str(error)))
         sys.exit(2)
+
+
+def _enter(run: RunInfo, name: str) -> str:
+    """Enter this process in its arena; why it could not, empty if it could."""
+    try:
+        enter_process(Path(run.arena_dir), name)
+    except OSError as error:  # no room: poses matter more
+        return f"{run.arena_dir}: {error.strerror}: the watchdog does not know the {name}"
+    return ""
 
 
 def _give_way(nice: int) -> None:

@@ -23,9 +23,7 @@ def _run(worker: Worker) -> None:
     request = read_save_request(arena_dir)
     path = map_path(worker.options.maps, request.name)
     if path.exists() and not request.replace:
-        raise UserError(
-            f"map {request.name}: is there already: expected another name, or to replace"
-        )
+        raise UserError(f"map {request.name} already exists: expected another name, or --replace")
     link = SharedMap(worker.arena, worker.options.slam)
     checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
     try:

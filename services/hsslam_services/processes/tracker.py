@@ -142,7 +142,7 @@ class _TrackerLoop:
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             with self._worker.timed("settle"):
-                self._tracker.settle()
+                self._tracker.prepare_next()
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

@@ -106,7 +106,7 @@ class MapReset:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
             self._mode.map_epoch += 1
             state.forget_map()
-            self._tell(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
+            self._report(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
         self._mode.is_given_up = False
         for child in children:
             child.renew()
@@ -154,7 +154,7 @@ class MapReset:
                     Done(text=f"the map was thrown away: map epoch {self.map_epoch} begins")
                 )
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         now = time.time_ns()
         self._events.put(Event(process="control", level="warning", text=text, stamp_ns=now))
 

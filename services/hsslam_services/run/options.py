@@ -18,7 +18,7 @@ from hsslam_node.sources.options import (
     SynthOptions,
 )
 from hsslam_services.run.exit_code import exit_code_help
-from hsslam_services.run.source_table import comes_over_bus, needs_port
+from hsslam_services.run.source_table import comes_over_bus, needs_port, sources_help
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
@@ -28,17 +28,6 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 @dataclass(frozen=True)
 class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, builds a mesh, logs everything.
-
-    Sources:
-      synth:room, synth:apartment, synth:corridor, synth:person   built-in scenes
-      tum:fr1/desk, tum:fr2/xyz, tum:fr3/office                   downloaded if not on disk
-      tum:FOLDER, replica:FOLDER, scannet:FOLDER or FILE.sens     datasets
-      7scenes:FOLDER                                              a sequence of 7-Scenes
-      record:FOLDER                                               images in color/ and depth/
-      mcap:FILE or mcap:RUN                                       the frames of a log
-      ros2:/camera                                                a ROS 2 camera, over rmw_zenoh
-      realsense                                                   an Intel RealSense camera on USB
-      zenoh:                                                      frames that another program publishes
 
     Examples:
       hsslam-serve --source tum:my_recording --viewer web --out runs/mine
@@ -51,7 +40,7 @@ class ServeOptions:
         UserError: an option has a value that cannot be used.
     """
 
-    EPILOGUE: ClassVar = exit_code_help()
+    EPILOGUE: ClassVar = f"{sources_help()}\n\n{exit_code_help()}"
     BASIC: ClassVar = (
         *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
         *("localise_only", "seed", "noise", "rate_hz", "start", "stride", "frames"),
@@ -100,7 +89,7 @@ class ServeOptions:
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 1.0
-    """Shared memory of the run, GB; from 70 % on redundant keyframes go."""
+    """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
     """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.25)."""
     out: str = ""
@@ -128,9 +117,9 @@ class ServeOptions:
     to_and_fro: int = 1
     """Play the frames of a recording N times, every second time backwards."""
     hold_at: int = 0
-    """Number of the frame that --hold-frames holds."""
+    """Number of the frame that --hold-frames repeats."""
     hold_frames: int = 0
-    """Show that frame N times more, as a camera that stands still."""
+    """Repeat that frame N times, like a camera that stands still."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -147,7 +136,7 @@ class ServeOptions:
     evaluate: bool = True
     """Compare with ground truth at the end of the run, if the source has it."""
     finish_s: float | None = None
-    """From the stop to the saved map, s (none: 10, in lockstep no limit)."""
+    """Time limit from the stop until the map is saved, s (none: 10; in lockstep no limit)."""
     robot: str = "robot"
     """Name of this robot in the zenoh keys hsslam/NAME/..."""
     zenoh_port: int | None = None

@@ -79,7 +79,7 @@ class RunLoop:
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 if error := self._run_alone(WARM_UP, patience=0):
-                    self._tell(f"warm_up: {error}")
+                    self._report(f"warm_up: {error}")
             self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
                 raise UserError(error)
@@ -149,10 +149,10 @@ class RunLoop:
 
     def _tell_news(self) -> None:
         if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
-            self._tell(warning)
+            self._report(warning)
         for reporter in (*self._children.values(), self._fork_client):
             while reporter.news:
-                self._tell(reporter.news.pop(0))
+                self._report(reporter.news.pop(0))
 
     def _look_at_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
@@ -169,7 +169,7 @@ class RunLoop:
             )
         )
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self._status.say(text, "warning")
         now = time.time_ns()
         self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
@@ -189,7 +189,7 @@ class RunLoop:
             self._tick,
             self._run_alone,
             self._signals,
-            lambda text: self._guard.run("events", lambda: self._tell(text)),
+            lambda text: self._guard.run("events", lambda: self._report(text)),
         )
         end.to_the_end()
         self._wait_while(lambda: self._gateway.is_busy)

@@ -123,7 +123,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert load_checkpoint(maps / "room.safetensors").layout.parameter_count > 0
     again = _ctl("save", "room", *me)
     assert again.returncode == 1
-    assert "refused: save: map room: is there already" in again.stderr
+    assert "refused: save: map room already exists" in again.stderr
 
     out = tmp_path / "now.txt"
     assert f"{held} poses" in _expect("trajectory", "--out", str(out), *me)

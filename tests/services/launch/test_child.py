@@ -112,7 +112,7 @@ def test_loop_that_does_not_come_round_is_replaced(watch):
     start, until = watch
     child = start("stuck", stall_timeout_s=1.0)
     until(lambda: child.restarts == 1)
-    assert "come round" in child.news[0]
+    assert "made no progress" in child.news[0]
 
 
 def test_deaf_process_is_killed(watch):

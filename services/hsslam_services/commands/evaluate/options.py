@@ -64,7 +64,7 @@ class EvalOptions:
     depth_views: int = 1000
     """Number of virtual views for depth L1 (0: no depth L1)."""
     cull_views: int = 100
-    """Number of virtual views for a second mesh score, of what they and the cameras see (0: none)."""
+    """Number of virtual views for a second mesh score, of surface that they or the cameras see (0: none)."""
     rendering: bool = True
     """Compute PSNR and SSIM if the run saved its map (about 1 s an image)."""
     consistency: bool = True

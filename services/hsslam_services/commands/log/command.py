@@ -54,7 +54,7 @@ def _info(args: Sequence[str]) -> None:
         raise UserError("info: no log: expected FILE...")
     console = Console(emoji=False, highlight=False, markup=False)
     for place in options.files:
-        for shown in log_info(log_parts(place, _say)):
+        for shown in log_info(log_parts(place, _echo)):
             console.print(shown, soft_wrap=isinstance(shown, Text))
 
 
@@ -71,7 +71,7 @@ def _trim(args: Sequence[str]) -> None:
     from hsslam_services.commands.log.trim import trim
 
     options = parse_options(TrimOptions, f"{_PROG} trim", args)
-    files = log_parts(_given("trim", "IN", options.log), _say)
+    files = log_parts(_given("trim", "IN", options.log), _echo)
     out = Path(_given("trim", "OUT", options.out))
     count = trim(files, out, options.start, options.end)
     print(f"{out}: {count} messages")
@@ -82,9 +82,9 @@ def _export(args: Sequence[str]) -> None:
 
     options = parse_options(ExportOptions, f"{_PROG} export", args)
     place = Path(_given("export", "FILE", options.file))
-    files = log_parts(place, _say)
+    files = log_parts(place, _echo)
     folder = options.out or place.with_name(f"{place.resolve().stem}-export")
-    for line in export(files, folder, options.only, _say):
+    for line in export(files, folder, options.only, _echo):
         print(line)
 
 
@@ -94,7 +94,7 @@ def _given(command: str, what: str, value: str) -> str:
     return value
 
 
-def _say(text: str) -> None:
+def _echo(text: str) -> None:
     print(text, file=sys.stderr)
 
 
