@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096  # 1.2 MB
@@ -35,6 +36,14 @@ class KeyframeRows:
         row = k % SLAB_ROWS
         meta[row, :5] = frame_index, stamp_ns, slot, -1, version
         poses[:, row] = T
+
+    def reserve(self, k: int) -> bool:
+        """The tracker only: make room for row k; whether there is."""
+        try:
+            self._slab(k // SLAB_ROWS, create=True)
+        except OutOfMemoryError:
+            return False
+        return True
 
     def frame_indices(self, count: int) -> np.ndarray:
         """Frame index of the first `count` keyframes, [count] int64."""

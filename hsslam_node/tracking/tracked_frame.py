@@ -82,6 +82,9 @@ class TrackResult:
     map_version: int = 0  # 0: no map
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
+    pose_version: int | None = (
+        None  # of the keyframes' poses that the pose is of; None: as of before it
+    )
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int) -> "TrackResult":

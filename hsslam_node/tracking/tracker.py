@@ -207,8 +207,10 @@ class Tracker:
         is_keyframe = self._is_keyframe(alignment, T, levels)
         if is_keyframe:
             self._since_keyframe = 0
-            still = self._dynamic.left_out(frame, T)
-            k = self._store.append(still, T, version)
+            with self._store.appending():
+                T, version = self._followed(orthonormal(alignment.T_world_cam))  # as of now
+                still = self._dynamic.left_out(frame, T)
+                k = self._store.append(still, T, version)
             self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
         else:
@@ -232,7 +234,7 @@ class Tracker:
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
             T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
             residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
-            is_keyframe=is_keyframe, outside=alignment.outside,
+            is_keyframe=is_keyframe, outside=alignment.outside, pose_version=version,
         )  # fmt: skip
 
     def _followed(self, T: np.ndarray) -> tuple[np.ndarray, int]:

@@ -138,7 +138,8 @@ class MapVersion(Message, frozen=True, kw_only=True):
 
 
 class Correction(Message, frozen=True, kw_only=True):
-    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses.
+    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses. One that
+    moves more than 8192 keyframes comes in several messages of the same `pose_version`.
 
     `loops`: pairs of keyframes, the older one first, that were newly seen to show the same place.
     """

@@ -48,14 +48,16 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
     not_saved: dict[str, str] = {}
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
-        mark_unsaved(arena_dir, run_dir, wanted)
+        with contextlib.suppress(OSError):  # memory is full: no other process removes it meanwhile
+            mark_unsaved(arena_dir, run_dir, wanted)
         for artefact in wanted:
             error = _in_own_process(artefact, run, arena_dir, run_dir, report)
             if error:
                 not_saved[artefact] = error
             update_summary(run_dir, read_result(run_dir, _result_name(artefact)).summary)
             report(f"{artefact} not saved: {error}" if error else f"{artefact}: saved")
-        mark_unsaved(arena_dir, run_dir, not_saved)
+        with contextlib.suppress(OSError):
+            mark_unsaved(arena_dir, run_dir, not_saved)
         update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
         update_summary(run_dir, {"rescued": [a for a in wanted if a not in not_saved]})
     except OSError as error:

@@ -124,8 +124,9 @@ class Worker:
         self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
 
     def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        """Tell the operator: status line, log, viewer."""
-        print(f"{level}: {text}", file=sys.stderr, flush=True)
+        """Report to the operator: status line, log, viewer. A full disk costs the line in the log alone."""
+        with contextlib.suppress(OSError):
+            print(f"{level}: {text}", file=sys.stderr, flush=True)
         self._events.put(
             Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
         )

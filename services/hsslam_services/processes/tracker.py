@@ -120,7 +120,7 @@ class _TrackerLoop:
             T_keyframe_cam=result.T_keyframe_cam,
             quality=result.quality,
             map_version=result.map_version,
-            pose_version=pose_version,
+            pose_version=pose_version if result.pose_version is None else result.pose_version,
             map_epoch=self._mode.map_epoch,
             publisher=place.publisher,
         )

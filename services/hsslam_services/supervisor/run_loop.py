@@ -60,10 +60,13 @@ class RunLoop:
         self._metrics = prepared.metrics
         self._certificate = CertificateWarnings(prepared.router.certificate_end)
         self._children = {
-            spec.name: Child(spec, self._info.path, fork_client.spawn)
+            spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
             for spec in PROCESSES
             if self._info.options.has_camera_process or not spec.reads_source
         }
+
+    def _has_poses(self) -> bool:
+        return self._listener.state.tracked > 1
 
     def to_the_end(self) -> ExitCode:
         """Run, stop in order, save; returns the exit code.
@@ -92,10 +95,11 @@ class RunLoop:
         return self._exit_code(reason)
 
     def kill_all(self) -> None:
-        """End every process that still runs."""
+        """End every process that still runs; what was said is written then."""
         self._guard.run("requests", self._gateway.close)
         for child in self._children.values():
             self._guard.run(child.spec.name, child.kill)
+        self._status.drain()
 
     def _until_stop(self) -> StopReason:
         """Tick until there is a reason to stop."""
