@@ -216,8 +216,10 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     run_dir = parser.parse_args().run
     spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: it ends by itself
     _give_way(spec.nice if spec else 0)
-    if spec is None or spec.returns_memory:
+    if spec is None:
         return_large_arrays()
+    elif spec.returned_bytes:
+        return_large_arrays(spec.returned_bytes)
     try:
         run = RunInfo.read(run_dir)
         not_entered = _enter(run, name)

@@ -91,7 +91,7 @@ class ServeOptions:
     memory_gb: float = 1.0
     """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
-    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.25)."""
+    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.15)."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"

@@ -45,7 +45,7 @@ _LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2)
 class RerunView:
     """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
 
-    `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.25 GB).
+    `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.15 GB).
     `show` never waits: frames push out older frames. A viewer that is closed or does not take data
     is told once through `tell`; the file goes on.
 
