@@ -16,7 +16,6 @@ class ProcessSpec:
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
     `returned_bytes`: arrays of this size or more go back to the system once freed, which clears each new one;
     0: they stay with the process.
-    `can_wait`: with a quota it leaves a core to the poses.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
     """
 
@@ -29,7 +28,6 @@ class ProcessSpec:
     restarts_with_map: bool = False
     lockstep_needs: bool = False
     returned_bytes: int = 0
-    can_wait: bool = False
     reads_source: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
@@ -87,7 +85,6 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "mapper",
         "steps the scene model",
         nice=5,
-        can_wait=True,
         stop_stage=MAP_STAGE,
         ends_run=True,
         restarts_with_map=True,
@@ -113,7 +110,6 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "global_ba",
         "refines keyframe poses",
         nice=14,
-        can_wait=True,
         stop_stage=BA_STAGE,  # before the mapper, which holds the map for its last iterations
         is_late=True,
         restarts_with_map=True,
@@ -125,7 +121,6 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "mesher",
         "extracts the mesh",
         nice=19,
-        can_wait=True,
         stop_stage=MESHER_STAGE,
         returned_bytes=_ARRAY_BYTES,
         is_late=True,

@@ -24,8 +24,6 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.bus.zenoh_session import shared_memory_of_run
-from hsslam_services.governor.background_cores import background_cores
-from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.launch.heartbeat_figures import HeartbeatFigures
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.process_table import PROCESSES, process_number
@@ -224,9 +222,6 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
         return_large_arrays(spec.returned_bytes)
     try:
         run = RunInfo.read(run_dir)
-        if spec is not None and spec.can_wait and run.options.pace == "realtime":
-            cores = os.sched_getaffinity(0)
-            os.sched_setaffinity(0, background_cores(cores, granted_cores(), run.run_id))
         not_entered = _enter(run, name)
         if os.getppid() != run.supervisor_pid:
             raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
