@@ -3,11 +3,11 @@
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.module_graph import MODULES, imports
 from tests.repository import ROOT
 
 # A module may import its own folder and folders of lines above its own.
@@ -26,33 +26,8 @@ _FLOORS = (
     ("hsslam_bench",),
 )
 _LEVEL = {folder: level for level, floor in enumerate(_FLOORS) for folder in floor}
-_ROOTS = {"hsslam_node": ROOT, "hsslam_proto": ROOT / "proto"}
-_ROOTS |= dict.fromkeys(("hsslam_services", "hsslam_bench"), ROOT / "services")
 _MOST_MODULES = 15
 _SHORT_LINES = 40
-
-
-def _modules() -> dict[str, Path]:
-    found = {}
-    for package, root in _ROOTS.items():
-        for path in (root / package).rglob("*.py"):
-            parts = path.relative_to(root).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
-
-
-_MODULES = _modules()
-
-
-def _imports(path: Path) -> Iterator[str]:
-    """Modules of ours that a module imports, also those inside functions."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                full = f"{node.module}.{alias.name}"
-                yield full if full in _MODULES else node.module
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
 
 
 def _folder(module: str) -> str | None:
@@ -62,9 +37,9 @@ def _folder(module: str) -> str | None:
 
 _ARROWS = [
     (module, target)
-    for module, path in _MODULES.items()
-    for target in _imports(path)
-    if target in _MODULES and target != module
+    for module, path in MODULES.items()
+    for target in imports(path)
+    if target in MODULES and target != module
 ]
 
 
@@ -115,26 +90,26 @@ def test_modules_import_each_other_without_circles():
 
 def test_a_folder_has_at_most_15_modules():
     counts: dict[Path, int] = defaultdict(int)
-    for path in _MODULES.values():
+    for path in MODULES.values():
         counts[path.parent] += path.name != "__init__.py"
     assert not {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > _MOST_MODULES}
 
 
 def test_every_folder_and_module_says_what_it_is():
-    silent = [m for m, path in _MODULES.items() if len(_first_line(path)) < 10]
+    silent = [m for m, path in MODULES.items() if len(_first_line(path)) < 10]
     assert not silent
 
 
 def test_a_short_file_says_why_it_stands_alone():
-    short = [m for m, p in _MODULES.items() if len(p.read_text().splitlines()) < _SHORT_LINES]
-    modules = [m for m in short if _MODULES[m].name != "__init__.py"]
+    short = [m for m, p in MODULES.items() if len(p.read_text().splitlines()) < _SHORT_LINES]
+    modules = [m for m in short if MODULES[m].name != "__init__.py"]
     reasons = ("of its own", "apart", "alone")
-    assert not [m for m in modules if not any(r in _first_line(_MODULES[m]) for r in reasons)]
+    assert not [m for m in modules if not any(r in _first_line(MODULES[m]) for r in reasons)]
 
 
 def _folder_path(module: str) -> str:
     """The folder of a module; a module that lies beside other folders counts as one itself."""
-    path = _MODULES[module]
+    path = MODULES[module]
     is_alone = path.name == "__init__.py" or any(path.parent.glob("*/__init__.py"))
     return module if is_alone else module.rpartition(".")[0]
 

@@ -16,7 +16,7 @@ from hsslam_node.evaluation.consistency import GAPS_FRAMES, START_EVERY, Consist
 from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
 from hsslam_node.evaluation.mesh.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
-from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdf
+from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdfs
 from hsslam_node.evaluation.scores import protocol
 from hsslam_node.evaluation.trajectory.ate import AteResult
 from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
@@ -51,10 +51,10 @@ class Wanted:
     """Which of the figures to measure."""
 
     depth_views: int = DEPTH_VIEWS  # virtual views of the depth error; 0: no depth error
-    cull_views: int = CULL_VIRTUAL  # virtual views that meshes are culled by, too
+    cull_views: int = CULL_VIRTUAL  # virtual views that cull meshes in the literature's protocol
     rendering: bool = True
     consistency: bool = True
-    tsdf: TsdfOptions | None = None  # None: no TSDF beside
+    tsdfs: tuple[TsdfOptions, ...] = ()  # settings of the TSDFs beside
     seed: int = 0  # of samples and virtual views
 
 
@@ -66,7 +66,7 @@ class Evaluation:
     truth: GroundTruth | None
     ates: dict[str, AteResult]
     judge: MeshJudge | None
-    meshes: dict[str, trimesh.Trimesh]  # "ours" and "tsdf", in the truth's world
+    meshes: dict[str, trimesh.Trimesh]  # "ours" and each TSDF by its name, in the truth's world
 
 
 class Evaluator:
@@ -87,12 +87,11 @@ class Evaluator:
             figures |= {"ate": self._ates, "rpe": self._rpes}
         meshes = self._meshes()
         judge = self._judge if meshes else None
-        if judge is not None:
-            for name, mesh in meshes.items():
-                found = self._mesh_figures(judge, mesh)
-                figures |= found if name == "ours" else {name: found}
-        if self._wanted.tsdf is not None and "tsdf" in meshes:
-            figures.setdefault("tsdf", {})["options"] = self._wanted.tsdf
+        if judge is not None and "ours" in meshes:
+            figures |= self._mesh_figures(judge, meshes["ours"])
+        for options in self._wanted.tsdfs:
+            scores = {} if judge is None else self._mesh_figures(judge, meshes[options.name])
+            figures.setdefault("tsdf", {})[options.name] = {"options": options, **scores}
         if self._wanted.rendering and (found := self._image_quality()):
             figures["rendering"] = found
         if self._wanted.consistency and (found := self._consistency()):
@@ -137,17 +136,18 @@ class Evaluator:
         if self._subject.mesh is not None:
             mesh = self._subject.mesh
             found["ours"] = load_mesh(mesh) if isinstance(mesh, Path) else mesh.copy()
-        if self._wanted.tsdf is not None:
-            found["tsdf"] = fuse_tsdf(self._posed_frames(1, "TSDF"), self._wanted.tsdf)
+        if self._wanted.tsdfs:
+            found |= fuse_tsdfs(self._posed_frames(1, "TSDF"), self._wanted.tsdfs)
         for mesh in found.values():
             mesh.apply_transform(T)
         return found
 
     def _mesh_figures(self, judge: MeshJudge, mesh: trimesh.Trimesh) -> dict[str, Any]:
         seed = self._wanted.seed
-        found: dict[str, Any] = {"mesh": judge.score(mesh, seed)}
-        if self._wanted.cull_views:
-            found["mesh_virtual"] = judge.score_with_virtual(mesh, seed)
+        found: dict[str, Any] = {
+            "mesh": judge.score(mesh, seed),
+            "mesh_literature": judge.score_as_published(mesh, seed),
+        }
         if self._wanted.depth_views:
             found["depth_l1"] = judge.score_depth(mesh, self._wanted.depth_views, self._track)
         return found

@@ -30,7 +30,7 @@ def evaluate_run(
 
     Returns:
         {"protocol": ..., "ate": {"online" | "final" | "keyframes": {...}}, "rpe": {...},
-        "mesh": {...}, "mesh_virtual": {...}}; NaN comes as None.
+        "mesh": {...}, "mesh_literature": {...}}; NaN comes as None.
 
     Raises:
         UserError: the source is not there any more, or a file of the run is malformed.
@@ -49,7 +49,7 @@ def evaluate_run(
             mesh = load_mesh(mesh_file)
             mesh.apply_transform(final.T_truth_estimate)
             report["mesh"] = scores_as_json(judge.score(mesh))
-            report["mesh_virtual"] = judge.score_with_virtual(mesh)
+            report["mesh_literature"] = judge.score_as_published(mesh)
             depth = judge.score_depth(mesh)
             report["mesh"] |= {"depth_l1_m": depth.mean_m, "depth_l1_views": depth.views}
     return scores_as_json(report)

@@ -2,17 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import GroundTruth
-from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.mesh.depth_l1 import DepthL1, depth_l1
 from hsslam_node.evaluation.mesh.mesh_metrics import MeshMetrics, compare_meshes
-from hsslam_node.evaluation.mesh.virtual_views import view_of, virtual_views
+from hsslam_node.evaluation.mesh.published_protocol import (
+    FAR_M,
+    CullingCameras,
+    compare_as_published,
+)
+from hsslam_node.evaluation.mesh.virtual_views import virtual_views
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -22,7 +25,9 @@ from hsslam_node.sources.options import SourceOptions
 
 CULL_EVERY = 10  # of the given cameras
 CULL_TOLERANCE_M = 0.03
-CULL_VIRTUAL = 100  # virtual cameras that cull, too: the first of those drawn
+CULL_VIRTUAL = (
+    100  # virtual cameras that cull in the literature's protocol: the first of those drawn
+)
 DEPTH_VIEWS = 1000
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
@@ -40,7 +45,9 @@ class MeshJudge:
     given: Views
     virtual: list[tuple[np.ndarray, np.ndarray]]
     virtual_camera: Camera
-    cull_views: int = CULL_VIRTUAL  # virtual views that cull, the first ones
+    cull_views: int = (
+        CULL_VIRTUAL  # virtual views that cull in the literature's protocol, the first ones
+    )
 
     @classmethod
     def open(
@@ -64,12 +71,15 @@ class MeshJudge:
         return cls(surface, given, views, camera, cull_views)
 
     def score(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
-        """Accuracy and completion of a mesh in the truth's world, of what the given cameras saw."""
+        """By our exact protocol: of what the given cameras saw, from points to triangles."""
         return compare_meshes(mesh, self.surface, self.given, seed=seed)
 
-    def score_with_virtual(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
-        """The same of what given and virtual cameras saw: gaps behind objects count, too."""
-        return compare_meshes(mesh, self.surface, self.culling, seed=seed)
+    def score_as_published(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
+        """By the protocol of the literature, with given and virtual cameras that see as far as the given."""
+        reach_m = min(float(self.given.depths_m.max(initial=0.0)), FAR_M)
+        given, virtual = self.given.T_world_cam, self.virtual_poses[: self.cull_views]
+        cameras = CullingCameras(self.given.camera, given, virtual, reach_m)
+        return compare_as_published(mesh, self.surface, cameras, seed=seed)
 
     def score_depth(
         self, mesh: trimesh.Trimesh, views: int = DEPTH_VIEWS, track: Track = silently
@@ -83,19 +93,6 @@ class MeshJudge:
     def virtual_poses(self) -> np.ndarray:
         """T_world_cam of the virtual views, [V, 4, 4]."""
         return np.array([T for T, _ in self.virtual]).reshape(-1, 4, 4)
-
-    @cached_property
-    def culling(self) -> Views:
-        """The given cameras and the first virtual ones, these with full images of the truth."""
-        poses = self.virtual_poses[: self.cull_views]
-        surface = chunked_mesh(self.surface.vertices, self.surface.faces)
-        reach_m = float(self.given.depths_m.max(initial=0.0))
-        depths = [view_of(surface, self.given.camera, T, reach_m) for T in poses]
-        return replace(
-            self.given,
-            T_world_cam=np.concatenate([self.given.T_world_cam, poses]),
-            depths_m=np.concatenate([self.given.depths_m, *(d[None] for d in depths)]),
-        )
 
 
 def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:

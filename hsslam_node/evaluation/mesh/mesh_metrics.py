@@ -7,9 +7,10 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.evaluation.mesh.visibility import Observer, Views
 
 SAMPLES = 200_000
+WITHIN_M = 0.05  # of the ratios
 _MOST_DRAWS = 10  # times `samples`: gives up on a surface of which the views saw less than a tenth
 
 
@@ -25,6 +26,22 @@ class MeshMetrics:
     completion_ratio_5cm: float  # share of the truth within 5 cm of the reconstruction, 0 to 1
     samples: int
 
+    @classmethod
+    def of(cls, accuracy_m: np.ndarray, completion_m: np.ndarray) -> "MeshMetrics":
+        """From distances of points of the reconstruction [N] and of points of the truth [M]."""
+        if len(accuracy_m) == 0 or len(completion_m) == 0:
+            nan = float("nan")
+            return cls(nan, nan, 0.0, nan, nan, 0.0, 0)
+        return cls(
+            accuracy_mean_m=float(accuracy_m.mean()),
+            accuracy_median_m=float(np.median(accuracy_m)),
+            accuracy_ratio_5cm=float((accuracy_m < WITHIN_M).mean()),
+            completion_mean_m=float(completion_m.mean()),
+            completion_median_m=float(np.median(completion_m)),
+            completion_ratio_5cm=float((completion_m < WITHIN_M).mean()),
+            samples=min(len(accuracy_m), len(completion_m)),
+        )
+
 
 def compare_meshes(
     reconstruction: trimesh.Trimesh,
@@ -36,26 +53,16 @@ def compare_meshes(
     """Distances of `samples` area-uniform, observed points on each surface to the other surface, m.
 
     Both meshes in one frame; nothing is aligned here. What `views` did not see is culled from both
-    (by sample, so large triangles are no matter). Distances are exact, to the triangles of the other
-    surface that have an observed sample or centroid.
+    (by point, so large triangles are no matter). A distance is exact: to the nearest point of the other
+    surface if that was observed, else to the nearest of its triangles with an observed sample or centroid.
     """
     ours = sample_surface(reconstruction, samples, seed, views)
     theirs = sample_surface(truth, samples, seed + 1, views)
     if len(ours.points) == 0 or len(theirs.points) == 0:
-        nan = float("nan")
-        return MeshMetrics(nan, nan, 0.0, nan, nan, 0.0, 0)
-    accuracy = distances(ours.points, truth.vertices, _observed_faces(theirs, truth, views))
-    completion = distances(
-        theirs.points, reconstruction.vertices, _observed_faces(ours, reconstruction, views)
-    )
-    return MeshMetrics(
-        accuracy_mean_m=float(accuracy.mean()),
-        accuracy_median_m=float(np.median(accuracy)),
-        accuracy_ratio_5cm=float((accuracy < 0.05).mean()),
-        completion_mean_m=float(completion.mean()),
-        completion_median_m=float(np.median(completion)),
-        completion_ratio_5cm=float((completion < 0.05).mean()),
-        samples=min(len(ours.points), len(theirs.points)),
+        return MeshMetrics.of(np.empty(0), np.empty(0))
+    return MeshMetrics.of(
+        _observed_distances(ours.points, truth, theirs, views),
+        _observed_distances(theirs.points, reconstruction, ours, views),
     )
 
 
@@ -68,7 +75,7 @@ class SurfaceSamples:
 
 
 def sample_surface(
-    mesh: trimesh.Trimesh, count: int, seed: int, views: Views | None = None
+    mesh: trimesh.Trimesh, count: int, seed: int, views: Observer | None = None
 ) -> SurfaceSamples:
     """Up to `count` observed points, uniform over the area; one seed always gives the same."""
     rng = np.random.default_rng(seed)
@@ -93,20 +100,31 @@ def sample_surface(
 
 def distances(points: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
     """Exact distance [N] m of points [N, 3] to the triangles `faces` [F, 3] between vertices [V, 3], m."""
+    return _nearest(points, vertices, faces)[0]
+
+
+def _nearest(
+    points: ArrayLike, vertices: ArrayLike, faces: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [N] m as from `distances`, and the nearest points [N, 3]."""
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
     tree = igl.AABB()
     tree.init(vertices, faces)
-    squared, _, _ = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
-    return np.sqrt(squared)
+    squared, _, feet = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
+    return np.sqrt(squared), feet
 
 
-def _observed_faces(
-    samples: SurfaceSamples, mesh: trimesh.Trimesh, views: Views | None
+def _observed_distances(
+    points: np.ndarray, mesh: trimesh.Trimesh, samples: SurfaceSamples, views: Views | None
 ) -> np.ndarray:
-    """Faces [F, 3] with an observed sample or centroid: many small ones have no sample."""
+    """Distances [N] m of points [N, 3] to what the views saw of a mesh, of which `samples` are observed."""
     faces = np.asarray(mesh.faces)
+    found, feet = _nearest(points, mesh.vertices, faces)
     if views is None:
-        return faces
-    seen = views.observed(np.asarray(mesh.vertices, np.float64)[faces].mean(axis=1))
-    seen[samples.faces] = True
-    return faces[seen]
+        return found
+    hidden = ~views.observed(feet)
+    if hidden.any():
+        seen = views.observed(np.asarray(mesh.vertices, np.float64)[faces].mean(axis=1))
+        seen[samples.faces] = True
+        found[hidden] = distances(points[hidden], mesh.vertices, faces[seen])
+    return found

@@ -78,7 +78,7 @@ class MeshPicture:
 
     @cached_property
     def _seen(self) -> np.ndarray:
-        return self._judge.culling.observed(self._vertices)
+        return self._judge.given.observed(self._vertices)
 
 
 def _pose_above(poses: np.ndarray, vertices: np.ndarray) -> np.ndarray:

@@ -1,12 +1,21 @@
 """Which part of a surface a set of depth cameras saw."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numba
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+
+
+class Observer(Protocol):
+    """Whatever decides which points of a surface count."""
+
+    def observed(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] (m, world) that count."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -24,15 +33,23 @@ class Views:
 
     def observed(self, points: np.ndarray) -> np.ndarray:
         """Mask [N] of the points [N, 3] (m, world) that at least one camera saw."""
+        return self._seen(points, False)
+
+    def in_frustum(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] (m, world) in the frustum of at least one camera."""
+        return self._seen(points, True)
+
+    def _seen(self, points: np.ndarray, through_walls: bool) -> np.ndarray:
         T_cam_world = np.array([inverse(T) for T in self.T_world_cam]).reshape(-1, 4, 4)
         c = self.camera
         intrinsics = np.array([c.fx, c.fy, c.cx, c.cy])
         points = np.ascontiguousarray(points, np.float64)
-        return _observed(points, T_cam_world, self.depths_m, intrinsics, self.tolerance_m)
+        tolerance_m = self.tolerance_m
+        return _seen(points, T_cam_world, self.depths_m, intrinsics, tolerance_m, through_walls)
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _observed(points, T_cam_world, depths, intrinsics, tolerance):
+def _seen(points, T_cam_world, depths, intrinsics, tolerance, through_walls):
     views, height, width = depths.shape
     seen = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
@@ -49,7 +66,7 @@ def _observed(points, T_cam_world, depths, intrinsics, tolerance):
             if u < 0 or v < 0 or u >= width or v >= height:
                 continue
             measured = depths[k, int(v), int(u)]
-            if measured > 0 and depth <= measured + tolerance:
+            if through_walls or (measured > 0 and depth <= measured + tolerance):
                 seen[i] = True
                 break
     return seen

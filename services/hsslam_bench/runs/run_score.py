@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 
 from hsslam_node.evaluation.evaluate import Evaluator, Wanted
-from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions
+from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_services.commands.evaluate.subject import run_subject
 
 
 def main() -> None:
-    """tsdf: the run's mesh and a TSDF of its poses and depth; consistency: its frames' agreement."""
+    """tsdf: the run's mesh and TSDFs of its poses and depth; consistency: its frames' agreement."""
     folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
     subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))
     with_tsdf = what == "tsdf"
@@ -22,7 +22,7 @@ def main() -> None:
         depth_views=0,
         rendering=False,
         consistency=not with_tsdf,
-        tsdf=TsdfOptions() if with_tsdf else None,
+        tsdfs=TSDF_SETTINGS if with_tsdf else (),
     )
     if not with_tsdf:
         subject = subject.without_mesh()

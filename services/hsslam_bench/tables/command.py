@@ -20,14 +20,14 @@ from hsslam_bench.results.report import machine
 from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.tables.figures import disagreements, markdown_table, measured_rows, rich_table
 from hsslam_bench.tables.options import TableOptions
-from hsslam_bench.tables.paper_tables import METHOD_OF_PRESET, TABLES, PaperTable
+from hsslam_bench.tables.paper_tables import LITERATURE, METHOD_OF_PRESET, TABLES, PaperTable
 from hsslam_bench.tables.plan import Plan, RunResult, plan_table
 from hsslam_bench.tables.result_file import ResultFile
 from hsslam_bench.tables.run_job import rescored, run_job
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.summary import source_commit
 
-_WIDTH = 190  # characters, where the output is no terminal
+_WIDTH = 230  # characters, where the output is no terminal
 
 
 def table_command(name: str, args: Sequence[str]) -> int:
@@ -122,7 +122,7 @@ def _print(
         return
     method = METHOD_OF_PRESET[options.preset]
     rows = measured_rows(table, plan.rows, results, method)
-    notes = _protocol(options, results)
+    notes = _protocol(options, results, table.metrics)
     if table.sequences:
         notes += disagreements(rows, table.metrics)
     console.print(rich_table(table.title, rows, table.metrics))
@@ -135,7 +135,9 @@ def _print(
     console.print(f"results: {path}, {path.with_suffix('.md')}", soft_wrap=True)
 
 
-def _protocol(options: TableOptions, results: Sequence[RunResult]) -> list[str]:
+def _protocol(
+    options: TableOptions, results: Sequence[RunResult], metrics: Sequence[str]
+) -> list[str]:
     """What a reader must know to make the table again."""
     used = [options.protocol, f"seeds {' '.join(map(str, options.seeds))}"]
     commits = sorted({result.commit or "unknown" for result in results})
@@ -146,5 +148,9 @@ def _protocol(options: TableOptions, results: Sequence[RunResult]) -> list[str]:
     if options.device == "cpu":
         used.append("frames/s of processor time, one thread")
     lines = [f"{'; '.join(used)}."]
+    if set(LITERATURE) & set(metrics):
+        lines.append(
+            "lit.: the protocol of the literature, as the paper's numbers; else ours, exact."
+        )
     failed = [f"{r.row} {r.sequence} seed {r.seed}: {r.error}" for r in results if r.error]
     return lines + [f"failed: {text}" for text in failed]

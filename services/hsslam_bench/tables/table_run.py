@@ -147,6 +147,7 @@ def _row(result: TrackResult, frame: Frame) -> np.ndarray:
 def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
     """The metrics of the tables from the evaluation's report; what it does not have is left out."""
     ate, mesh = report.get("ate", {}), report.get("mesh", {})
+    published = report.get("mesh_literature", {})
     final, online = ate.get("final", {}), ate.get("online", {})
     found = {
         "ate_cm": _times(final.get("rmse_m"), _CM),
@@ -155,6 +156,9 @@ def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
         "accuracy_cm": _times(mesh.get("accuracy_mean_m"), _CM),
         "completion_cm": _times(mesh.get("completion_mean_m"), _CM),
         "completion_pct": _times(mesh.get("completion_ratio_5cm"), 100.0),
+        "accuracy_lit_cm": _times(published.get("accuracy_mean_m"), _CM),
+        "completion_lit_cm": _times(published.get("completion_mean_m"), _CM),
+        "completion_lit_pct": _times(published.get("completion_ratio_5cm"), 100.0),
         "depth_l1_cm": _times(mesh.get("depth_l1_m"), _CM),
     }
     return {name: value for name, value in found.items() if value is not None}

@@ -33,6 +33,7 @@ def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: 
     assert failed["error"] and not good["error"]
     assert good["values"]["lost"] == 0 and good["values"]["ate_cm"] < 5
     assert {"accuracy_cm", "completion_pct", "ate_online_cm", "fps"} <= good["values"].keys()
+    assert {"accuracy_lit_cm", "completion_lit_pct"} <= good["values"].keys()
     assert good["details"]["model_bytes"].get("hash", 0) == 0  # what (D) is without
     markdown = out.with_suffix(".md").read_text()
     assert "| (D) without hash grid |" in markdown and "(0.558)" in markdown

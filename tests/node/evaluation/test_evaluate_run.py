@@ -41,6 +41,7 @@ def test_a_perfect_run_scores_perfectly(run_dir):
     assert report["ate"]["keyframes"]["scored"] == 150
     assert report["mesh"]["accuracy_median_m"] < 1e-4
     assert report["mesh"]["completion_ratio_5cm"] > 0.999
+    assert report["mesh_literature"]["completion_ratio_5cm"] > 0.99
     json.dumps(report, allow_nan=False)
 
 

@@ -47,7 +47,7 @@ def _evaluate(options: EvalOptions) -> None:
         cull_views=options.cull_views,
         rendering=options.rendering,
         consistency=options.consistency,
-        tsdf=options.tsdf if options.against == "tsdf" else None,
+        tsdfs=options.tsdf_settings,
         seed=options.seed,
     )
     with terminal_progress() as progress:

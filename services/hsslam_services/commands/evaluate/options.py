@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions
+from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS, TsdfOptions
 from hsslam_node.sources.options import SynthOptions
 from hsslam_services.log.reader import is_log
 
@@ -22,8 +22,11 @@ class EvalOptions:
     Scores (cm, degrees and % in the tables; m, degrees and 0 to 1 in the JSON file):
       ATE             distance of the camera centres after one rigid alignment without scale
       RPE             error of the motion from frame to frame, over 1 s and over 1 m of path
-      accuracy        distance from the mesh to the truth, where the cameras saw it
-      completion      distance from the truth to the mesh, where the cameras saw it
+      accuracy        distance from the mesh to the truth, where the cameras saw it, by two protocols:
+                      exact       points to triangles, culled by the true depth of the cameras
+                      literature  points to points, culled by the depth of each mesh itself, with virtual
+                                  views, after ICP: as Co-SLAM, ESLAM and HS-SLAM publish it
+      completion      distance from the truth to the mesh, where the cameras saw it, by the same two
       depth L1        depth error in virtual views, where no camera was
       PSNR, SSIM      frames that are not keyframes, rendered by the map (dB; -1 to 1)
       consistency     difference in depth (mm) and 1 - NCC of grey values between frames 10, 30 and 100 apart,
@@ -59,12 +62,13 @@ class EvalOptions:
     seed: int = 0
     """Seed of surface samples and virtual views, and of the noise if there is no run."""
     against: Literal["none", "tsdf"] = "none"
-    """tsdf: also score a TSDF that Open3D fuses from the same depth and poses."""
+    """tsdf: also score TSDFs that Open3D fuses from the same depth and poses, with voxels of 2 cm and a
+    truncation distance of 6 cm, and with 3 and 12 cm; with --tsdf options one TSDF of these."""
     tsdf: TsdfOptions = field(default_factory=TsdfOptions)
     depth_views: int = 1000
     """Number of virtual views for depth L1 (0: no depth L1)."""
     cull_views: int = 100
-    """Number of virtual views for a second mesh score, of surface that they or the cameras see (0: none)."""
+    """Number of virtual views that cull meshes in the literature's protocol."""
     rendering: bool = True
     """Compute PSNR and SSIM if the run saved its map (about 1 s an image)."""
     consistency: bool = True
@@ -81,6 +85,13 @@ class EvalOptions:
             raise UserError(f"--cull-views {self.cull_views}: expected 0 or more")
         if not 0 <= self.seed < 2**31:
             raise UserError(f"--seed {self.seed}: expected 0 to {2**31 - 1}")
+
+    @property
+    def tsdf_settings(self) -> tuple[TsdfOptions, ...]:
+        """Of the TSDFs that are scored, too."""
+        if self.against == "none":
+            return ()
+        return TSDF_SETTINGS if self.tsdf == TsdfOptions() else (self.tsdf,)
 
     def expect_subject(self) -> None:
         """UserError if the options do not name what to score, or the ground truth."""

@@ -6,9 +6,12 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.mesh.mesh_judge import given_views
 from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes, distances, sample_surface
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
 
@@ -32,6 +35,33 @@ def test_point_to_triangle_is_never_above_a_dense_search(p, a, b, c):
     dense = np.linalg.norm(w @ np.stack([a, b, c]) - p, axis=1).min()
     step = max(np.linalg.norm(a - b), np.linalg.norm(b - c), np.linalg.norm(c - a)) / 20
     assert dense - step - 1e-6 <= distance <= dense + 1e-6
+
+
+@given(st.lists(POINT, min_size=6, max_size=60), st.integers(0, 2**31))
+def test_points_on_a_surface_are_at_distance_zero(corners, seed):
+    """Large triangles beside small ones, slivers, triangles through each other."""
+    vertices = np.array(corners)
+    faces = np.random.default_rng(seed).integers(0, len(vertices), (40, 3))
+    surface = trimesh.Trimesh(vertices, faces, process=False)
+    points = sample_surface(surface, 200, seed).points
+    assert distances(points, vertices, faces).max(initial=0.0) < 1e-7
+
+
+def test_points_exactly_on_the_true_mesh_are_scored_0_00_mm():
+    """As cameras saw it, whichever triangles the samples fall on; a millimetre is a millimetre."""
+    options = SourceOptions(frames=31, synth=SynthOptions(width_px=96, height_px=72))
+    truth = open_ground_truth("synth:room", options)
+    surface = truth.mesh() if truth else None
+    assert truth is not None and surface is not None
+    seen = given_views(truth, "synth:room", options)
+    for seed in range(2):
+        found = compare_meshes(surface, surface, seen, samples=30_000, seed=seed)
+        assert f"{1000 * found.accuracy_mean_m:.2f} mm" == "0.00 mm"
+        assert f"{1000 * found.completion_mean_m:.2f} mm" == "0.00 mm"
+    thick = surface.copy()
+    thick.vertices += 1e-3 * surface.vertex_normals
+    found = compare_meshes(thick, surface, seen, samples=30_000)
+    assert found.accuracy_median_m == pytest.approx(1e-3, rel=0.01)
 
 
 def test_identical_meshes_are_at_distance_zero_whatever_the_sampling():

@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_judge import given_views
 from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
-from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfOptions, fuse_tsdf
+from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS, TsdfOptions, fuse_tsdfs
 from tests.small_room import OPTIONS, room_frames
 
 
@@ -19,7 +19,7 @@ def test_exact_depth_at_true_poses_gives_the_true_surface():
     truth = open_ground_truth("synth:room", OPTIONS)
     assert truth is not None
     posed = zip(room_frames(), truth.T_world_cam, strict=True)
-    mesh = fuse_tsdf(posed, TsdfOptions(voxel_m=0.03))
+    (mesh,) = fuse_tsdfs(posed, [TsdfOptions(voxel_m=0.03)]).values()
     surface = truth.mesh()
     assert surface is not None
     found = compare_meshes(mesh, surface, given_views(truth, "synth:room", OPTIONS), 20_000)
@@ -30,8 +30,11 @@ def test_exact_depth_at_true_poses_gives_the_true_surface():
 
 def test_no_frame_no_mesh():
     pytest.importorskip("open3d", exc_type=ImportError)
-    assert isinstance(fuse_tsdf([]), trimesh.Trimesh)
-    assert len(fuse_tsdf([]).vertices) == 0
+    found = fuse_tsdfs([])
+    assert list(found) == [options.name for options in TSDF_SETTINGS]
+    assert all(
+        isinstance(mesh, trimesh.Trimesh) and len(mesh.vertices) == 0 for mesh in found.values()
+    )
 
 
 def test_without_open3d_one_line_says_what_to_install(monkeypatch):
@@ -44,7 +47,7 @@ def test_without_open3d_one_line_says_what_to_install(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(UserError, match="libusb"):
-        fuse_tsdf([])
+        fuse_tsdfs([])
 
 
 def test_options_are_checked():

@@ -54,6 +54,8 @@ def test_table_json_and_pictures(result, tmp_path, capsys):
     assert figures["ate"]["final"]["rmse_m"] == pytest.approx(0.005, abs=2e-4)
     assert figures["ate"]["final"]["scored"] == 60
     assert figures["mesh"]["accuracy_mean_m"] < 0.008  # moved by half a centimetre
+    assert "│ exact" in shown and "│ lit." in shown
+    assert 0.001 < figures["mesh_literature"]["accuracy_mean_m"] < 0.02  # points are that far apart
     assert 0 < figures["depth_l1"]["views"] <= 6  # sixty frames see little that turns inside it
     assert figures["consistency"]["given"][0]["gap_frames"] == 10
     assert figures["protocol"]["alignment"].startswith("SE(3)")
@@ -61,6 +63,22 @@ def test_table_json_and_pictures(result, tmp_path, capsys):
     assert names == {"trajectory.png", "error.png", "mesh.png", "virtual_views.txt"}
     views = read_tum(tmp_path / "plots" / "virtual_views.txt")
     assert len(views) == figures["depth_l1"]["views"]
+
+
+def test_tsdfs_of_both_settings_are_scored_by_both_protocols(result, tmp_path, capsys):
+    pytest.importorskip("open3d", exc_type=ImportError)
+    poses = ("--trajectory", str(result / "trajectory.txt"), *_SOURCE, "--against", "tsdf")
+    few = ("--frames", "12", "--depth-views", "0", "--cull-views", "0", "--no-consistency")
+    main([*poses, *few, "--json", str(tmp_path / "both.json")])
+    assert capsys.readouterr().out.count("TSDF 3 / 12 cm") == 2  # exact, literature
+    both = json.loads((tmp_path / "both.json").read_text())["tsdf"]
+    assert list(both) == ["TSDF 2 / 6 cm", "TSDF 3 / 12 cm"]
+    for found in both.values():
+        assert found["mesh"]["accuracy_median_m"] < 0.02
+        assert found["mesh_literature"]["samples"] > 0
+    main([*poses, *few, "--tsdf.voxel-m", "0.05", "--json", str(tmp_path / "one.json")])
+    one = json.loads((tmp_path / "one.json").read_text())["tsdf"]
+    assert list(one) == ["TSDF 5 / 6 cm"]
 
 
 def test_a_torn_log_is_scored_with_its_poses_as_refined(tmp_path, capsys):

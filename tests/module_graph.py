@@ -1,0 +1,34 @@
+"""Which module of ours imports which, read from the sources; a module of its own because two tests ask it."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.repository import ROOT
+
+_ROOTS = {"hsslam_node": ROOT, "hsslam_proto": ROOT / "proto"}
+_ROOTS |= dict.fromkeys(("hsslam_services", "hsslam_bench"), ROOT / "services")
+
+
+def _modules() -> dict[str, Path]:
+    found = {}
+    for package, root in _ROOTS.items():
+        for path in (root / package).rglob("*.py"):
+            parts = path.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = _modules()
+"""Every module of ours with its file."""
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Modules of ours that a module imports, also those inside functions."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                yield full if full in MODULES else node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
