@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import rotation_from_quaternion
@@ -27,7 +28,6 @@ from hsslam_proto import topics
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
 from hsslam_proto.messages import Pose, View
-from hsslam_services.arena.map_snapshot import published_params
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
