@@ -89,7 +89,8 @@ def test_a_map_that_is_held_stays_as_it_is():
     slam = Slam(SMALL)
     for frame in room_frames()[:2]:
         slam.process(frame)
-    held, points = slam.map, np.random.default_rng(0).uniform(-0.5, 0.5, (500, 3)) + [0, 0, 1.5]
+    held = slam.map
+    points = np.random.default_rng(0).uniform((-0.5, -0.5, 1.0), (0.5, 0.5, 2.0), (500, 3))
     before = held.query(points).distance_m
     for frame in room_frames()[2:14]:
         slam.process(frame)
