@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
 from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
-from hsslam_node.dense_map.answers import MapAnswers
-from hsslam_node.dense_map.dense_map import DenseMap, RayHits
+from hsslam_node.dense_map.answers import MapAnswers, RayHits
+from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
 from hsslam_node.dense_map.seen_space import SeenSpace
 from hsslam_node.dense_map.shapes import Shapes

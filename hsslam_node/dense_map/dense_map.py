@@ -1,16 +1,16 @@
 """A dense map that can be asked: distances, rays, free space, views, its mesh and its keyframes."""
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from hsslam_node.dense_map.answers import MapAnswers, answers_of_field
+from hsslam_node.dense_map.answers import MapAnswers, RayHits
 from hsslam_node.dense_map.free_space import are_free
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
+from hsslam_node.dense_map.measuring import answers_of_field
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
 from hsslam_node.dense_map.shapes import Shapes, finite_rows
 from hsslam_node.device.device import CPU, Device
@@ -25,13 +25,6 @@ from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
 _TRUSTED = 0.6  # of the truncation: farther away the field may say 2 cm too much
-
-
-class RayHits(NamedTuple):
-    """Where rays [N] end."""
-
-    distance_m: np.ndarray  # [N] float64; inf without a hit
-    hit: np.ndarray  # [N] bool: a surface that a keyframe saw, within reach
 
 
 class DenseMap:

@@ -11,6 +11,7 @@ from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
+from hsslam_proto.point_codec import answers_message, question_points
 from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
@@ -33,17 +34,8 @@ class AskedMap:
         published = self._link.published()
         if published is None:
             return Refusal(reason="not_now", text="query: there is no map yet: expected keyframes")
-        points = np.frombuffer(question.points, "<f4").reshape(-1, 3)
-        version, found = self._ask(*published, points)
-        return PointAnswers(
-            count=len(points),
-            distance_m=_bytes(found.distance_m, "<f4"),
-            gradient=_bytes(found.gradient, "<f4"),
-            known=_bytes(found.known, "u1"),
-            certainty=_bytes(found.certainty, "<f4"),
-            map_version=version,
-            map_epoch=self._mode.map_epoch,
-        )
+        version, found = self._ask(*published, question_points(question))
+        return answers_message(found, version, self._mode.map_epoch)
 
     def _ask(
         self, store: KeyframeStore, parameters: FieldParameters, points: np.ndarray
@@ -61,7 +53,3 @@ class AskedMap:
             version, params = published_params(parameters)
             found = ask(params)
         return version, found
-
-
-def _bytes(array: np.ndarray, dtype: str) -> memoryview:
-    return np.ascontiguousarray(array, dtype).data.cast("B")
