@@ -1,5 +1,6 @@
 """Questions of places from a client by way of the gateway to the process that has the map, and back."""
 
+import re
 import threading
 from collections.abc import Iterator
 
@@ -14,6 +15,7 @@ from hsslam_proto.requests import QUERY
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
 from hsslam_services.requests.map_query import PassedOnQueries
+from tests.repository import ROOT
 
 POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
 
@@ -71,6 +73,20 @@ def test_the_answer_comes_from_the_process_that_has_the_map(gateway):
 def test_without_that_process_it_is_refused_at_once(gateway):
     with pytest.raises(RefusedError, match="query: the process that answers it is not there"):
         _ask(gateway, POINTS)
+
+
+def test_the_client_of_the_document_is_answered(gateway, capsys):
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "docs/wire.md").read_text(), re.M | re.S
+    )
+    code = block.replace("tcp/127.0.0.1:7447", gateway).replace("hsslam/robot/", "hsslam/r/")
+    assert code.count(gateway) == 1 and code.count("hsslam/r/") == 1
+    told = question_message(np.abs(POINTS))
+    with Bus(gateway, "r", "mesher") as mesher:
+        mesher.answer(QUERY, lambda question: _answer(told))
+        _ask(gateway, POINTS)  # the router knows all by now
+        exec(compile(code, "docs/wire.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("7 [0. 3. 6. 9.] [[ 0.  2.  4.]")
 
 
 @pytest.mark.parametrize(
