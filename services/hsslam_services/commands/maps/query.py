@@ -83,8 +83,8 @@ def read_points(path: Path) -> np.ndarray:
             rows = np.load(path, allow_pickle=False)
         else:
             text = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
-            lines = [line.partition("#")[0].split() for line in text]
-            rows = np.array([line for line in lines if line], np.float64).reshape(-1, 3)
+            lines = [words for line in text if (words := line.partition("#")[0].split())]
+            rows = np.array(lines, np.float64) if lines else np.empty((0, 3))
         points = np.asarray(rows, np.float64)
     except OSError as error:
         raise UserError(f"--points {path}: {error.strerror}: expected a file of points") from None

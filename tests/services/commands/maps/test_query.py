@@ -1,6 +1,7 @@
 """`hsslam-map query` on a map of the small room."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -44,19 +45,9 @@ def test_the_table_has_a_line_for_each_place(saved, capsys):
         main(["query", str(saved), "--point", "0", "-0.1", "0.5", "--point", "0", "0", "99"]) == 0
     )
     head, near, far = capsys.readouterr().out.splitlines()
-    assert head.split() == [
-        "x,",
-        "m",
-        "y,",
-        "m",
-        "z,",
-        "m",
-        "distance,",
-        "m",
-        "gradient",
-        "known",
-        "certainty",
-    ]
+    assert (
+        re.sub(r" {2,}", "|", head.strip()) == "x, m|y, m|z, m|distance, m|gradient|known|certainty"
+    )
     assert near.split()[:4] == ["0", "-0.1", "0.5", "0.060"] and " yes " in near
     assert far.split()[-2:] == ["no", "0.00"]
 
