@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_node.dense_map.seen_space import SeenCells
 from hsslam_node.dense_map.shapes import Shapes
 
-_FINEST_M = 0.00625  # half side of cubes that are not cut further
+_FINEST_M = 0.004  # half side of cubes that are not cut further
 _AT_ONCE = 256  # bodies
 _TO_CORNER = np.sqrt(3)  # of a cube, in half sides
 _CHILDREN = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2

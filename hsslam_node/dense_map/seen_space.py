@@ -144,7 +144,10 @@ def _see(depth, intrinsics, T_cam_index, reach_m, far_m, information):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _in_view(inside, start, step, count):
-    """First and last i below `count` for which start + i * step is in view; first > last: none."""
+    """First and last i below `count` for which start + i * step is in view; first > last: none.
+
+    Both are clipped while they are floats: along a plane they are as large as the rounding is small.
+    """
     first, last = 0.0, count - 1.0
     for p in range(inside.shape[0]):
         a, b, c, d = inside[p]
@@ -156,4 +159,4 @@ def _in_view(inside, start, step, count):
             last = min(last, -here / slope)
         elif here < 0.0:
             last = -1.0
-    return int(np.ceil(first)), int(np.floor(last))
+    return int(np.ceil(min(first, count))), int(np.floor(max(last, -1.0)))

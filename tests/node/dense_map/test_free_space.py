@@ -35,10 +35,10 @@ def test_a_sphere_is_free_if_the_surface_is_farther_than_its_radius(seen):
     radii = rng.uniform(0.01, 0.2, 600)
     free = are_free(Spheres(centres, radii), _distance_m, seen)
     gap_m = np.linalg.norm(centres, axis=1) - BALL_M - radii
-    known = centres[:, 0] + radii < 0.8
+    known = centres[:, 0] + radii < 0.8 - _SLACK_M
     assert free[(gap_m > _SLACK_M) & known].all()
     assert not free[gap_m <= 0].any()  # inside the ball, too
-    assert 100 < free.sum() < 500
+    assert 100 < free.sum() < 580
 
 
 def test_a_body_that_reaches_into_the_unseen_is_not_free(seen):

@@ -52,6 +52,15 @@ def test_seen_is_what_lies_in_view_before_the_wall_or_just_behind_its_front():
     assert not seen.known(np.array([[0.0, 0.0, 99.0], [0.0, 0.0, -99.0]])).any()
 
 
+def test_a_camera_that_looks_almost_along_the_cells_sees_as_one_that_does():
+    exact = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0), BOUND)
+    turned = se3_exp(np.array([0.0, 0.0, 0.0, 1e-17, 1e-16, -1e-15]))
+    turned[0, 1], turned[2, 0] = 1e-30, -1e-300  # a border of the view is all but parallel to a row
+    almost = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0, turned), BOUND)
+    differ = (exact.information > 0) != (almost.information > 0)
+    assert differ.mean() < 1e-3
+
+
 def test_more_and_nearer_looks_make_a_place_more_certain():
     near, far = np.array([[0.1, 0.1, 1.0]]), np.array([[0.1, 0.1, 2.0]])
 
