@@ -1,6 +1,7 @@
 """Every pose as it was published, in named arrays: what trajectories and latencies come from."""
 
 import contextlib
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from hsslam_node.map.memory_order import load_ordered, store_ordered
 SLAB_ROWS = 4096
 _RESERVE_EVERY = 64  # rows
 INITIAL, TRACKED, LOST = 0, 1, 2  # status
+Status = Literal["initial", "tracked", "lost"]
+STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
 
 POSE_ROW = np.dtype(

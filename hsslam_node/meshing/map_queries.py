@@ -1,8 +1,8 @@
-"""A trained map as the two functions that meshing asks, on the CPU or on a GPU."""
+"""A trained map as the functions that meshing and queries ask, on the CPU or on a GPU."""
 
 import os
 import threading
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,6 +15,13 @@ from hsslam_node.map.layout import FieldLayout
 
 _CHUNK = 1 << 14
 _MOST_THREADS = 8
+
+
+class FieldAnswers(NamedTuple):
+    """What the field says at points [N, 3]. Outside the bound: sdf 1, gradient 0."""
+
+    sdf: np.ndarray  # [N] float32, in units of the truncation
+    gradient: np.ndarray  # [N, 3] float32, of the SDF, 1/m
 
 
 class MapQueries:
@@ -32,12 +39,11 @@ class MapQueries:
 
     def sdf(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
-        n = len(points)
-        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
-        no_gradient = np.empty((0, 3), np.float32)
-        points = np.ascontiguousarray(points, np.float32)
-        query_sdf(self._params, self._layout, points, sdf, inside, no_gradient, False)
-        return sdf
+        return self._ask(points, np.empty((0, 3), np.float32)).sdf
+
+    def sdf_and_gradient(self, points: np.ndarray) -> FieldAnswers:
+        """The same with its gradient, at points [N, 3] float32 m, world."""
+        return self._ask(points, np.empty((len(points), 3), np.float32))
 
     def color(self, points: np.ndarray) -> np.ndarray:
         """RGB [N, 3], 0..1, at points [N, 3] float32 m, world."""
@@ -52,6 +58,13 @@ class MapQueries:
             colors[start : start + _CHUNK] = activations.rgb[: len(chunk)]
         return colors
 
+    def _ask(self, points: np.ndarray, gradient: np.ndarray) -> FieldAnswers:
+        n = len(points)
+        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
+        points = np.ascontiguousarray(points, np.float32)
+        query_sdf(self._params, self._layout, points, sdf, inside, gradient, len(gradient) > 0)
+        return FieldAnswers(sdf, gradient)
+
 
 class Queries(Protocol):
     """Signed distance and colour of a map; see `MapQueries`."""
@@ -59,6 +72,8 @@ class Queries(Protocol):
     threads: int
 
     def sdf(self, points: np.ndarray) -> np.ndarray: ...
+
+    def sdf_and_gradient(self, points: np.ndarray) -> FieldAnswers: ...
 
     def color(self, points: np.ndarray) -> np.ndarray: ...
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
+from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
@@ -63,9 +63,6 @@ def orthonormal(T: np.ndarray) -> np.ndarray:
     out = T.copy()
     out[:3, :3] = U @ Vt
     return out
-
-
-Status = Literal["initial", "tracked", "lost"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
+from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -44,6 +45,7 @@ def catalogue() -> list[Check]:
         *gpu_checks(),
         *map_term_checks(),
         *field_error_checks(),
+        *query_checks(),
         *fault_checks(),
         *soak_checks(),
     ]

@@ -99,5 +99,6 @@ _ALL: tuple[m.Message, ...] = (
     r.Ask(),
     r.SaveMap(name="room"),
     r.SetMode(mode="mapping"),
+    r.QueryMap(points=_zeros(24)),
 )
 SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}

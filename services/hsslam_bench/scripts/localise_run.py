@@ -16,6 +16,7 @@ import torch
 
 from hsslam_bench.scripts.source_with_truth import source_with_truth, with_poor_first_map
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.evaluation.trajectory.localisation import (
     localisation_score,
@@ -29,7 +30,6 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
-from hsslam_services.arena.map_snapshot import map_snapshot
 
 _QUICK_FRAMES = 24
 

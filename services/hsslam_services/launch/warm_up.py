@@ -143,6 +143,15 @@ def _compile_the_rest() -> Iterator[str]:
     live.probe(plane, lambda: True)
     live.refresh(plane, queries.color, lambda: True)
 
+    yield "queries"
+    from hsslam_node.dense_map.dense_map import DenseMap
+    from hsslam_node.dense_map.keyframes import keyframes_of_store
+
+    keyframes = keyframes_of_store(store)
+    DenseMap(parameters.layout, parameters.params, keyframes, config.sampling).query(
+        np.zeros((1, 3))
+    )
+
     yield "evaluation"
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
     from hsslam_node.evaluation.mesh.virtual_views import virtual_views

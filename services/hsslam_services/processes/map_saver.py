@@ -5,10 +5,10 @@ Arena: reads keyframes, map
 
 from pathlib import Path
 
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
-from hsslam_services.arena.map_snapshot import map_snapshot
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.maps_folder import map_path, read_save_request

@@ -1,5 +1,7 @@
 """The mesher process: keeps a mesh of the published map, and publishes its blocks that change; small views.
 
+Answers the request `query`, which the supervisor passes on.
+
 Subscribes: out/pose
 Publishes: out/mesh_blocks, out/view
 Arena: reads keyframes, map, map_state, load_level
@@ -28,6 +30,8 @@ from hsslam_proto import topics
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
 from hsslam_proto.messages import Pose, View
+from hsslam_proto.requests import QUERY
+from hsslam_services.arena.asked_map import AskedMap
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
@@ -119,6 +123,8 @@ class _MesherLoop:
         self._mode = MapState(worker.run.arena_dir)
         self._blocks = worker.bus.publisher(topics.MESH_BLOCKS)
         self._blocks.answer_with(self._all_blocks)
+        asked_map = AskedMap(worker.arena, worker.options.slam, self._mode)
+        worker.bus.answer(QUERY, asked_map.answer)
         self._level = SharedLevel(worker.run.arena_dir)
         self._view = ModelView(worker.bus, self._level)
         config = worker.options.slam

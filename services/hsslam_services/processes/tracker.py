@@ -15,11 +15,11 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.map.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.map.pose_log import STATUS, PoseLog, Status, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.tracked_frame import Status, TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
@@ -36,8 +36,7 @@ from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
-_STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
-_STATUS_NAMES: dict[int, Status] = {code: name for name, code in _STATUS.items()}
+_STATUS_NAMES: dict[int, Status] = {code: name for name, code in STATUS.items()}
 
 
 def main() -> None:
@@ -114,7 +113,7 @@ class _TrackerLoop:
             source_stamp_ns=frame.stamp_ns,
             stamp_ns=message.stamp_ns,
             publish_ns=publish_ns,
-            status=_STATUS[result.status],
+            status=STATUS[result.status],
             keyframe=result.keyframe,
             T_world_cam=result.T_world_cam,
             T_keyframe_cam=result.T_keyframe_cam,
