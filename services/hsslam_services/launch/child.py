@@ -159,11 +159,13 @@ class Child:
         if code != _USER_ERROR:
             self._failed(how_it_ended(code), now)
             return
-        self.user_error = last_error(self._run_dir, self.spec.module)
+        error = last_error(self._run_dir, self.spec.module)
         if self._may_pass() and not self.spec.reads_source:
-            self._failed(f"ended: {self.user_error}", now)  # what it lacks now may come back
+            self._failed(f"ended: {error}", now)
         else:
             self.state = "failed"
+        if self.state == "failed":
+            self.user_error = error
 
     def _failed(self, how: str, now: float) -> None:
         """Start it again after a while, or give up."""

@@ -107,6 +107,7 @@ def test_bad_input_in_a_run_that_works_is_tried_again(watch, run_info: RunInfo):
     assert "field = 3: expected 4: restart" in child.news[0]
     (run_info.path / "behaviour").write_text("obedient")
     until(lambda: child.state == "running")
+    assert child.user_error == ""
 
 
 def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
