@@ -24,7 +24,7 @@ def print_answers(points: np.ndarray, answers: MapAnswers, *, as_json: bool) -> 
         table.add_row(
             *(f"{metres:g}" for metres in point),
             f"{answers.distance_m[k]:.3f}" if answers.known[k] else "-",
-            " ".join(f"{part:.2f}" for part in answers.gradient[k]),
+            " ".join(f"{round(float(part), 2) + 0.0:.2f}" for part in answers.gradient[k]),  # no -0
             "yes" if answers.known[k] else "no",
             f"{answers.certainty[k]:.2f}",
         )
