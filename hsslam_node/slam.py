@@ -6,9 +6,9 @@ order, so the poses are the same.
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
@@ -37,6 +37,9 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 class Slam:
@@ -153,7 +156,7 @@ class Slam:
         """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
         return self.map.render(T_world_cam, camera)
 
-    def mesh(self, voxel_m: float = 0.02) -> trimesh.Trimesh:
+    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
         """The coloured mesh of what the keyframes saw; see `DenseMap.mesh`."""
         return self.map.mesh(voxel_m)
 

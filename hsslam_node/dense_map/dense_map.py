@@ -1,9 +1,9 @@
 """A dense map that can be asked: distances, rays, free space, views, its mesh and its keyframes."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from hsslam_node.dense_map.answers import MapAnswers, RayHits
@@ -19,12 +19,14 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.layout import FieldLayout
-from hsslam_node.meshing.extract_mesh import extract_mesh
 from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
 _TRUSTED = 0.6  # of the truncation: farther away the field may say 2 cm too much
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 class DenseMap:
@@ -132,8 +134,10 @@ class DenseMap:
         color, _ = self._renderer.render(depth_m, camera, T_world_cam)
         return (255 * color + 0.5).astype(np.uint8), depth_m
 
-    def mesh(self, voxel_m: float = 0.02) -> trimesh.Trimesh:
+    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
         """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty."""
+        from hsslam_node.meshing.extract_mesh import extract_mesh  # a tracker needs no mesh
+
         queries, keyframes = self._queries, self._keyframes
         return extract_mesh(
             queries.sdf,

@@ -11,7 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
-from hsslam_node.meshing.extract_mesh import DepthViews
+from hsslam_node.meshing.depth_views import DepthViews
 
 _WIDTH_PX, _HEIGHT_PX, _FOCAL_PX = 640, 480, 525.0  # where the map does not tell its camera
 _VIEW_PX = 320  # width of the views of maps without images

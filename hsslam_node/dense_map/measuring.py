@@ -5,7 +5,7 @@ from numba import njit
 
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.seen_space import PRIOR_INFORMATION, SeenCells
-from hsslam_node.meshing.map_queries import FieldAnswers
+from hsslam_node.meshing.field_answers import FieldAnswers
 
 _LEAST_SLOPE = 1.0  # m/m, of a distance: where the field is flatter it saturates
 _FARTHEST = 0.95  # of the truncation: what lies farther away has no distance in the field
@@ -22,8 +22,8 @@ def answers_of_field(
     """
     distance_m, gradient = field.sdf, field.gradient
     known, certainty = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
-    _measure(distance_m, gradient, np.float32(truncation_m))
     _look_up(points, *_lattice(seen), known, certainty)
+    _measure(distance_m, gradient, known, np.float32(truncation_m))
     return MapAnswers(distance_m, gradient, known, certainty)
 
 
@@ -31,10 +31,14 @@ def _lattice(seen: SeenCells) -> tuple[np.ndarray, np.ndarray, float]:
     return seen.information, np.array(seen.grid.first, np.float64), 1 / seen.grid.voxel_m
 
 
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _measure(sdf, gradient, truncation_m):
+@njit(cache=True, fastmath={"contract", "arcp", "reassoc"}, nogil=True, error_model="numpy")
+def _measure(sdf, gradient, known, truncation_m):
     """SDF [N] in truncations to metres, gradient [N, 3] (T/m) to unit length, in place."""
     for k in range(sdf.shape[0]):
+        if not known[k]:
+            sdf[k] = np.float32(np.nan)
+            gradient[k] = np.float32(0.0)
+            continue
         x, y, z = gradient[k, 0], gradient[k, 1], gradient[k, 2]
         length = np.sqrt(x * x + y * y + z * z)
         slope = length * truncation_m  # m/m

@@ -10,7 +10,7 @@ from hsslam_node.gpu_kernels.field.layout import gpu_layout
 from hsslam_node.gpu_kernels.field.sdf_query import query_sdf
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.layout import FieldLayout
-from hsslam_node.meshing.map_queries import FieldAnswers
+from hsslam_node.meshing.field_answers import FieldAnswers
 
 _CHUNK = 1 << 16
 

@@ -2,7 +2,7 @@
 
 import os
 import threading
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -12,16 +12,10 @@ from hsslam_node.kernels.field.forward import field_forward
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.meshing.field_answers import FieldAnswers
 
 _CHUNK = 1 << 14
 _MOST_THREADS = 8
-
-
-class FieldAnswers(NamedTuple):
-    """What the field says at points [N, 3]. Outside the bound: sdf 1, gradient 0."""
-
-    sdf: np.ndarray  # [N] float32, in units of the truncation
-    gradient: np.ndarray  # [N, 3] float32, of the SDF, 1/m
 
 
 class MapQueries:
@@ -62,7 +56,8 @@ class MapQueries:
         n = len(points)
         sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
         points = np.ascontiguousarray(points, np.float32)
-        query_sdf(self._params, self._layout, points, sdf, inside, gradient, len(gradient) > 0)
+        if n > 0:
+            query_sdf(self._params, self._layout, points, sdf, inside, gradient, len(gradient) > 0)
         return FieldAnswers(sdf, gradient)
 
 

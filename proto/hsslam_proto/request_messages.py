@@ -111,12 +111,12 @@ class SavedMap(Message, frozen=True, kw_only=True):
 
 
 class PointAnswers(Message, frozen=True, kw_only=True):
-    """What the map says of each point asked, in their order: `distance_m` [N] float32 to the nearest surface,
-    negative behind it; `gradient` [N, 3] float32 of the distance, of unit length, or 0 where it has none;
-    `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface; `certainty` [N] float32, 0 to 1,
-    by how many keyframes saw the place and from how near; all little endian.
+    """What the map says of each point asked, in their order: `distance_m` [N] float32 to the nearest
+    surface, negative behind it, nan where not known; `gradient` [N, 3] float32 of the distance, of unit
+    length, or 0 where it has none; `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface;
+    `certainty` [N] float32, 0 to 1, by how many keyframes saw the place and from how near; all little endian.
 
-    Where `known` is 0, distance and gradient are guesses. `map_version`: of the map that was asked."""
+    `map_version`: of the map that was asked."""
 
     count: Index
     distance_m: memoryview

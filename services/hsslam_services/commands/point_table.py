@@ -23,8 +23,8 @@ def print_answers(points: np.ndarray, answers: MapAnswers, *, as_json: bool) -> 
     for k, point in enumerate(points):
         table.add_row(
             *(f"{metres:g}" for metres in point),
-            f"{answers.distance_m[k]:.3f}",
-            " ".join(f"{part:.2f}" for part in answers.gradient[k]),
+            f"{answers.distance_m[k]:.3f}" if answers.known[k] else "-",
+            " ".join(f"{round(float(part), 2) + 0.0:.2f}" for part in answers.gradient[k]),  # no -0
             "yes" if answers.known[k] else "no",
             f"{answers.certainty[k]:.2f}",
         )
@@ -34,7 +34,7 @@ def print_answers(points: np.ndarray, answers: MapAnswers, *, as_json: bool) -> 
 def _record(point: np.ndarray, answers: MapAnswers, k: int) -> dict[str, object]:
     return {
         "point": [float(metres) for metres in point],
-        "distance_m": float(answers.distance_m[k]),
+        "distance_m": float(answers.distance_m[k]) if answers.known[k] else None,
         "gradient": [float(part) for part in answers.gradient[k]],
         "known": bool(answers.known[k]),
         "certainty": float(answers.certainty[k]),

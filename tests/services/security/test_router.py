@@ -112,7 +112,7 @@ def test_requests_by_role(secure_router):
                         answered[role.name].add(request.name)
                 assert not any(reply.ok for reply in client.get("hsslam/r/rpc/**", timeout=0.3))
     assert answered["camera"] == set()
-    assert answered["viewer"] == {"status", "mesh", "trajectory"}
+    assert answered["viewer"] == {"status", "mesh", "trajectory", "query"}
     assert answered["operator"] == {request.name for request in REQUESTS}
 
 

@@ -20,8 +20,8 @@ class QueryOptions:
       hsslam-map query map.safetensors --points places.txt --json
 
     Places are metres in the world frame of the map. The distance is negative behind a surface. Farther from
-    surfaces than the truncation (0.06 m) it is the truncation, and has no gradient. If no keyframe saw a
-    place, distance and gradient are guesses.
+    surfaces than the truncation (0.06 m) it is the truncation, and has no gradient. It is - (in JSON null) if
+    no keyframe saw the place.
 
     Raises:
         UserError: an option has a value that cannot be used.
