@@ -1,7 +1,8 @@
 """`hsslam-bench`: run the service, measure the table, print and store it.
 
-`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... compare A.json B.json`,
-`... plots FILE.json` and `... keep FILE.json` take results; see `result_commands`.
+`... ablation|replica|tum|scannet` measures a table of the paper; see `tables`. `... peers` runs other systems
+on the same sequences; see `peers`. `... compare A.json B.json`, `... plots FILE.json` and
+`... keep FILE.json` take results; see `result_commands`.
 """
 
 import sys
@@ -17,6 +18,7 @@ from rich.text import Text
 from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import Check, Row, perform, select
 from hsslam_bench.options import BenchOptions
+from hsslam_bench.peers.command import peers_command
 from hsslam_bench.result_commands import RESULT_COMMANDS
 from hsslam_bench.results.document import fill_document
 from hsslam_bench.results.report import machine, report, write_report
@@ -35,6 +37,8 @@ def main() -> int:
     try:
         if sys.argv[1:2] and sys.argv[1] in TABLES:
             return table_command(sys.argv[1], sys.argv[2:])
+        if sys.argv[1:2] == ["peers"]:
+            return peers_command(sys.argv[2:])
         if sys.argv[1:2] and sys.argv[1] in RESULT_COMMANDS:
             RESULT_COMMANDS[sys.argv[1]](sys.argv[2:])
             return 0

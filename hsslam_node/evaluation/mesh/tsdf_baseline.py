@@ -56,7 +56,7 @@ class TsdfVolume:
 
     def __init__(self, options: TsdfOptions | None = None) -> None:
         self._options = options or TsdfOptions()
-        self._o3d = _open3d()
+        self._o3d = import_open3d()
         core = self._o3d.core
         self._grid = self._o3d.t.geometry.VoxelBlockGrid(
             attr_names=("tsdf", "weight", "color"),
@@ -132,12 +132,17 @@ def fuse_tsdfs(
     return {name: volume.mesh() for name, volume in volumes.items()}
 
 
-def _open3d() -> Any:
+def import_open3d(user: str = "the TSDF") -> Any:
+    """Open3D, which takes its time; `user`: what needs it.
+
+    Raises:
+        UserError: Open3D is not installed, or finds a library of the system missing.
+    """
     try:
         import open3d
     except (ImportError, OSError) as error:
         raise UserError(
-            f"the TSDF needs Open3D: {error}: pip install 'hsslam-node[dev]', and libusb-1.0"
+            f"{user} needs Open3D: {error}: pip install 'hsslam-node[dev]', and libusb-1.0"
         ) from None
     return open3d
 

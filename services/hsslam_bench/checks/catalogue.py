@@ -20,6 +20,7 @@ from hsslam_bench.checks.robustness import (
 from hsslam_bench.checks.soak import soak_checks
 from hsslam_bench.checks.speed import gpu_checks, kernel_checks
 from hsslam_bench.checks.viewer import frozen_checks, viewer_checks
+from hsslam_bench.peers.rows import peer_checks
 
 
 def catalogue() -> list[Check]:
@@ -46,6 +47,7 @@ def catalogue() -> list[Check]:
         *map_term_checks(),
         *field_error_checks(),
         *query_checks(),
+        *peer_checks(),
         *fault_checks(),
         *soak_checks(),
     ]

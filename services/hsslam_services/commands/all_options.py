@@ -34,6 +34,7 @@ OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" with
         "hsslam-bench compare": f"{_RESULTS}:CompareOptions",
         "hsslam-bench plots": f"{_RESULTS}:PlotsOptions",
         "hsslam-bench keep": f"{_RESULTS}:KeepOptions",
+        "hsslam-bench peers": "hsslam_bench.peers.options:PeersOptions",
         "hsslam-bench ablation": _TABLE,
         "hsslam-bench replica": _TABLE,
         "hsslam-bench tum": _TABLE,

@@ -1,0 +1,110 @@
+"""The options of `hsslam-bench peers`: one frozen dataclass, and the sequences that they name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from hsslam_bench.peers.systems.catalogue import SEQUENCES
+from hsslam_bench.tables.options import data_folder
+from hsslam_bench.tables.plan import expected_place, find_sequence
+from hsslam_node.errors import UserError
+from hsslam_node.sources.options import SourceOptions
+
+_NOISE = "-kinect"
+
+
+@dataclass(frozen=True)
+class PeersOptions:
+    """Runs other systems on the same sequences, and scores them and results that you have by the same code.
+
+    Examples:
+      hsslam-bench peers
+      hsslam-bench peers --sequences house --peers hs-slam open3d-slam --frames 100
+      hsslam-bench peers --no-run --source tum:fr1/desk --result orb-slam3=CameraTrajectory.txt
+      hsslam-bench peers --results others
+
+    --result takes a trajectory in TUM format (camera to world, OpenCV axes, m), or with 16 numbers a line
+    for each frame in turn, and a mesh (m) in the world of this trajectory. --results takes a folder of such
+    files: SEQUENCE/NAME.txt and SEQUENCE/NAME.ply.
+
+    Exit codes: 0 if the table is measured, 1 if a run failed or the command is interrupted, 2 if the input is
+    bad.
+
+    Raises:
+        UserError: options that do not belong together.
+    """
+
+    VALUES: ClassVar = {
+        "data": "FOLDER",
+        "sequences": "NAME...",
+        "peers": "NAME...",
+        "source": "SOURCE",
+        "result": "NAME=FILES...",
+        "results": "FOLDER",
+        "out": "FILE",
+    }
+
+    sequences: tuple[str, ...] = SEQUENCES
+    """Sequences of --data; house-kinect is house with the noise of a Kinect."""
+    data: Path | None = None
+    """Folder of the sequences (none: $HSSLAM_DATA, $HSSLAM_TEST_DATA, else ../shared/data)."""
+    source: str = ""
+    """A source instead of the sequences: synth:room, tum:FOLDER, replica:FOLDER."""
+    noise: Literal["none", "kinect"] = "none"
+    """Depth noise added to --source."""
+    frames: int | None = None
+    """Use at most N frames of each sequence (none: all)."""
+    peers: tuple[str, ...] = ()
+    """Peers to run (none: all)."""
+    run: bool = True
+    """Run the peers, not only score results."""
+    result: tuple[str, ...] = ()
+    """Results that you have: NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER with these."""
+    results: Path | None = None
+    """Folder of results that you have: SEQUENCE/NAME.txt, SEQUENCE/NAME.ply."""
+    out: Path = Path("runs/peers.json")
+    """Result file, JSON, beside the table (.md) and a folder of the peers' trajectories and meshes."""
+
+    def __post_init__(self) -> None:
+        if self.noise != "none" and not self.source:
+            raise UserError("--noise: expected with --source; of a sequence write house-kinect")
+        if self.source and self.results is not None:
+            raise UserError("--results: has folders of sequences: expected --result with --source")
+        if self.result and not self.source and len(self.sequences) != 1:
+            raise UserError("--result: expected with --source, or one of --sequences")
+        if not (self.run or self.result or self.results):
+            raise UserError("nothing to score: expected --result or --results with --no-run")
+
+    @property
+    def sources(self) -> "list[PeerSequence]":
+        """The sequences that are meant, on disk or not."""
+        if self.source:
+            options = SourceOptions(noise=self.noise, frames=self.frames)
+            return [PeerSequence(self.source, self.source, options)]
+        return [self._sequence(name) for name in self.sequences]
+
+    def _sequence(self, name: str) -> "PeerSequence":
+        place = name.removesuffix(_NOISE)
+        noise = "kinect" if name.endswith(_NOISE) else "none"
+        options = SourceOptions(noise=noise, frames=self.frames)
+        folder = data_folder(self.data)
+        return PeerSequence(
+            name, find_sequence(folder, place), options, expected_place(folder, place)
+        )
+
+
+@dataclass(frozen=True)
+class PeerSequence:
+    """A sequence as the table names it."""
+
+    name: str
+    source: str | None  # as for --source; None: not on disk
+    options: SourceOptions
+    place: str = ""  # where it was looked for
+
+    @property
+    def arguments(self) -> Sequence[str]:
+        """For `peer_run`."""
+        frames = () if self.options.frames is None else ("--frames", str(self.options.frames))
+        return ("--noise", self.options.noise, *frames)

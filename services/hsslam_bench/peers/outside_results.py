@@ -1,0 +1,91 @@
+"""Results of systems that this machine does not run: a trajectory and a mesh that a user has."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ground_truth import GroundTruth
+from hsslam_node.geometry.trajectory import Trajectory, associate, read_tum
+from hsslam_node.sources.files.truth_files import read_matrices
+
+_EXPECTED = "expected NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER"
+_TRAJECTORY, _MESH = "trajectory.txt", "mesh.ply"
+_MATRIX_NUMBERS = 16
+_MAX_DT_NS = 20_000_000
+
+
+@dataclass(frozen=True)
+class OutsideResult:
+    """Files of one system on one sequence; the mesh (m) lies in the world of the trajectory."""
+
+    name: str
+    trajectory: Path
+    mesh: Path | None = None
+
+
+def parsed_result(text: str) -> OutsideResult:
+    """`NAME=trajectory.txt[,mesh.ply]`, or `NAME=FOLDER` with files of these names.
+
+    Raises:
+        UserError: it is neither.
+    """
+    name, equals, places = text.partition("=")
+    trajectory, comma, mesh = places.partition(",")
+    if not (name and equals and trajectory) or (comma and not mesh):
+        raise UserError(f"--result {text}: {_EXPECTED}")
+    place = Path(trajectory)
+    if not comma and place.is_dir():
+        beside = place / _MESH
+        return OutsideResult(name, place / _TRAJECTORY, beside if beside.exists() else None)
+    return OutsideResult(name, place, Path(mesh) if comma else None)
+
+
+def results_in(folder: Path, sequence: str) -> list[OutsideResult]:
+    """Those of `FOLDER/SEQUENCE/NAME.txt`, with the mesh `NAME.ply` beside if there is one."""
+    found = []
+    for path in sorted((folder / sequence).glob("*.txt")):
+        mesh = path.with_suffix(".ply")
+        found.append(OutsideResult(path.stem, path, mesh if mesh.exists() else None))
+    return found
+
+
+def read_trajectory(path: Path, truth: GroundTruth | None) -> Trajectory:
+    """Camera-to-world poses with the stamps of the frames that they belong to.
+
+    TUM format, whose stamps are taken to those of the frames within 20 ms, or 16 numbers a line for
+    each frame in turn, as Replica's `traj.txt`; OpenCV axes.
+
+    Raises:
+        UserError: the file is neither, or has not as many lines as there are frames.
+    """
+    if not _is_of_matrices(path):
+        return _at_frames(read_tum(path), truth)
+    poses = read_matrices(path)
+    count = None if truth is None else len(truth.stamps_ns)
+    if truth is None or len(poses) != count:
+        known = "a source with a true pose for every frame" if truth is None else f"{count} lines"
+        raise UserError(f"{path}: {len(poses)} poses without stamps: expected {known}")
+    return Trajectory(truth.stamps_ns, poses)
+
+
+def _is_of_matrices(path: Path) -> bool:
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError):
+        return False  # read_tum reports it
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return len(first.split()) == _MATRIX_NUMBERS
+
+
+def _at_frames(trajectory: Trajectory, truth: GroundTruth | None) -> Trajectory:
+    """The same poses with stamps to the ns: systems print six decimals, or none of the frame's own."""
+    if truth is None:
+        return trajectory
+    order = np.argsort(trajectory.stamps_ns, kind="stable")
+    stamps_ns = trajectory.stamps_ns[order]
+    pairs = associate(stamps_ns, truth.stamps_ns, _MAX_DT_NS)
+    rows = np.array([order[i] for i, _ in pairs], np.int64)
+    frames = np.array([j for _, j in pairs], np.int64)
+    return Trajectory(truth.stamps_ns[frames], trajectory.T_world_cam[rows])

@@ -1,0 +1,1 @@
+"""Other systems that this machine can run on a sequence."""

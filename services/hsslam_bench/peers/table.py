@@ -1,0 +1,82 @@
+"""The scores of peers as a table for people, as markdown, and in one line."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rich.table import Table
+
+from hsslam_bench.peers.score import GAP_FRAMES, Values
+
+
+@dataclass(frozen=True)
+class PeerRow:
+    """What one system made of one sequence."""
+
+    sequence: str
+    peer: str
+    values: Values = field(default_factory=dict)
+    error: str = ""  # its last words if it failed
+
+
+def _frames(values: Mapping[str, float | None]) -> str:
+    scored, expected = values.get("scored"), values.get("expected")
+    return "-" if scored is None or expected is None else f"{scored:.0f}/{expected:.0f}"
+
+
+def _number(metric: str, digits: int) -> Callable[[Values], str]:
+    def text(values: Values) -> str:
+        value = values.get(metric)
+        return "-" if value is None else f"{value:.{digits}f}"
+
+    return text
+
+
+def _mesh(before: str) -> Callable[[Values], str]:
+    names = (("accuracy_cm", 2), ("completion_cm", 2), ("completion_pct", 1))
+    parts = [_number(f"{before}{name}", digits) for name, digits in names]
+
+    def text(values: Values) -> str:
+        is_scored = values.get(f"{before}accuracy_cm") is not None
+        return " / ".join(part(values) for part in parts) if is_scored else "-"
+
+    return text
+
+
+_COLUMNS: Mapping[str, Callable[[Values], str]] = {
+    "scored": _frames,
+    "ATE cm": _number("ate_cm", 3),
+    "RPE frame cm": _number("rpe_cm", 3),
+    f"{GAP_FRAMES} frames apart mm": _number("depth_mm", 1),
+    "1 - NCC": _number("one_minus_ncc", 3),
+    "mesh exact acc. / comp. cm / %": _mesh(""),
+    "mesh lit. acc. / comp. cm / %": _mesh("lit_"),
+    "frames/s": _number("fps", 1),
+}
+
+
+def peers_table(rows: Sequence[PeerRow]) -> Table:
+    """One line for each sequence and system; a failure stands in the place of its scores."""
+    table = Table("sequence", "by", title="peers", title_justify="left")
+    for name in _COLUMNS:
+        table.add_column(name, justify="right")
+    for row in rows:
+        cells = [text(row.values) for text in _COLUMNS.values()]
+        table.add_row(row.sequence, row.peer, *(["failed"] if row.error else cells))
+    return table
+
+
+def peers_markdown(rows: Sequence[PeerRow]) -> str:
+    """The same for documents."""
+    head = ["sequence", "by", *_COLUMNS]
+    lines = [head, ["---"] * len(head)]
+    for row in rows:
+        cells = [text(row.values) for text in _COLUMNS.values()]
+        shown = ["failed", *[""] * (len(cells) - 1)] if row.error else cells
+        lines.append([row.sequence, row.peer, *shown])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def in_words(values: Values) -> str:
+    """One line of what there is."""
+    found = {name: text(values) for name, text in _COLUMNS.items()}
+    return "; ".join(f"{name} {text}" for name, text in found.items() if text != "-")
