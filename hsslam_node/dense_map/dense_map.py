@@ -89,7 +89,7 @@ class DenseMap:
         field = self._queries.sdf_and_gradient(rows)
         return answers_of_field(rows, field, self._truncation_m, self._seen_cells())
 
-    def raycast(self, origins: np.ndarray, directions: np.ndarray, max_m: float = 10.0) -> RayHits:
+    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
         A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit.

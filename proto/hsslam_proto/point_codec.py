@@ -45,4 +45,4 @@ def answers_of(message: PointAnswers) -> MapAnswers:
 
 def _bytes(array: np.ndarray, dtype: str) -> memoryview:
     flat = np.ascontiguousarray(array, dtype).reshape(-1)  # no memoryview has sides of length 0
-    return memoryview(flat.view(np.uint8))
+    return flat.view(np.uint8).data

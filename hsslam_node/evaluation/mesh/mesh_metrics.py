@@ -111,7 +111,7 @@ def _nearest(
     tree = igl.AABB()
     tree.init(vertices, faces)
     squared, _, feet = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
-    return np.sqrt(squared), feet
+    return np.sqrt(squared), np.asarray(feet)
 
 
 def _observed_distances(

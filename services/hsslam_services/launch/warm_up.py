@@ -147,10 +147,9 @@ def _compile_the_rest() -> Iterator[str]:
     from hsslam_node.dense_map.dense_map import DenseMap
     from hsslam_node.dense_map.keyframes import keyframes_of_store
 
-    keyframes = keyframes_of_store(store)
-    DenseMap(parameters.layout, parameters.params, keyframes, config.sampling).query(
-        np.zeros((1, 3))
-    )
+    of_store = keyframes_of_store(store)
+    dense_map = DenseMap(parameters.layout, parameters.params, of_store, config.sampling)
+    dense_map.query(np.zeros((1, 3)))
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
