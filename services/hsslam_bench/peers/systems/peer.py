@@ -1,4 +1,4 @@
-"""A peer: another system that this machine can run, and what it leaves of a sequence."""
+"""What a peer leaves of a sequence; alone, as every other system fills it in its own module."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
