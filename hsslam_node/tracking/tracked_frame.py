@@ -82,13 +82,16 @@ class TrackResult:
     map_version: int = 0  # 0: no map
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
+    covariance: np.ndarray | None = (
+        None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
+    )
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int) -> "TrackResult":
         """Of the frame that the world's origin is fixed to."""
         return cls(
             frame_index=frame_index, status="initial", T_world_cam=np.eye(4), keyframe=keyframe,
-            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True,
+            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
         )  # fmt: skip
 
     @classmethod
