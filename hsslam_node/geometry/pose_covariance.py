@@ -11,8 +11,8 @@ import numpy as np
 
 from hsslam_node.geometry.se3 import skew
 
-_PHOTOMETRIC_CORRELATION = 4.0  # pixels for one that says something of its own
-_SURFACE_CORRELATION = 2.0  # points, likewise
+_PHOTOMETRIC_CORRELATION = 5.0  # pixels for one that says something of its own
+_SURFACE_CORRELATION = 1.5  # points, likewise
 _LEAST_COST = 0.05  # a camera that stands still before a film of itself is no better than others
 _KEPT_SHARE = 0.4  # of a keyframe's own variance: bundle adjustment takes the rest out
 
@@ -52,18 +52,24 @@ def in_world(covariance: np.ndarray, of_keyframe: np.ndarray, lever_m: np.ndarra
 
     lever_m: [3] from the keyframe's centre to the pose's, world axes.
     """
-    return covariance + _carried(of_keyframe, lever_m)
+    return covariance + carried(of_keyframe, lever_m)
 
 
 def of_new_keyframe(
     covariance: np.ndarray, of_keyframe: np.ndarray, lever_m: np.ndarray
 ) -> np.ndarray:
     """As `in_world`, of a frame that becomes a keyframe itself, once it is adjusted."""
-    return _KEPT_SHARE * covariance + _carried(of_keyframe, lever_m)
+    return _KEPT_SHARE * covariance + carried(of_keyframe, lever_m)
 
 
-def _carried(covariance: np.ndarray, lever_m: np.ndarray) -> np.ndarray:
-    """[6, 6] of what is rigidly joined to a pose, `lever_m` [3] from it."""
+def carried(covariance: np.ndarray, lever_m: np.ndarray) -> np.ndarray:
+    """[6, 6] of what is rigidly joined to a pose, `lever_m` [3] from it in the axes of the covariance."""
     J = np.eye(6)
     J[:3, 3:] = -skew(lever_m)
     return J @ covariance @ J.T
+
+
+def turned(covariance: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """[6, 6] in other axes: R [3, 3] maps vectors of the old ones to the new ones."""
+    both = np.kron(np.eye(2), R)
+    return both @ covariance @ both.T

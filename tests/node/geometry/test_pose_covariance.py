@@ -20,7 +20,7 @@ def terms() -> tuple[np.ndarray, np.ndarray]:
 
 def test_residuals_as_large_as_assumed_give_the_inverse_times_the_correlation(terms):
     surface, photometric = terms
-    own = Evidence(surface + photometric, surface, photometric, 1 / 2, 1 / 4).covariance()
+    own = Evidence(surface + photometric, surface, photometric, 1 / 1.5, 1 / 5).covariance()
     np.testing.assert_allclose(own, np.linalg.inv(surface + photometric)[:6, :6], rtol=1e-9)
 
 
