@@ -1,8 +1,8 @@
 """The robot's frames as ROS names them (REP 103, REP 105), from poses of its camera.
 
-`world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is the
-same place with the axes of a robot, x forward, y left, z up: `base_link` stands in its origin when the camera
-stands in that of `world`. `odom` begins as `map` and has no jumps.
+`world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is
+the same place with the axes of a robot, x forward, y left, z up: `base_link` stands in its origin when the
+camera stands in that of `world`. `odom` begins as `map` and has no jumps.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, se3_log, transform
 
-_TURN = np.array([-0.5, 0.5, -0.5, 0.5])  # xyzw, base_link <- optical frame of a camera looking ahead
+_TURN = np.array(
+    [-0.5, 0.5, -0.5, 0.5]
+)  # xyzw, base_link <- optical frame of a camera looking ahead
 _UNIT = 1e-3  # that the norm of a quaternion may be off
 
 

@@ -16,6 +16,7 @@ class ProcessSpec:
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
     `returns_memory`: large arrays go back to the system once freed; slower by what the system takes to clear.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
+    `serves_ros2`: it exists only if ROS 2 is to hear of the run.
     """
 
     name: str
@@ -28,6 +29,7 @@ class ProcessSpec:
     lockstep_needs: bool = False
     returns_memory: bool = False
     reads_source: bool = False
+    serves_ros2: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
@@ -36,6 +38,10 @@ class ProcessSpec:
     stop_timeout_s: float = 20.0  # told to end, and its main loop has not come round for so long
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
+
+    def exists(self, *, has_camera: bool, has_ros2_out: bool) -> bool:
+        """Whether a run has it."""
+        return (has_camera or not self.reads_source) and (has_ros2_out or not self.serves_ros2)
 
     def is_needed(self, pace: str) -> bool:
         """Whether the run cannot continue without it."""
@@ -122,6 +128,15 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         returns_memory=True,
         is_late=True,
         restarts_with_map=True,
+    ),
+    _row(
+        "ros2_out",
+        "tells ROS 2",
+        nice=8,
+        stop_stage=MESHER_STAGE,
+        is_late=True,
+        restarts_with_map=True,
+        serves_ros2=True,
     ),
 )
 

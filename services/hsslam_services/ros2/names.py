@@ -79,7 +79,7 @@ def gid(token: str) -> bytes:
     """The 16 bytes that stand for the publisher with this token."""
     import xxhash
 
-    return xxhash.xxh3_128_intdigest(token).to_bytes(16, "little")
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 
 def attachment(sequence: int, stamp_ns: int, publisher: bytes) -> bytes:
