@@ -21,7 +21,7 @@ from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.ros2.depth_points import depth_points
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
-from hsslam_services.ros2.node import RosNode
+from hsslam_services.ros2.node import RosNode, RosPublisher
 from hsslam_services.run.source_table import speaks_ros2
 
 MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
@@ -69,10 +69,12 @@ class Ros2Out:
         self._points = node.publisher(
             "points", "sensor_msgs/msg/PointCloud2", Qos(5, is_reliable=False)
         )
-        self._transforms = node.publisher("/tf", "tf2_msgs/msg/TFMessage", Qos(100))
-        static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
-        camera = (BASE, CAMERA, self._frames.T_base_cam)
-        static.put(messages.transforms(time.time_ns(), [camera]))
+        self._transforms: RosPublisher | None = None
+        if worker.options.ros2_tf:
+            self._transforms = node.publisher("/tf", "tf2_msgs/msg/TFMessage", Qos(100))
+            static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
+            camera = (BASE, CAMERA, self._frames.T_base_cam)
+            static.put(messages.transforms(time.time_ns(), [camera]))
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and what is due of the rest."""
@@ -95,9 +97,9 @@ class Ros2Out:
         T_map_base = self._frames.base_pose(T_world_cam)
         T_odom_base = self._frames.base_pose(T_odom_cam)
         T_map_odom = T_map_base @ inverse(T_odom_base)
-        self._transforms.put(
-            make.transforms(stamp_ns, [(MAP, ODOM, T_map_odom), (ODOM, BASE, T_odom_base)])
-        )
+        if self._transforms is not None:
+            chain = [(MAP, ODOM, T_map_odom), (ODOM, BASE, T_odom_base)]
+            self._transforms.put(make.transforms(stamp_ns, chain))
         known = covariance_matrix(pose.covariance)
         covariance = None if known is None else self._frames.base_covariance(known, T_world_cam)
         self._pose.put(make.pose(stamp_ns, MAP, T_map_base, covariance))

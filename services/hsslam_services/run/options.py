@@ -68,7 +68,8 @@ class ServeOptions:
             "bind",
         ),
         *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
-        *("ros2.domain", "ros2.connect", "ros2_out", "base_T_camera", "realsense.serial"),
+        *("ros2.domain", "ros2.connect", "ros2_out", "ros2_tf", "base_T_camera"),
+        *("realsense.serial",),
     )
     VALUES: ClassVar = {
         "source": "SOURCE",
@@ -141,6 +142,8 @@ class ServeOptions:
     ros2: Ros2Options = field(default_factory=Ros2Options)
     ros2_out: str = ""
     """Publish poses, transforms and points to ROS 2 below /hsslam or so (empty: do not)."""
+    ros2_tf: bool = True
+    """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
     base_T_camera: tuple[float, ...] = ()
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
