@@ -22,6 +22,7 @@ from hsslam_services.ros2.depth_points import depth_points
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
+from hsslam_services.ros2.stamp_clock import StampClock
 from hsslam_services.run.source_table import speaks_ros2
 
 MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
@@ -60,6 +61,7 @@ class Ros2Out:
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._images: Subscription[Frame] | None = None
+        self._clock = StampClock()
         self._moved: tuple[int, np.ndarray] | None = None  # the last stamp and T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
@@ -81,6 +83,7 @@ class Ros2Out:
         is_again = self._moved is not None and self._moved[0] == self._stamp_ns(pose)
         if pose.status == "lost" or is_again:
             return
+        self._clock.learn(pose.source_stamp_ns, self._stamp_ns(pose))
         with self._worker.timed("ros2"):
             self._tell_pose(pose)
             now_s = time.monotonic()
@@ -134,9 +137,9 @@ class Ros2Out:
         poses = store.poses()
         own_ns = store.stamps_ns()[: len(poses)]
         step = -(-len(poses) // _MOST_PATH_POSES)
-        on_clock_ns = own_ns[::step] + (self._stamp_ns(pose) - pose.source_stamp_ns)
+        ros_ns = self._clock.ros_ns(own_ns[::step]).tolist()
         placed = np.stack([self._frames.base_pose(T) for T in poses[::step]])
-        message = self._messages.path(self._stamp_ns(pose), MAP, on_clock_ns.tolist(), placed)
+        message = self._messages.path(self._stamp_ns(pose), MAP, ros_ns, placed)
         self._path.put(message)
 
     def _tell_points(self, pose: Pose, now_s: float) -> None:

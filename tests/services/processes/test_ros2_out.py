@@ -34,8 +34,8 @@ def test_a_run_is_told_to_ros(serve):
             listener.hear(topic)
     try:
         run = serve(
-            *SMALL_ROOM, "--frames", str(_FRAMES), "--finish-s", "1", "--zenoh-port", endpoint.rpartition(":")[2],
-            "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
+            *SMALL_ROOM, "--frames", str(_FRAMES), "--finish-s", "1",
+            "--zenoh-port", endpoint.rpartition(":")[2], "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
             "--base-T-camera", *map(str, _MOUNT),
         )  # fmt: skip
         listener.wait_until(lambda: listener.alive() == len(_QOS) + 1, 240)
