@@ -34,7 +34,8 @@ class Odometry:
         last = self._last
         if last is None or last["map_epoch"] != row["map_epoch"]:
             return False
-        return 0 < row["source_stamp_ns"] - last["source_stamp_ns"] <= self._longest_gap_ns
+        gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
+        return 0 < gap_ns <= self._longest_gap_ns
 
     def _motion(self, row: np.ndarray, store: KeyframeStore) -> np.ndarray:
         """T_last_cam [4, 4], both by the poses that their keyframes have now."""

@@ -102,8 +102,10 @@ class RosPublisher:
 
     def has_subscribers(self) -> bool:
         """Whether anything subscribes now, or may later ask for what is kept."""
-        publisher = self._publisher
-        return not isinstance(publisher, zenoh.Publisher) or publisher.matching_status.matching
+        if not isinstance(self._publisher, zenoh.Publisher):
+            return True
+        status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
+        return bool(getattr(status, "matching", status))
 
     def put(self, message: Any) -> None:
         """Send a message of the topic's type."""
