@@ -18,7 +18,7 @@ _FLOORS = (
     ("hsslam_services.run",),
     ("hsslam_services.artefacts",),
     ("hsslam_services.bus",),
-    ("hsslam_services.log", "hsslam_services.launch"),
+    ("hsslam_services.log", "hsslam_services.launch", "hsslam_services.ros2"),
     ("hsslam_services.viewer", "hsslam_services.camera", "hsslam_services.health"),
     ("hsslam_services.processes", "hsslam_services.requests"),
     ("hsslam_services.supervisor",),

@@ -19,6 +19,7 @@ from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follo
 _COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING = range(6)  # fields of the header
 _POLL_S = 0.0005
 _LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
+_SURE = np.zeros((6, 6))
 
 
 class RetiredKeyframeError(Exception):
@@ -121,8 +122,16 @@ class KeyframeStore:
         finally:
             store_ordered(self._header, _APPENDING, 0)
 
-    def append(self, frame: Frame, T_world_cam: np.ndarray, version: int | None = None) -> int:
+    def append(
+        self,
+        frame: Frame,
+        T_world_cam: np.ndarray,
+        version: int | None = None,
+        covariance: np.ndarray = _SURE,
+    ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
+
+        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -136,7 +145,7 @@ class KeyframeStore:
             raise refusal or UserError(full)
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
-        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam)
+        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance)
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
         return k
@@ -225,6 +234,10 @@ class KeyframeStore:
             copy = self._rows.pose(k, version % 2)
             if self.pose_version == version:
                 return copy
+
+    def covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the pose that keyframe k was appended with; 0: it defines the world, or a saved map."""
+        return self._rows.covariance(k)
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""

@@ -80,7 +80,10 @@ class TrackResult:
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
     pose_version: int | None = (
-        None  # of the keyframes' poses that the pose is of; None: as of before it
+        None  # of the keyframes' poses that the pose is of; None: as of before
+    )
+    covariance: np.ndarray | None = (
+        None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
     )
 
     @classmethod
@@ -88,7 +91,7 @@ class TrackResult:
         """Of the frame that the world's origin is fixed to."""
         return cls(
             frame_index=frame_index, status="initial", T_world_cam=np.eye(4), keyframe=keyframe,
-            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True,
+            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
         )  # fmt: skip
 
     @classmethod

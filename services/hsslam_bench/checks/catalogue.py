@@ -1,6 +1,6 @@
 """All rows of the benchmark's table, in its order."""
 
-from hsslam_bench.checks.accuracy import lockstep_checks, map_term_checks
+from hsslam_bench.checks.accuracy import covariance_checks, lockstep_checks, map_term_checks
 from hsslam_bench.checks.camera import gap_checks, kidnapping_checks, localise_checks
 from hsslam_bench.checks.check import Check
 from hsslam_bench.checks.faithful import faithful_checks
@@ -45,6 +45,7 @@ def catalogue() -> list[Check]:
         *baseline_checks(),
         *gpu_checks(),
         *map_term_checks(),
+        *covariance_checks(),
         *field_error_checks(),
         *query_checks(),
         *peer_checks(),

@@ -42,6 +42,8 @@ _ALL: tuple[m.Message, ...] = (
         residual_mm=1.5,
         map_version=1,
         keyframe=0,
+        covariance=[1e-6] * 21,
+        odometry=[*_T, *_Q],
         stage_ms={"track": 1.5},
     ),
     m.Keyframe(id=7, frame_index=7, source_stamp_ns=1, t=_T, q=_Q),

@@ -17,6 +17,7 @@ class ProcessSpec:
     `returned_bytes`: arrays of this size or more go back to the system once freed, which clears each new one;
     0: they stay with the process.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
+    `serves_ros2`: it exists only if ROS 2 is to hear of the run.
     """
 
     name: str
@@ -29,6 +30,7 @@ class ProcessSpec:
     lockstep_needs: bool = False
     returned_bytes: int = 0
     reads_source: bool = False
+    serves_ros2: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
@@ -37,6 +39,10 @@ class ProcessSpec:
     stop_timeout_s: float = 20.0  # told to end, and its main loop has not come round for so long
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
+
+    def exists(self, *, has_camera: bool, has_ros2_out: bool) -> bool:
+        """Whether a run has it."""
+        return (has_camera or not self.reads_source) and (has_ros2_out or not self.serves_ros2)
 
     def is_needed(self, pace: str) -> bool:
         """Whether the run cannot continue without it."""
@@ -125,6 +131,15 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         returned_bytes=_ARRAY_BYTES,
         is_late=True,
         restarts_with_map=True,
+    ),
+    _row(
+        "ros2_out",
+        "tells ROS 2",
+        nice=8,
+        stop_stage=MESHER_STAGE,
+        is_late=True,
+        restarts_with_map=True,
+        serves_ros2=True,
     ),
 )
 

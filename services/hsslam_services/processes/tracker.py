@@ -24,8 +24,9 @@ from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder, Place
-from hsslam_proto.pose_codec import wire_pose
+from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.odometry import Odometry
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -67,6 +68,7 @@ class _TrackerLoop:
         self._order = order
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._log = PoseLog(worker.arena)
+        self._odometry = Odometry(self._log, worker.options.slam.tracker.longest_gap_s)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
@@ -122,7 +124,9 @@ class _TrackerLoop:
             pose_version=pose_version if result.pose_version is None else result.pose_version,
             map_epoch=self._mode.map_epoch,
             publisher=place.publisher,
+            covariance=result.covariance,
         )
+        self._odometry.add(row, self._link.store())
         if not self._log.append(row):
             self._worker.count("poses not logged")
         self._order.take(place)
@@ -238,6 +242,8 @@ def _pose_message(
         map_epoch=int(row["map_epoch"]),
         publisher=int(row["publisher"]),
         pose_version=int(row["pose_version"]),
+        covariance=wire_covariance(row["covariance"]),
+        odometry=wire_odometry(row["T_odom_cam"]),
         stage_ms=stages_ms,
     )
 

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 from hsslam_node.config import SlamConfig
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.sources.options import (
     CameraOptions,
     RealsenseOptions,
@@ -56,7 +57,8 @@ class ServeOptions:
             "bind",
         ),
         *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
-        *("ros2.domain", "ros2.connect", "realsense.serial"),
+        *("ros2.domain", "ros2.connect", "ros2_out", "ros2_tf", "base_T_camera"),
+        *("realsense.serial",),
     )
     VALUES: ClassVar = {
         "source": "SOURCE",
@@ -73,6 +75,7 @@ class ServeOptions:
         "ros2.depth": "TOPIC",
         "ros2.info": "TOPIC",
         "ros2.connect": "ENDPOINT",
+        "ros2_out": "NAMESPACE",
         "realsense.serial": "NUMBER",
     }
 
@@ -126,6 +129,12 @@ class ServeOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    ros2_out: str = ""
+    """Publish poses, transforms and points to ROS 2 below /hsslam or so (empty: do not)."""
+    ros2_tf: bool = True
+    """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
+    base_T_camera: tuple[float, ...] = ()
+    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log; png is lossless and 7 times as large."""
@@ -173,6 +182,9 @@ class ServeOptions:
                 f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot relocalise "
                 "in a saved map: expected alignment, as in --preset realtime"
             )
+        if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
+            raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
+        RobotFrames.mounted(self.base_T_camera)
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
         if self.start < 0:
@@ -209,14 +221,16 @@ class ServeOptions:
     @property
     def outside_place(self) -> str:
         """ADDRESS:PORT where other programs connect; empty if only processes of this user may."""
-        asked = self.zenoh_port or self.bind or self.security or needs_port(self.source)
+        asked = self.zenoh_port or self.bind or self.security or self.ros2_out
+        asked = asked or needs_port(self.source)
         port = _ZENOH_PORT if self.zenoh_port is None else self.zenoh_port
         return f"{self.bind or '127.0.0.1'}:{port}" if asked else ""
 
     @property
     def ros_domain(self) -> int | None:
-        """The domain of the ROS nodes that may use the router; None without a ROS camera."""
-        return self.ros2.domain if needs_port(self.source) and self.has_camera_process else None
+        """The domain of the ROS nodes that may use the router; None if the run does not speak to any."""
+        has_ros_camera = needs_port(self.source) and self.has_camera_process
+        return self.ros2.domain if has_ros_camera or self.ros2_out else None
 
     @property
     def finish_budget_s(self) -> float:

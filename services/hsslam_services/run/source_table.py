@@ -76,6 +76,12 @@ def needs_port(spec: str) -> bool:
     return row is not None and row.needs_port
 
 
+def speaks_ros2(spec: str) -> bool:
+    """Whether frames carry stamps of ROS."""
+    row = find_row(spec, ALL_SOURCES)
+    return row is not None and row.kind == "ros2"
+
+
 def log_place(spec: str) -> str:
     """The file or run folder of a log source `mcap:PLACE`; empty for any other source."""
     return source_name(spec) if _LOG.matches(spec) else ""

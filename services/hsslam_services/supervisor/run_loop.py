@@ -62,7 +62,10 @@ class RunLoop:
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
             for spec in PROCESSES
-            if self._info.options.has_camera_process or not spec.reads_source
+            if spec.exists(
+                has_camera=self._info.options.has_camera_process,
+                has_ros2_out=bool(self._info.options.ros2_out),
+            )
         }
 
     def _has_poses(self) -> bool:
