@@ -50,6 +50,11 @@ class TumArchive:
         url = f"{site.rstrip('/')}/freiburg{match[1]}/{folder_name}.tgz"
         return cls(name, folder_name, url)
 
+    @property
+    def path(self) -> Path:
+        """Where its folder is fetched to."""
+        return data_folders()[0] / self.folder_name
+
     def fetch(self) -> Path:
         """The folder of the sequence in the first of `data_folders()`, fetched and unpacked.
 
@@ -58,7 +63,7 @@ class TumArchive:
         Raises:
             UserError: what went wrong, the address, and what to do by hand.
         """
-        folder = data_folders()[0] / self.folder_name
+        folder = self.path
         archive = folder.with_name(f"{self.folder_name}.tgz")
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)

@@ -29,6 +29,10 @@ def data_folder(given: Path | None) -> Path:
 class TableOptions:
     """Measures a table of the paper: mean and standard deviation over the seeds, beside the paper's numbers.
 
+    Examples:
+      hsslam-bench tum --fetch --preset realtime
+      hsslam-bench ablation --sequences tum --fetch --rows full D --seeds 0
+
     Sequences that are not on disk are skipped and reported. Results in the file for this commit and
     configuration are not measured again.
 
@@ -55,7 +59,10 @@ class TableOptions:
     rows: tuple[str, ...] = ()
     """Rows of the table, such as full A B, or room0 room1 (none: all)."""
     sequences: tuple[str, ...] = ()
-    """For the ablation: sequences of every row, such as house, room0, fr1/desk, room (none: house)."""
+    """For the ablation: sequences of every row, such as house, room0, fr1/desk, room; tum: the three of the
+    table of TUM (none: house)."""
+    fetch: bool = False
+    """Fetch sequences of TUM RGB-D that are not on disk (several GB), to $HSSLAM_DATA, else to the cache."""
     frames: int | None = None
     """Use at most N frames of each sequence (none: all)."""
     stride: int = 1

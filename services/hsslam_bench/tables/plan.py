@@ -9,25 +9,23 @@ from typing import Any, Literal
 import msgspec
 
 from hsslam_bench.tables.options import TableOptions, data_folder, parsed_overrides, with_overrides
-from hsslam_bench.tables.paper_tables import PaperRow, PaperTable, TableName
+from hsslam_bench.tables.paper_tables import TUM, PaperRow, PaperTable, TableName
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS
+from hsslam_node.sources.download.tum_archive import TumArchive
 from hsslam_node.sources.options import SourceOptions
 
 _COLLECTIONS = ("", "Replica", "replica", "TUM", "tum", "ScanNet", "scannet", "scans")
 _OWN = {"house": "replica", "livingroom": "tum", "kitchen": "tum"}  # kinds of the test sequences
-_FREIBURG = {
-    "fr1/desk": "rgbd_dataset_freiburg1_desk",
-    "fr2/xyz": "rgbd_dataset_freiburg2_xyz",
-    "fr3/office": "rgbd_dataset_freiburg3_long_office_household",
-}
+_WHERE_FROM = "docs/sequences.md says where it is from"
 
 
 def find_sequence(data: Path, name: str) -> str | None:
     """The `--source` of a sequence such as room0, fr1/desk, scene0000_00 or house; None: not on disk.
 
-    Looked for in the folder itself and in Replica, TUM, ScanNet or scans below it. `room` is built in.
+    Looked for in the folder itself and in Replica, TUM, ScanNet or scans below it, those of TUM also where
+    they are fetched to. `room` is built in.
     """
     if name == "room":
         return "synth:room"
@@ -36,7 +34,8 @@ def find_sequence(data: Path, name: str) -> str | None:
             place = data / collection / path
             if place.exists():
                 return f"{kind}:{place.absolute()}"
-    return None
+    fetched = TumArchive.named(name)
+    return None if fetched is None or not fetched.path.is_dir() else f"tum:{fetched.path}"
 
 
 def expected_place(data: Path, name: str) -> str:
@@ -48,8 +47,8 @@ def _candidates(name: str) -> Iterator[tuple[str, str]]:
     """Kind of source and path, as the archives unpack."""
     if name in _OWN:
         yield _OWN[name], name
-    elif name in _FREIBURG:
-        yield "tum", _FREIBURG[name]
+    elif (archive := TumArchive.named(name)) is not None:
+        yield "tum", archive.folder_name
         yield "tum", name
     elif name.startswith("scene"):
         yield "scannet", f"{name}/{name}.sens"
@@ -116,10 +115,10 @@ class Plan:
 
 
 def plan_table(table: PaperTable, options: TableOptions) -> Plan:
-    """The runs of the rows that were asked for.
+    """The runs of the rows that were asked for. With `--fetch` what is public is fetched first.
 
     Raises:
-        UserError: no such row or parameter, or a value that it cannot have.
+        UserError: no such row or parameter, a value that it cannot have, or a download that fails.
     """
     rows = _rows(table, options.rows)
     base = with_overrides(PRESETS[options.preset], parsed_overrides(options.set))
@@ -127,15 +126,19 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
     frames = SourceOptions(noise=options.noise, stride=options.stride, frames=options.frames)
     if options.sequences and not table.sequences:
         raise UserError(f"--sequences: the rows of {table.name} are sequences: expected --rows")
+    places = {row.name: _named(options.sequences) or table.sequences or (row.name,) for row in rows}
+    if options.fetch:
+        _fetch(data_folder(options.data), {name for names in places.values() for name in names})
     skipped: dict[str, str] = {}
     jobs = []
     for seed in options.seeds:
         for row in rows:
-            for sequence in options.sequences or table.sequences or (row.name,):
+            for sequence in places[row.name]:
                 source = find_sequence(data_folder(options.data), sequence)
                 if source is None and not options.show:
                     place = expected_place(data_folder(options.data), sequence)
-                    skipped[sequence] = f"skipped {sequence}: {place} is not on disk"
+                    reason = f"{place} is not on disk; {_WHERE_FROM}"
+                    skipped[sequence] = f"skipped {sequence}: {reason}"
                     continue
                 jobs.append(
                     Job(
@@ -151,6 +154,20 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                     )
                 )
     return Plan(rows, tuple(jobs), tuple(skipped.values()))
+
+
+def _named(sequences: tuple[str, ...]) -> tuple[str, ...]:
+    """`tum` stands for the sequences of the paper's table of TUM."""
+    of_tum = tuple(row.name for row in TUM.rows)
+    return tuple(n for name in sequences for n in (of_tum if name == TUM.name else (name,)))
+
+
+def _fetch(data: Path, names: set[str]) -> None:
+    """Fetch those that are public and not on disk, one after the other."""
+    for name in sorted(names):
+        archive = TumArchive.named(name)
+        if archive is not None and find_sequence(data, name) is None:
+            archive.fetch()
 
 
 def _rows(table: PaperTable, names: tuple[str, ...]) -> tuple[PaperRow, ...]:
