@@ -28,7 +28,7 @@ from hsslam_services.run.source_table import speaks_ros2
 MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
 _POLL_S = 0.1
 _PATH_S, _POINTS_S = 1.0, 0.2  # between two
-_MOST_PATH_POSES = 2000  # 180 kB
+_MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
 _FRAMES = 4  # that wait for their poses
 
