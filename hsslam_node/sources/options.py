@@ -82,7 +82,7 @@ class Ros2Options:
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = "tcp/127.0.0.1:7447"
-    """Zenoh router of the ROS nodes; by default that of this service."""
+    """Zenoh router of the ROS nodes, or of this service."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0

@@ -51,13 +51,12 @@ class ServeOptions:
             "log_color",
             "log_keep",
             "evaluate",
-            "finish_s",
             "robot",
             "zenoh_port",
             "bind",
         ),
         *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
-        *("ros2.domain", "ros2.connect", "ros2_out", "ros2_tf", "base_T_camera"),
+        *("ros2.domain", "ros2.connect", "ros2_out"),
         *("realsense.serial",),
     )
     VALUES: ClassVar = {
