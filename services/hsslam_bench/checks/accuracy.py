@@ -137,7 +137,7 @@ def _covariance_check(sequence: str) -> Check:
         each = ", ".join(f"{one['inside']:.1%}" for one in found)
         factor = fmean(one["variance_factor"] for one in found)
         return Measured(
-            f"{inside:.1%} (seeds: {each}); variances are too small by a factor of {factor:.2f}",
+            f"{inside:.1%} (seeds: {each}); errors have {factor:.2f} of the variance",
             abs(inside - _INSIDE) <= _INSIDE_TOLERANCE if is_held else None,
             {str(seed): one for seed, one in zip(session.seeds, found, strict=True)},
             inside,

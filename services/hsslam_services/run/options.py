@@ -55,9 +55,8 @@ class ServeOptions:
             "zenoh_port",
             "bind",
         ),
-        *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
-        *("ros2.domain", "ros2.connect", "ros2_out"),
-        *("realsense.serial",),
+        *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2_out"),
+        *("ros2.domain", "ros2.connect", "realsense.serial"),
     )
     VALUES: ClassVar = {
         "source": "SOURCE",
@@ -129,7 +128,7 @@ class ServeOptions:
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
     ros2_out: str = ""
-    """Publish poses, transforms and points to ROS 2 below /hsslam or so (empty: do not)."""
+    """Publish to ROS 2 below this namespace, as /hsslam (empty: off)."""
     ros2_tf: bool = True
     """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
     base_T_camera: tuple[float, ...] = ()

@@ -26,7 +26,8 @@ def test_tracked_frames_say_how_sure_they_are():
         covariances.append(result.covariance)
     poses = np.stack([result.T_world_cam for result in results[1:]])
     found = calibration(poses, room_poses()[1:24], np.stack(covariances))
-    assert found.inside > 0.8 and found.sigma_m < 0.02
+    # 23 frames whose errors are alike; the rows `covariance` of the benchmark hold the calibration
+    assert found.inside > 0.7 and 0.3 < found.variance_factor < 3 and found.sigma_m < 0.02
     sure = np.trace(store.covariance(1))
     assert not store.covariance(0).any() and 0 < sure < np.trace(covariances[3])
     lost = tracker.track(with_black(frames[24]), None)
