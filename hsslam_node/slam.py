@@ -6,16 +6,30 @@ order, so the poses are the same.
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
 from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.answers import MapAnswers, RayHits
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.seen_space import SeenSpace
+from hsslam_node.dense_map.shapes import Shapes
+from hsslam_node.dense_map.snapshot import map_snapshot, published_params
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator, MemoryAllocator
+from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.pose_log import STATUS, PoseLog, final_trajectory, pose_row
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
@@ -24,14 +38,21 @@ from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult
 
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
 
 class Slam:
-    """Tracks and maps frames in lockstep.
+    """Tracks and maps frames in lockstep; the map so far can be asked as a `SavedMap` can.
+
+    What asks the map raises `UserError` if there is none yet.
 
     Examples:
         >>> slam = Slam(PRESETS["realtime"], seed=0)
         >>> for result in slam.run(open_source("synth:room", SourceOptions()).frames()):
         ...     print(result.frame_index, result.T_world_cam[:3, 3])
+        >>> slam.mesh().export("room.ply")
+        >>> distance_m, gradient, known, certainty = slam.query([[0.5, 0.0, 2.0]])
     """
 
     def __init__(
@@ -60,6 +81,9 @@ class Slam:
         self._mapper: Mapper | None = None
         self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
+        self.pose_log = PoseLog(self._arrays)
+        self._seen = SeenSpace(config.field.truncation_m)
+        self._asked: tuple[tuple[int, int, int], DenseMap] | None = None
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)
             self._attach(self.parameters)
@@ -82,6 +106,75 @@ class Slam:
 
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
+        result = self._process(frame)
+        self.pose_log.append(
+            pose_row(
+                index=result.frame_index,
+                source_stamp_ns=frame.stamp_ns,
+                stamp_ns=frame.stamp_ns,
+                publish_ns=frame.stamp_ns,
+                status=STATUS[result.status],
+                keyframe=result.keyframe,
+                T_world_cam=result.T_world_cam,
+                T_keyframe_cam=result.T_keyframe_cam,
+                quality=result.quality,
+                map_version=result.map_version,
+            )
+        )
+        return result
+
+    @property
+    def map(self) -> DenseMap:
+        """The map as it is now; it stays as it is while more frames are processed."""
+        store, parameters = self.store, self.parameters
+        if store is None or parameters is None or not parameters.version:
+            raise UserError("there is no map yet: expected a first keyframe")
+        of = parameters.version, store.count, store.pose_version
+        if self._asked is None or self._asked[0] != of:
+            params = published_params(parameters)[1]
+            keyframes, sampling = keyframes_of_store(store), self.config.sampling
+            layout, device = parameters.layout, self._device
+            dense_map = DenseMap(layout, params, keyframes, sampling, device, self._seen)
+            self._asked = of, dense_map
+        return self._asked[1]
+
+    def query(self, points: ArrayLike) -> MapAnswers:
+        """Distance, gradient, known and certainty at points [N, 3] m; see `DenseMap.query`."""
+        return self.map.query(points)
+
+    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
+        """How far rays [N, 3] are free; see `DenseMap.raycast`."""
+        return self.map.raycast(origins, directions, max_m)
+
+    def is_free(self, shapes: Shapes) -> np.ndarray:
+        """Mask [N] of the spheres or boxes that fit; see `DenseMap.is_free`."""
+        return self.map.is_free(shapes)
+
+    def render(
+        self, T_world_cam: np.ndarray, camera: Camera | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
+        return self.map.render(T_world_cam, camera)
+
+    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
+        """The coloured mesh of what the keyframes saw; see `DenseMap.mesh`."""
+        return self.map.mesh(voxel_m)
+
+    def trajectory(self) -> Trajectory:
+        """The poses of all frames but lost ones, each as refined since by way of its keyframe."""
+        keyframe_poses = np.zeros((0, 4, 4)) if self.store is None else self.store.poses()
+        return final_trajectory(self.pose_log.rows(), keyframe_poses)
+
+    def save(self, path: Path | str) -> None:
+        """Write the map, to be opened as a `SavedMap` or continued.
+
+        Raises:
+            UserError: there is no map yet, or the file cannot be written.
+        """
+        checkpoint = map_snapshot(self.store, self.parameters, self.config.sampling)
+        save_checkpoint(Path(path), checkpoint)
+
+    def _process(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
             self._tracker = self._open_tracker(frame)
         assert self.store

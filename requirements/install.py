@@ -38,7 +38,7 @@ _PIP.append("--no-compile")
 def main() -> None:
     """Ends with one line if this machine, its Python or an option does not fit."""
     options = _options()
-    wish = torch_wish(os.environ)
+    wish = wanted_torch(os.environ)
     python = options.venv / "bin" / "python"
     if Path(sys.prefix).resolve() != options.venv.resolve():
         if not python.exists():
@@ -49,13 +49,13 @@ def main() -> None:
     _check_machine()
     lock = LOCKS / ("dev.lock" if options.dev else "base.lock")
     tool = _tool()
-    _say(f"{lock.name} with {'pip' if tool is _PIP else 'uv'}")
+    _echo(f"{lock.name} with {'pip' if tool is _PIP else 'uv'}")
     _run([*tool, "--require-hashes", "--requirement", str(lock)])
     install_torch(tool, wish, options.venv)
     _run([*tool, "--no-deps", *(["--editable"] if options.editable else []), options.project])
 
 
-def torch_wish(environment: dict[str, str] | os._Environ[str]) -> str:
+def wanted_torch(environment: dict[str, str] | os._Environ[str]) -> str:
     """`cpu` or `cuda` as TORCH says, or else `auto`."""
     wish = environment.get("TORCH") or "auto"
     if wish not in ("auto", "cpu", "cuda"):
@@ -77,18 +77,18 @@ def install_torch(tool: list[str], wish: str, venv: Path) -> None:
         return
     build, reason = choose_torch(wish)
     if build == "cuda":
-        _say(f"PyTorch {release} with CUDA, as {reason}")
+        _echo(f"PyTorch {release} with CUDA, as {reason}")
         _run([*tool, f"torch==={release}"])  # === leaves out builds such as 2.13.0+cpu
         return
     index = os.environ.get("TORCH_INDEX") or CPU_INDEX
-    _say(f"PyTorch {release} for the CPU, as {reason}")
+    _echo(f"PyTorch {release} for the CPU, as {reason}")
     trouble = why_unreachable(index)
     if trouble is None:
         option = "--index-url" if tool is _PIP else "--default-index"
         if not _failed([*tool, option, index, pinned]):
             return
         trouble = "the installation from there failed"
-    _say(f"{index}: {trouble}: takes what pip finds, from PyPI the build with CUDA, 2.5 GB more")
+    _echo(f"{index}: {trouble}: takes what pip finds, from PyPI the build with CUDA, 2.5 GB more")
     _run([*_pip(tool), pinned])
 
 
@@ -195,7 +195,7 @@ def _run(command: list[str]) -> None:
         sys.exit(f"install: failed: {' '.join(command)}")
 
 
-def _say(text: str) -> None:
+def _echo(text: str) -> None:
     print(f"install: {text}", flush=True)
 
 

@@ -37,6 +37,7 @@ class MappedRoom:
     config: SlamConfig
     store: KeyframeStore
     parameters: FieldParameters
+    arrays: MemoryAllocator
 
 
 @cache
@@ -58,7 +59,8 @@ def mapped_room(config: SlamConfig = SMALL) -> MappedRoom:
     arrays = MemoryAllocator()
     for name, array in _trained().items():
         arrays.create(name, array.shape, array.dtype)[...] = array
-    return MappedRoom(config, KeyframeStore(arrays), FieldParameters(arrays, config.field))
+    parameters = FieldParameters(arrays, config.field)
+    return MappedRoom(config, KeyframeStore(arrays), parameters, arrays)
 
 
 def map_view(config: SlamConfig = SMALL) -> MapView:
@@ -103,7 +105,7 @@ def _untrained(config: SlamConfig, arrays: MemoryAllocator) -> MappedRoom:
         store.append(frames[k], poses[k])
     bound = initial_bound(first, config.bound, config.mapper.max_depth_m)
     layout = FieldLayout.over(config.field, bound)
-    return MappedRoom(config, store, FieldParameters.create(arrays, layout, 0))
+    return MappedRoom(config, store, FieldParameters.create(arrays, layout, 0), arrays)
 
 
 @cache

@@ -1,6 +1,7 @@
 """The order of folders: imports go down, never up and never in a circle; folders stay small."""
 
 import ast
+import re
 from collections import defaultdict
 from pathlib import Path
 
@@ -17,7 +18,7 @@ _FLOORS = (
     ("hsslam_services.run",),
     ("hsslam_services.artefacts",),
     ("hsslam_services.bus",),
-    ("hsslam_services.log", "hsslam_services.launch"),
+    ("hsslam_services.log", "hsslam_services.launch", "hsslam_services.ros2"),
     ("hsslam_services.viewer", "hsslam_services.camera", "hsslam_services.health"),
     ("hsslam_services.processes", "hsslam_services.requests"),
     ("hsslam_services.supervisor",),
@@ -25,7 +26,7 @@ _FLOORS = (
     ("hsslam_bench",),
 )
 _LEVEL = {folder: level for level, floor in enumerate(_FLOORS) for folder in floor}
-_MOST_MODULES = 15
+_MOSTMODULES = 15
 _SHORT_LINES = 40
 
 
@@ -42,6 +43,21 @@ _ARROWS = [
 ]
 
 
+# The lists of all commands name the bench's by strings, which are imported only if one is asked for.
+_LISTS_OF_COMMANDS = ("hsslam_services.commands.hsslam", "hsslam_services.commands.all_options")
+
+
+def test_every_folder_has_its_place_in_the_order():
+    beside = {"hsslam_services"}  # the package itself
+    assert not [module for module in MODULES if _folder(module) is None and module not in beside]
+
+
+def test_the_product_does_not_name_the_bench():
+    product = [m for m in MODULES if not m.startswith("hsslam_bench")]
+    named = [m for m in product if re.search(r"hsslam_bench[.:]", MODULES[m].read_text())]
+    assert sorted(named) == sorted(_LISTS_OF_COMMANDS)
+
+
 def test_no_import_goes_up_or_sideways():
     wrong = []
     for module, target in _ARROWS:
@@ -53,7 +69,9 @@ def test_no_import_goes_up_or_sideways():
     assert not wrong
 
 
-@pytest.mark.parametrize("package", ["hsslam_node", "hsslam_services", "hsslam_bench"])
+@pytest.mark.parametrize(
+    "package", ["hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench"]
+)
 def test_folders_import_each_other_without_circles(package: str):
     arrows: dict[str, set[str]] = defaultdict(set)
     for module, target in _ARROWS:
@@ -74,7 +92,7 @@ def test_a_folder_has_at_most_15_modules():
     counts: dict[Path, int] = defaultdict(int)
     for path in MODULES.values():
         counts[path.parent] += path.name != "__init__.py"
-    assert not {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > _MOST_MODULES}
+    assert not {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > _MOSTMODULES}
 
 
 def test_every_folder_and_module_says_what_it_is():

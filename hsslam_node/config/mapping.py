@@ -43,7 +43,7 @@ class KeyframeConfig:
     recent: int = 40
     """Newest keyframes, all of which are kept."""
     views: int = 10
-    """An older keyframe stays for surface that fewer keyframes show from that side, distance and light."""
+    """An older keyframe stays if it shows surface that fewer than N keyframes show from a similar view."""
     new_share: float = 0.1
     """Least share of such surface in a keyframe that stays, 0 to 1."""
     still: int = 24

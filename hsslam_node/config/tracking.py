@@ -32,7 +32,7 @@ class TrackerConfig:
     stop_step: float = 2e-4
     """Stop the alignment at a smaller step, m and rad."""
     sdf_weight: float = 0.3
-    """Weight of the distances to the map's surface, whose errors are alike; 0: the map moves no pose."""
+    """Weight of the SDF residuals, whose errors are correlated; 0: the map does not influence poses."""
     sdf_huber_m: float = 0.02
     """Huber threshold of the SDF residual, m."""
     sdf_sigma_m: float = 0.005
@@ -70,7 +70,7 @@ class TrackerConfig:
     longest_gap_s: float = 0.5
     """After a longer gap, or if lost, a pose must also fit the reference keyframe, s."""
     relocalisation_coverage: float = 0.3
-    """Share of the depth points that must then overlap the keyframe's surface, 0 to 1."""
+    """After a gap or loss, least share of depth points that overlap the keyframe's surface, 0 to 1."""
     localise_coverage: float = 0.12
     """With --localise-only, a frame with a smaller share of its points on the keyframe's surface is lost,
     0 to 1."""

@@ -8,7 +8,7 @@ import numpy as np
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from hsslam_node.config import SlamConfig
-from hsslam_node.evaluation.map_renderer import MapRenderer
+from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.frame import Frame
 from hsslam_node.map.checkpoint import MapCheckpoint
 
@@ -34,7 +34,7 @@ def image_quality(
     Samples of a ray are placed by the pixel's measured depth, as in the mapping; pixels without are
     left out (for the windows of the SSIM they are taken from the frame).
     """
-    renderer = MapRenderer(checkpoint, config)
+    renderer = MapRenderer(checkpoint.layout, checkpoint.params, config.sampling)
     rows = []
     for frame, T_world_cam in frames:
         drawn = frame.depth_raw > 0

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
-SLAB_ROWS = 4096  # 1.2 MB
+SLAB_ROWS = 4096  # 2.5 MB
 _FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS = range(
     6
 )  # columns; the loss is a float64
@@ -13,7 +14,7 @@ _LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
 
 
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 300 bytes each.
+    """Append-only rows in slabs, so that their number has no limit: 600 bytes each.
 
     Poses lie in two banks that readers copy without a lock. Whoever owns the rows says how many are
     complete, and which bank counts.
@@ -21,20 +22,38 @@ class KeyframeRows:
 
     def __init__(self, arrays: ArrayAllocator) -> None:
         self._arrays = arrays
-        self._slabs: list[tuple[np.ndarray, np.ndarray]] = []
+        self._slabs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def write(
-        self, k: int, frame_index: int, stamp_ns: int, slot: int, version: int, T: np.ndarray
+        self,
+        k: int,
+        frame_index: int,
+        stamp_ns: int,
+        slot: int,
+        version: int,
+        T: np.ndarray,
+        covariance: np.ndarray,
     ) -> None:
         """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
+
+        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
 
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
         """
-        meta, poses = self._slab(k // SLAB_ROWS, create=True)
+        meta, poses, covariances = self._slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
         meta[row, :5] = frame_index, stamp_ns, slot, -1, version
         poses[:, row] = T
+        covariances[row] = covariance
+
+    def reserve(self, k: int) -> bool:
+        """The tracker only: make room for row k; whether there is."""
+        try:
+            self._slab(k // SLAB_ROWS, create=True)
+        except OutOfMemoryError:
+            return False
+        return True
 
     def frame_indices(self, count: int) -> np.ndarray:
         """Frame index of the first `count` keyframes, [count] int64."""
@@ -75,6 +94,10 @@ class KeyframeRows:
         noted = np.array([self._meta(k).view(np.float64)[_LOSS] for k in ids.tolist()], np.float64)
         return np.where(noted > 0, noted, np.nan)
 
+    def covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the pose that keyframe k was appended with, copied."""
+        return self._slab(k // SLAB_ROWS, create=False)[2][k % SLAB_ROWS].copy()
+
     def pose(self, k: int, bank: int) -> np.ndarray:
         """T_world_cam [4, 4] of keyframe k, copied."""
         return self._slab(k // SLAB_ROWS, create=False)[1][bank, k % SLAB_ROWS].copy()
@@ -112,16 +135,18 @@ class KeyframeRows:
             part[:] = self._slab(s, create=False)[0][: len(part), column]
         return out
 
-    def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray]:
+    def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         while len(self._slabs) <= index:
             k = len(self._slabs)
-            names = f"keyframe_meta.{k:03d}", f"keyframe_poses.{k:03d}"
+            names = [f"keyframe_{kind}.{k:03d}" for kind in ("meta", "poses", "covariances")]
             if create:
                 slab = (
                     self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
                     self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
+                    self._arrays.create(names[2], (SLAB_ROWS, 6, 6), np.float64),
                 )
             else:
-                slab = self._arrays.open(names[0]), self._arrays.open(names[1])
+                meta, poses, covariances = (self._arrays.open(name) for name in names)
+                slab = meta, poses, covariances
             self._slabs.append(slab)
         return self._slabs[index]

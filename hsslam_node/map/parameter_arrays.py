@@ -20,6 +20,7 @@ _NAMES = (
     "published_step",
     "field_bound",
 )
+_GRADIENT, _TOUCHED = "gradient", "gradient_touched"  # made by the first who steps
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,23 @@ class ParameterArrays:
         return cls(layout, *opened)
 
     @staticmethod
+    def gradient(
+        arrays: ArrayAllocator, layout: FieldLayout, generation: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values [P] float32 of the gradient and a bit for each chunk [~P / 1024] uint64, made if not there.
+
+        Raises:
+            OutOfMemoryError: there is no room for them.
+        """
+        P = layout.parameter_count
+        values = arrays.create(_name(_GRADIENT, generation), (P,), np.float32)
+        words = -(-P // (16 * PAGE))
+        return values, arrays.create(_name(_TOUCHED, generation), (words,), np.uint64)
+
+    @staticmethod
     def remove(arrays: ArrayAllocator, generation: int) -> None:
         """Release the arrays; those who still use them keep their memory until they let go."""
-        for name in _NAMES:
+        for name in (*_NAMES, _GRADIENT, _TOUCHED):
             arrays.remove(_name(name, generation))
 
 

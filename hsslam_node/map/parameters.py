@@ -1,5 +1,8 @@
 """The trained state of the scene model: parameters, Adam moments, and the map as published."""
 
+import contextlib
+from collections.abc import Iterator
+
 import numpy as np
 from numba import njit
 
@@ -13,7 +16,7 @@ from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.parameter_arrays import PAGE, ParameterArrays
 
-_STEP, _VERSION, _BEGUN, _READY, _GENERATION = 0, 1, 2, 3, 4  # fields of the state
+_STEP, _VERSION, _BEGUN, _READY, _GENERATION, _STEPPING = range(6)  # fields of the state
 
 
 class FieldParameters:
@@ -87,6 +90,24 @@ class FieldParameters:
     def step(self) -> int:
         """Adam steps so far, by anybody."""
         return load_ordered(self._state, _STEP)
+
+    def gradient_arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Writer: values [P] and marks of the gradient, which all writers share: zeros between steps.
+
+        Raises:
+            OutOfMemoryError: there is no room for them.
+        """
+        return ParameterArrays.gradient(self._arrays, self.layout, self._generation)
+
+    @contextlib.contextmanager
+    def stepping(self, *gradient: np.ndarray) -> Iterator[None]:
+        """Writer: around a step, which leaves `gradient` as zeros; first clears what a dead one has left."""
+        if load_ordered(self._state, _STEPPING):
+            for array in gradient:
+                array[:] = 0
+        store_ordered(self._state, _STEPPING, 1)
+        yield
+        store_ordered(self._state, _STEPPING, 0)
 
     def count_step(self) -> int:
         """Writer: the number of the next Adam step, from 1."""

@@ -1,6 +1,7 @@
 """Every pose as it was published, in named arrays: what trajectories and latencies come from."""
 
 import contextlib
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from hsslam_node.map.memory_order import load_ordered, store_ordered
 SLAB_ROWS = 4096
 _RESERVE_EVERY = 64  # rows
 INITIAL, TRACKED, LOST = 0, 1, 2  # status
+Status = Literal["initial", "tracked", "lost"]
+STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
 
 POSE_ROW = np.dtype(
@@ -29,6 +32,12 @@ POSE_ROW = np.dtype(
         ("map_version", "<i8"),  # that the frame was aligned to
         ("pose_version", "<i8"),  # of the keyframes' poses that it was aligned to
         ("map_epoch", "<i8"),  # which map, in a coordinate frame of its own: each reset begins one
+        (
+            "covariance",
+            "<f8",
+            (6, 6),
+        ),  # of T_world_cam, as in `geometry/pose_covariance.py`; or nan
+        ("T_odom_cam", "<f8", (4, 4)),  # the path without jumps that corrections make
     ]
 )
 
@@ -123,6 +132,8 @@ def pose_row(
     pose_version: int = 0,
     map_epoch: int = 0,
     publisher: int = 0,
+    covariance: np.ndarray | None = None,  # [6, 6]
+    T_odom_cam: np.ndarray | None = None,  # [4, 4]; None: the world's
 ) -> np.ndarray:
     """One row, [] of POSE_ROW."""
     row = np.zeros((), POSE_ROW)
@@ -132,6 +143,8 @@ def pose_row(
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
     row["quality"], row["map_version"], row["map_epoch"] = quality, map_version, map_epoch
     row["pose_version"], row["publisher"] = pose_version, publisher
+    row["covariance"] = np.nan if covariance is None else covariance
+    row["T_odom_cam"] = T_world_cam if T_odom_cam is None else T_odom_cam
     return row
 
 

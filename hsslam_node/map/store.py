@@ -1,5 +1,9 @@
 """Keyframes: rows for ever, pixels while they are kept, poses that readers copy without a lock."""
 
+import contextlib
+import time
+from collections.abc import Iterator
+
 import numpy as np
 
 from hsslam_node.errors import UserError
@@ -12,7 +16,10 @@ from hsslam_node.map.keyframe_slots import KeyframeSlots
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
 
-_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED = range(5)  # fields of the header
+_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING = range(6)  # fields of the header
+_POLL_S = 0.0005
+_LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
+_SURE = np.zeros((6, 6))
 
 
 class RetiredKeyframeError(Exception):
@@ -100,12 +107,31 @@ class KeyframeStore:
     def has_room(self) -> bool:
         """The tracker only: whether a keyframe can be appended; counted where it cannot."""
         slot, _ = self._slots.reserve(self.count, self.most_kept)
-        if slot < 0:
+        has_room = slot >= 0 and self._rows.reserve(self.count)
+        if not has_room:
             store_ordered(self._header, _REFUSED, self.refused + 1)
-        return slot >= 0
+        return has_room
 
-    def append(self, frame: Frame, T_world_cam: np.ndarray, version: int | None = None) -> int:
+    @contextlib.contextmanager
+    def appending(self) -> Iterator[None]:
+        """The tracker only: around reading the pose version and `append`, so that no correction between the
+        two misses the keyframe."""
+        store_ordered(self._header, _APPENDING, self.count + 1)
+        try:
+            yield
+        finally:
+            store_ordered(self._header, _APPENDING, 0)
+
+    def append(
+        self,
+        frame: Frame,
+        T_world_cam: np.ndarray,
+        version: int | None = None,
+        covariance: np.ndarray = _SURE,
+    ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
+
+        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -119,7 +145,7 @@ class KeyframeStore:
             raise refusal or UserError(full)
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
-        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam)
+        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance)
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
         return k
@@ -209,6 +235,10 @@ class KeyframeStore:
             if self.pose_version == version:
                 return copy
 
+    def covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the pose that keyframe k was appended with; 0: it defines the world, or a saved map."""
+        return self._rows.covariance(k)
+
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""
         self._rows.note_losses(ids, losses)
@@ -239,8 +269,20 @@ class KeyframeStore:
         correction = PoseCorrection(version + 1, moved, after[moved])
         return correction if known is None else self._with_late(correction, n)
 
+    def _wait_for_append(self) -> None:
+        """Until the keyframe that is being appended now, at poses of before perhaps, is counted."""
+        deadline_s = time.monotonic() + _LONGEST_APPEND_S
+        while (number := load_ordered(self._header, _APPENDING)) > self.count:
+            if time.monotonic() > deadline_s:
+                store_ordered(self._header, _APPENDING, 0)  # its tracker has died
+                return
+            time.sleep(_POLL_S)
+            if load_ordered(self._header, _APPENDING) != number:
+                return
+
     def _with_late(self, correction: PoseCorrection, n: int) -> PoseCorrection:
         """What was appended at poses of before, while the bank was written, moves now."""
+        self._wait_for_append()
         late = np.arange(n, self.count)
         late = late[self._rows.versions(n, n + len(late)) < correction.version]
         if len(late) == 0 or n - 1 not in correction.keyframes[-1:]:

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.kernels.field.activations import field_activations
 from hsslam_node.kernels.field.backward import field_backward
 from hsslam_node.kernels.field.forward import color_forward, geometry_forward
-from hsslam_node.kernels.field.gradient import gradient, touch_range
+from hsslam_node.kernels.field.gradient import Gradient, gradient, touch_range
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.mapping.adam import sparse_adam
 from hsslam_node.kernels.mapping.patch_ssim import patch_ssim_backward
@@ -56,7 +57,7 @@ class MapOptimiser:
         self._parameters = parameters
         self._field = parameters.layout
         self._layout = kernel_layout(self._field)
-        self._gradient = gradient(self._layout)
+        self._gradient: Gradient | None = None  # as large as the map: for who steps it
         self._rays = rays
         self._draw = RayDraw(config.mapper)
         S = config.sampling.count
@@ -138,16 +139,18 @@ class MapOptimiser:
         d_twist = np.zeros((len(keyframes), 6), np.float32)
         smooth = 0.0
         if update:
-            field_backward(
-                params, self._layout, R * S, acts, self._d_sdf[:R].reshape(-1),
-                self._d_rgb[:R].reshape(-1, 3), self._gradient, self._d_points, with_poses,
-            )  # fmt: skip
-            if with_poses:
-                pose_gradients(self._batch, R, matrices, z, self._d_points, d_twist)
-            smooth = self._smoothness_term(generator)
-            self._gradient.values[self._layout.log_beta] += d_log_beta
-            touch_range(self._gradient, self._layout.log_beta, self._layout.log_beta + 1)
-            self._adam(rate_factor)
+            grad = self._own_gradient()
+            with self._parameters.stepping(grad.values, grad.touched):
+                field_backward(
+                    params, self._layout, R * S, acts, self._d_sdf[:R].reshape(-1),
+                    self._d_rgb[:R].reshape(-1, 3), grad, self._d_points, with_poses,
+                )  # fmt: skip
+                if with_poses:
+                    pose_gradients(self._batch, R, matrices, z, self._d_points, d_twist)
+                smooth = self._smoothness_term(generator, grad)
+                grad.values[self._layout.log_beta] += d_log_beta
+                touch_range(grad, self._layout.log_beta, self._layout.log_beta + 1)
+                self._adam(grad, rate_factor)
         slot = self._batch.slot[:R]
         n = np.maximum(np.bincount(slot, minlength=len(keyframes)), 1)
         per_keyframe = np.bincount(slot, self._ray_loss[:R], minlength=len(keyframes)) / n
@@ -164,7 +167,16 @@ class MapOptimiser:
         if self._field is not self._parameters.layout:
             self._field = self._parameters.layout
             self._layout = kernel_layout(self._field)
-            self._gradient = gradient(self._layout)
+            self._gradient = None
+
+    def _own_gradient(self) -> Gradient:
+        """The gradient that all who step the map share; one of its own if memory is short."""
+        if self._gradient is None:
+            try:
+                self._gradient = gradient(self._layout, *self._parameters.gradient_arrays())
+            except OutOfMemoryError:
+                self._gradient = gradient(self._layout)
+        return self._gradient
 
     def _patch_term(self, R: int, d_color: np.ndarray, generator: np.random.Generator) -> float:
         windows = patch_windows(R, self._config.mapper, generator)
@@ -175,7 +187,7 @@ class MapOptimiser:
             self._config.weights.patch, d_color,
         )  # fmt: skip
 
-    def _smoothness_term(self, generator: np.random.Generator) -> float:
+    def _smoothness_term(self, generator: np.random.Generator, grad: Gradient) -> float:
         m, weight = self._config.mapper, self._config.weights.smoothness
         if weight == 0 or self._parameters.step % m.smoothness_every:
             return 0.0
@@ -183,13 +195,13 @@ class MapOptimiser:
             self._parameters.layout.bound, m.smoothness_vertices, m.smoothness_cell_m, generator
         )
         return weight * smoothness_backward(
-            self._parameters.params, self._layout, cube, weight, self._gradient
+            self._parameters.params, self._layout, cube, weight, grad
         )
 
-    def _adam(self, factor: float) -> None:
+    def _adam(self, grad: Gradient, factor: float) -> None:
         p = self._parameters
         rates = learning_rates(p.layout, self._config.mapper, factor)
         sparse_adam(
-            p.params, p.first_moment, p.second_moment, self._gradient, p.count_step(), rates,
+            p.params, p.first_moment, p.second_moment, grad, p.count_step(), rates,
             ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at, p.page_stepped_at,
         )  # fmt: skip

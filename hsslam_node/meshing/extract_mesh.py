@@ -1,8 +1,7 @@
 """The mesh of everything that a set of cameras saw, in one call."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -60,24 +59,3 @@ def extract_mesh(
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         seen = faces_seen(vertices, faces, camera, keyframes, pool)
     return kept_faces(mesh, seen, min_component_faces)
-
-
-class DepthViews(Sequence[tuple[np.ndarray, np.ndarray]]):
-    """Depth [H, W] float32 m and T_world_cam [4, 4] of each camera.
-
-    Args:
-        depth_m: gives the depth of camera k.
-        T_world_cam: [N, 4, 4].
-    """
-
-    def __init__(self, depth_m: Callable[[int], np.ndarray], T_world_cam: np.ndarray) -> None:
-        self._depth_m = depth_m
-        self._T_world_cam = T_world_cam
-
-    def __len__(self) -> int:
-        return len(self._T_world_cam)
-
-    def __getitem__(self, k: Any) -> Any:
-        if not 0 <= k < len(self):
-            raise IndexError(k)
-        return self._depth_m(k), self._T_world_cam[k]

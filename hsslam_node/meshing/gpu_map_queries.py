@@ -1,4 +1,4 @@
-"""A trained map on the GPU as the two functions that meshing asks: twin of `MapQueries`."""
+"""A trained map on the GPU as the functions that meshing and queries ask: twin of `MapQueries`."""
 
 import numpy as np
 import torch
@@ -10,6 +10,7 @@ from hsslam_node.gpu_kernels.field.layout import gpu_layout
 from hsslam_node.gpu_kernels.field.sdf_query import query_sdf
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.meshing.field_answers import FieldAnswers
 
 _CHUNK = 1 << 16
 
@@ -27,12 +28,11 @@ class GpuMapQueries:
 
     def sdf(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
-        n = len(points)
-        sdf = torch.empty(n, device=self._on)
-        inside = torch.empty(n, dtype=torch.uint8, device=self._on)
-        no_gradient = torch.empty(0, 3, device=self._on)
-        query_sdf(self._params, self._layout, self._sent(points), sdf, inside, no_gradient, False)
-        return sdf.cpu().numpy()
+        return self._ask(points, with_gradient=False).sdf
+
+    def sdf_and_gradient(self, points: np.ndarray) -> FieldAnswers:
+        """The same with its gradient, at points [N, 3] float32 m, world."""
+        return self._ask(points, with_gradient=True)
 
     def color(self, points: np.ndarray) -> np.ndarray:
         """RGB [N, 3], 0..1, at points [N, 3] float32 m, world."""
@@ -47,6 +47,15 @@ class GpuMapQueries:
             )
             colors[start : start + _CHUNK] = self._activations.rgb[: len(chunk)].cpu().numpy()
         return colors
+
+    def _ask(self, points: np.ndarray, *, with_gradient: bool) -> FieldAnswers:
+        n = len(points)
+        sdf = torch.empty(n, device=self._on)
+        inside = torch.empty(n, dtype=torch.uint8, device=self._on)
+        gradient = torch.empty(n if with_gradient else 0, 3, device=self._on)
+        sent = self._sent(points)
+        query_sdf(self._params, self._layout, sent, sdf, inside, gradient, with_gradient)
+        return FieldAnswers(sdf.cpu().numpy(), gradient.cpu().numpy())
 
     def _sent(self, points: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(points, np.float32)).to(self._on)

@@ -1,4 +1,4 @@
-"""A trained map as the two functions that meshing asks, on the CPU or on a GPU."""
+"""A trained map as the functions that meshing and queries ask, on the CPU or on a GPU."""
 
 import os
 import threading
@@ -12,6 +12,7 @@ from hsslam_node.kernels.field.forward import field_forward
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.meshing.field_answers import FieldAnswers
 
 _CHUNK = 1 << 14
 _MOST_THREADS = 8
@@ -32,12 +33,11 @@ class MapQueries:
 
     def sdf(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
-        n = len(points)
-        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
-        no_gradient = np.empty((0, 3), np.float32)
-        points = np.ascontiguousarray(points, np.float32)
-        query_sdf(self._params, self._layout, points, sdf, inside, no_gradient, False)
-        return sdf
+        return self._ask(points, np.empty((0, 3), np.float32)).sdf
+
+    def sdf_and_gradient(self, points: np.ndarray) -> FieldAnswers:
+        """The same with its gradient, at points [N, 3] float32 m, world."""
+        return self._ask(points, np.empty((len(points), 3), np.float32))
 
     def color(self, points: np.ndarray) -> np.ndarray:
         """RGB [N, 3], 0..1, at points [N, 3] float32 m, world."""
@@ -52,6 +52,14 @@ class MapQueries:
             colors[start : start + _CHUNK] = activations.rgb[: len(chunk)]
         return colors
 
+    def _ask(self, points: np.ndarray, gradient: np.ndarray) -> FieldAnswers:
+        n = len(points)
+        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
+        points = np.ascontiguousarray(points, np.float32)
+        if n > 0:
+            query_sdf(self._params, self._layout, points, sdf, inside, gradient, len(gradient) > 0)
+        return FieldAnswers(sdf, gradient)
+
 
 class Queries(Protocol):
     """Signed distance and colour of a map; see `MapQueries`."""
@@ -59,6 +67,8 @@ class Queries(Protocol):
     threads: int
 
     def sdf(self, points: np.ndarray) -> np.ndarray: ...
+
+    def sdf_and_gradient(self, points: np.ndarray) -> FieldAnswers: ...
 
     def color(self, points: np.ndarray) -> np.ndarray: ...
 

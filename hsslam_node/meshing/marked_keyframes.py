@@ -26,7 +26,7 @@ class MarkedKeyframes:
         self._is_behind = False
         self._marked_at = np.zeros((0, 4, 4))  # T_world_cam of the keyframes marked so far
         self._second: SparseSpace | None = None
-        self._second_at = np.zeros((0, 4, 4))
+        self._second_at = np.zeros((0, 4, 4))  # those marked again so far
 
     @property
     def is_behind(self) -> bool:
@@ -58,13 +58,13 @@ class MarkedKeyframes:
             depth_m: gives the depth [H, W] of keyframe k, m.
             has_time: asked between keyframes; one is marked in any case.
         """
-        first, self._is_behind = len(self._marked_at), False
-        for k in range(first, len(poses)):
-            if k > first and not has_time():
-                self._is_behind = True
-                break
-            self._mesh.space.observe(depth_m(k), camera, poses[k])
-            self._marked_at = np.concatenate([self._marked_at, poses[k : k + 1]])
+        first = len(self._marked_at)
+        end = first
+        while end < len(poses) and (end == first or has_time()):
+            self._mesh.space.observe(depth_m(end), camera, poses[end])
+            end += 1
+        self._is_behind = end < len(poses)
+        self._marked_at = np.concatenate([self._marked_at, poses[first:end]])
         if self._second is None and self._moved(poses):
             self._second = SparseSpace(self._mesh.space.voxel_m, self._mesh.space.block_cells)
             self._second_at = np.zeros((0, 4, 4))
@@ -82,12 +82,14 @@ class MarkedKeyframes:
         depth_m: Callable[[int], np.ndarray],
         has_time: HasTime,
     ) -> None:
-        while len(self._second_at) < len(self._marked_at):
-            k = len(self._second_at)
-            space.observe(depth_m(k), camera, poses[k])
-            self._second_at = np.concatenate([self._second_at, poses[k : k + 1]])
-            if not has_time():
-                return
+        first, count = len(self._second_at), len(self._marked_at)
+        end = first
+        while end < count and (end == first or has_time()):
+            space.observe(depth_m(end), camera, poses[end])
+            end += 1
+        self._second_at = np.concatenate([self._second_at, poses[first:end]])
+        if end < count:
+            return
         self._mesh.take_space(space)
         self._marked_at, self._second = self._second_at, None
 

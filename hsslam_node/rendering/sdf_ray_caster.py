@@ -1,4 +1,4 @@
-"""Depth images of a map's surface, found by walking along the rays."""
+"""Distances to a map's surface along rays, and depth images of it, found by walking along the rays."""
 
 from collections.abc import Callable
 
@@ -34,21 +34,31 @@ class SdfRayCaster:
             [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))], axis=1
         )
         rays = rays @ T_world_cam[:3, :3].T  # [R, 3], per metre of depth
-        near, far = self._reach(T_world_cam[:3, 3], rays)
-        depth = self._walk(T_world_cam[:3, 3], rays, np.maximum(near, _NEAREST_M), far)
+        origins = np.broadcast_to(T_world_cam[:3, 3], rays.shape)
+        near, far = self._reach(origins, rays)
+        depth = self._walk(origins, rays, np.maximum(near, _NEAREST_M), far)
         return depth.astype(np.float32).reshape(camera.height_px, camera.width_px)
 
-    def _reach(self, origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def distances(self, origins: np.ndarray, directions: np.ndarray, most_m: float) -> np.ndarray:
+        """Distances [R] m from origins [R, 3] m along unit directions [R, 3] to the surface; 0: none."""
+        near, far = self._reach(origins, directions)
+        far = np.minimum(
+            far, most_m + self._truncation_m
+        )  # one step more: it may end behind a surface
+        found = self._walk(origins, directions, np.maximum(near, 0.0), far)
+        return np.where(found <= most_m, found, 0.0)
+
+    def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths [R] at which rays enter and leave the bound."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            low = (np.asarray(self._bound.low) - origin) / rays
-            high = (np.asarray(self._bound.high) - origin) / rays
+            low = (np.asarray(self._bound.low) - origins) / rays
+            high = (np.asarray(self._bound.high) - origins) / rays
         first = np.fmin(low, high).max(axis=1)
         last = np.fmax(low, high).min(axis=1)
         return first, last
 
     def _walk(
-        self, origin: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
+        self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
     ) -> np.ndarray:
         """Depths [R] of the first change of sign from free space, refined once."""
         per_sdf = self._truncation_m / np.linalg.norm(rays, axis=1)  # depth per unit of distance
@@ -59,7 +69,7 @@ class SdfRayCaster:
         )  # who starts inside looks for free space
         active = np.flatnonzero(z < far)
         while len(active):
-            sdf = self._ask(origin, rays[active], z[active])
+            sdf = self._ask(origins[active], rays[active], z[active])
             hit = (sdf <= 0) & (last_sdf[active] > 0)
             at, before, now = active[hit], last_sdf[active[hit]], sdf[hit]
             found[at] = last_z[at] + (z[at] - last_z[at]) * before / (before - now)
@@ -68,9 +78,9 @@ class SdfRayCaster:
             active = active[~hit & (z[active] < far[active])]
         at = np.flatnonzero(found)
         if len(at):
-            correction = self._ask(origin, rays[at], found[at])
+            correction = self._ask(origins[at], rays[at], found[at])
             found[at] += np.clip(correction, -_SHORTEST_STEP, _SHORTEST_STEP) * per_sdf[at]
         return found
 
-    def _ask(self, origin: np.ndarray, rays: np.ndarray, z: np.ndarray) -> np.ndarray:
-        return self._query((origin + rays * z[:, None]).astype(np.float32)).astype(np.float64)
+    def _ask(self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return self._query((origins + rays * z[:, None]).astype(np.float32)).astype(np.float64)

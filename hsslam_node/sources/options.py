@@ -82,7 +82,7 @@ class Ros2Options:
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = "tcp/127.0.0.1:7447"
-    """Zenoh router of the ROS nodes, or this service."""
+    """Zenoh router of the ROS nodes, or of this service."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
@@ -198,7 +198,7 @@ class SourceOptions:
     hold_at: int = 0
     """Number of the frame that is held."""
     hold_frames: int = 0
-    """Show that frame this many times more, as a camera that stands still."""
+    """Repeat that frame this many times, like a camera that stands still."""
     downscale: int = 1
     """Make images smaller by this factor along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)

@@ -18,6 +18,7 @@ from hsslam_node.sources.source import BadFrame, SourceLostError
 
 _WAIT_MS = 200
 _SILENCE_S = 5.0
+_MOST_SILENCES = 3  # in a row: then the camera is opened again
 
 
 class RealsenseSource:
@@ -70,18 +71,22 @@ class RealsenseSource:
                 self._pipeline.stop()
 
     def _live(self) -> Iterator[Frame | BadFrame]:
-        heard_s = time.monotonic()
+        heard_s, silences = time.monotonic(), 0
         while not self._should_stop():
             is_there, images = self._pipeline.try_wait_for_frames(_WAIT_MS)
             if is_there:
-                heard_s = time.monotonic()
+                heard_s, silences = time.monotonic(), 0
                 yield self._frame(self._align.process(images))
             elif time.monotonic() - heard_s > _SILENCE_S:
-                heard_s = time.monotonic()
+                heard_s, silences = time.monotonic(), silences + 1
                 text = f"nothing for {_SILENCE_S:g} s: see the USB cable"
                 yield BadFrame(0, time.time_ns(), text)
                 if not self._is_plugged_in():
                     raise SourceLostError("source realsense: the camera is unplugged")
+                if silences == _MOST_SILENCES:
+                    raise SourceLostError(
+                        f"source realsense: nothing for {silences * _SILENCE_S:g} s"
+                    )
 
     def _is_plugged_in(self) -> bool:
         try:

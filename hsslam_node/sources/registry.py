@@ -6,6 +6,7 @@ SOURCES = (
     SourceRow(
         kind="synth",
         examples=("synth:room", "synth:apartment", "synth:corridor", "synth:person"),
+        brief="built-in scenes",
         about="built-in [scenes](#built-in-scenes), rendered on the fly with exact depth, poses and mesh",
         opener="hsslam_node.sources.synth:SynthSource",
         only_examples=True,
@@ -14,6 +15,7 @@ SOURCES = (
     SourceRow(
         kind="tum",
         examples=("tum:fr1/desk", "tum:fr2/xyz", "tum:fr3/office", "tum:FOLDER"),
+        brief="TUM RGB-D sequences, downloaded if not on disk",
         about="a [TUM RGB-D](#tum-rgb-d-sequences) sequence, downloaded if it is not on disk, or your own "
         "recording in its layout with a `camera.json`",
         opener="hsslam_node.sources.tum:TumSource",
@@ -24,6 +26,7 @@ SOURCES = (
     SourceRow(
         kind="replica",
         examples=("replica:FOLDER",),
+        brief="Replica scenes",
         about="Replica, from NICE-SLAM (`cam_params.json`, `results/`) or from vMAP (`room_0/imap/00`)",
         opener="hsslam_node.sources.replica:ReplicaSource",
         looks_like=has_names(("traj.txt", "results"), ("traj_w_c.txt", "rgb", "depth")),
@@ -32,6 +35,7 @@ SOURCES = (
     SourceRow(
         kind="scannet",
         examples=("scannet:FOLDER", "scannet:FILE.sens"),
+        brief="ScanNet scenes",
         about="a ScanNet scene, exported (`color/`, `depth/`, `pose/`, `intrinsic/`) or as recorded; the "
         "`.sens` file is read frame by frame",
         opener="hsslam_node.sources.scannet:ScanNetSource",
@@ -41,6 +45,7 @@ SOURCES = (
     SourceRow(
         kind="7scenes",
         examples=("7scenes:FOLDER",),
+        brief="a sequence of 7-Scenes",
         about="a sequence of [7-Scenes](#7-scenes), such as `redkitchen/seq-01` (`frame-000000.color.png`, "
         "`.depth.png`, `.pose.txt`)",
         opener="hsslam_node.sources.seven_scenes:SevenScenesSource",
@@ -50,6 +55,7 @@ SOURCES = (
     SourceRow(
         kind="record",
         examples=("record:FOLDER",),
+        brief="images in color/ and depth/",
         about="[two plain folders of images](#a-plain-folder-of-images)",
         opener="hsslam_node.sources.record:RecordSource",
         looks_like=has_names(("color", "depth"), ("rgb", "depth")),
@@ -57,6 +63,7 @@ SOURCES = (
     SourceRow(
         kind="realsense",
         examples=("realsense",),
+        brief="an Intel RealSense camera on USB",
         about="[an Intel RealSense](#intel-realsense) on USB",
         opener="hsslam_node.sources.realsense:open_realsense",
         only_examples=True,

@@ -20,6 +20,8 @@ class SourceRow:
     """The text before the colon."""
     examples: tuple[str, ...]
     """What a user types; shown in errors."""
+    brief: str
+    """What it is, in a few words; shown by `hsslam-serve --help`."""
     about: str
     """What it is, in one line of markdown; shown in docs/cameras.md."""
     opener: str | None

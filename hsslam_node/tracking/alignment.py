@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
+from hsslam_node.geometry.pose_covariance import Evidence
 from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log
 from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
@@ -86,6 +87,7 @@ class Alignment:
     exposure: Exposure = _SAME_EXPOSURE
     information: np.ndarray = field(default_factory=lambda: np.zeros((6, 6)))
     """[6, 6] of a twist (m, rad) as in `moved_about_camera`, with gain and bias left free."""
+    evidence: Evidence | None = None
 
 
 def align(
@@ -137,6 +139,7 @@ def align(
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),
         outside=system.outside,
         information=pose_information(system.H),
+        evidence=system.evidence(),
         exposure=problem.exposure,
     )
 
@@ -151,8 +154,24 @@ class _System:
     outside: int = 0
     surface_inliers: int = 0
     surface_met: int = 0
+    surface_cost: float = 0.0
     photo_inliers: int = 0
     photo_seen: int = 0
+    photo_cost: float = 0.0
+    H_before_surface: np.ndarray | None = None  # upper half, as the following
+    H_before_photo: np.ndarray | None = None
+
+    def evidence(self) -> Evidence:
+        """Once H is complete."""
+        before_photo = self.H if self.H_before_photo is None else self.H_before_photo
+        before_surface = before_photo if self.H_before_surface is None else self.H_before_surface
+        return Evidence(
+            H=self.H,
+            H_surface=_mirrored(before_photo - before_surface),
+            H_photometric=_mirrored(self.H - before_photo),
+            surface_cost=self.surface_cost / max(self.surface_met, 1),
+            photometric_cost=self.photo_cost / max(self.photo_seen, 1),
+        )
 
 
 class _Problem:
@@ -202,19 +221,23 @@ class _Problem:
             sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide enough to be led by
             if fine:
                 sigma_m, noise = c.surface_sigma_m, self._reference.depth_noise
-            _, system.surface_inliers, system.surface_met = add_keyframe_surface_term(
+            system.H_before_surface = system.H.copy()
+            found = add_keyframe_surface_term(
                 points, world, centre, self._T_ref_world, self._reference.surface_points,
                 self._reference.surface_normals, self._reference.surface_K,
                 k * sigma_m, k * noise, c.surface_noise, c.surface_kernel, c.sdf_huber_m, c.surface_gate_m,
                 system.H, system.b,
             )  # fmt: skip
+            system.surface_cost, system.surface_inliers, system.surface_met = found
         if self._reference and c.photometric_pixels:
             image = self._levels[level]
-            _, system.photo_inliers, system.photo_seen = add_photometric_term(
+            system.H_before_photo = system.H.copy()
+            found = add_photometric_term(
                 image.grey, image.depth, image.K, self._key_world[level],
                 self._reference.grey[level], T, *self.exposure, c.photometric_sigma,
                 c.photometric_huber, system.H, system.b,
             )  # fmt: skip
+            system.photo_cost, system.photo_inliers, system.photo_seen = found
         system.H[_LOWER] = system.H.T[_LOWER]
         return system
 
@@ -231,6 +254,13 @@ class _Problem:
         system.H += weight * H
         system.b += weight * b
         return found
+
+
+def _mirrored(upper: np.ndarray) -> np.ndarray:
+    """A symmetric matrix of its upper half."""
+    out = upper.copy()
+    out[_LOWER] = upper.T[_LOWER]
+    return out
 
 
 def _ratio(part: int, whole: int) -> float:

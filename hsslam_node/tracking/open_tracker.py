@@ -24,7 +24,7 @@ class FrameTracker(Protocol):
         """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
         ...
 
-    def settle(self) -> None:
+    def prepare_next(self) -> None:
         """What can be done before the next frame comes; `track` does it if the caller does not call this."""
         ...
 

@@ -118,7 +118,7 @@ class RenderingTracker:
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
 
-    def settle(self) -> None:
+    def prepare_next(self) -> None:
         """Nothing is left to do."""
 
     def _open_objective(self, view: MapView) -> PoseObjective:

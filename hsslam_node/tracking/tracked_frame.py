@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
+from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
@@ -65,9 +65,6 @@ def orthonormal(T: np.ndarray) -> np.ndarray:
     return out
 
 
-Status = Literal["initial", "tracked", "lost"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class TrackResult:
     """Where a frame was, and how sure that is."""
@@ -82,13 +79,19 @@ class TrackResult:
     map_version: int = 0  # 0: no map
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
+    pose_version: int | None = (
+        None  # of the keyframes' poses that the pose is of; None: as of before
+    )
+    covariance: np.ndarray | None = (
+        None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
+    )
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int) -> "TrackResult":
         """Of the frame that the world's origin is fixed to."""
         return cls(
             frame_index=frame_index, status="initial", T_world_cam=np.eye(4), keyframe=keyframe,
-            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True,
+            T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
         )  # fmt: skip
 
     @classmethod

@@ -7,6 +7,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.still_camera import StillCamera
@@ -96,7 +97,7 @@ class Tracker:
         Raises:
             TornMapError: the map was overwritten meanwhile; nothing has changed, track again.
         """
-        self.settle()
+        self.prepare_next()
         self._localise_only = localise_only
         self._store.expect_like(frame)
         levels = grey_pyramid(frame)
@@ -120,7 +121,7 @@ class Tracker:
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
         return self._lose(frame, prediction, view)
 
-    def settle(self) -> None:
+    def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
         if self._next_reference is not None:
             self._reference = self._next_reference()
@@ -204,11 +205,16 @@ class Tracker:
         T, version = self._followed(orthonormal(alignment.T_world_cam))
         self._since_keyframe += 1
         self._coverage = max(self._coverage, alignment.surface_coverage)
+        own, of_reference, lever_m = self._doubt(alignment)
         is_keyframe = self._is_keyframe(alignment, T, levels)
         if is_keyframe:
             self._since_keyframe = 0
-            still = self._dynamic.left_out(frame, T)
-            k = self._store.append(still, T, version)
+            with self._store.appending():
+                T, version = self._followed(orthonormal(alignment.T_world_cam))  # as of now
+                still = self._dynamic.left_out(frame, T)
+                k = self._store.append(
+                    still, T, version, of_new_keyframe(own, of_reference, lever_m)
+                )
             self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
         else:
@@ -232,8 +238,17 @@ class Tracker:
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
             T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
             residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
-            is_keyframe=is_keyframe, outside=alignment.outside,
+            is_keyframe=is_keyframe, outside=alignment.outside, pose_version=version,
+            covariance=in_world(own, of_reference, lever_m),
         )  # fmt: skip
+
+    def _doubt(self, alignment: Alignment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Covariances of the pose against the reference and of the reference [6, 6], and the way [3] m
+        from this to that."""
+        assert alignment.evidence is not None and self._reference is not None
+        lever_m = alignment.T_world_cam[:3, 3] - self._aligned_at[0][:3, 3]
+        of_reference = self._store.covariance(self._reference.id)
+        return alignment.evidence.covariance(), of_reference, lever_m
 
     def _followed(self, T: np.ndarray) -> tuple[np.ndarray, int]:
         """An aligned pose [4, 4], and the pose version that it is of: now, if the reference was corrected

@@ -20,6 +20,8 @@ Name = Annotated[str, Meta(max_length=64)]
 Text = Annotated[str, Meta(max_length=4096)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Counters = Annotated[dict[Name, Index], Meta(max_length=256)]
+Covariance = Annotated[list[Real], Meta(max_length=21)]
+Odometry = Annotated[list[Real], Meta(max_length=7)]
 StageTimes = Annotated[dict[Name, Real], Meta(max_length=256)]
 Level = Literal["info", "warning", "error"]
 
@@ -89,6 +91,12 @@ class Pose(Message, frozen=True, kw_only=True):
     `map_version`, `pose_version`: of the map and of the keyframes' poses that the frame was aligned to.
     `map_epoch`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
     of its own, so poses of two map epochs cannot be compared.
+
+    `covariance`: of x, y, z (m) and of rotations about the fixed axes x, y, z (rad), all axes those of the
+    world, the rotation about the camera's centre; the upper triangle of the 6 x 6 matrix row by row, 21
+    numbers. 95 % of the true errors against the first frame's pose, or against a saved map, lie inside its
+    95 % ellipsoid. Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
+    the jumps of corrections; it begins with the run and drifts. Empty: not known.
     """
 
     index: FrameIndex
@@ -107,9 +115,16 @@ class Pose(Message, frozen=True, kw_only=True):
     map_epoch: Index = 0
     publisher: Index = 0
     pose_version: Index = 0
+    covariance: Covariance = []
+    odometry: Odometry = []
 
     def __post_init__(self) -> None:
         _expect_pose(self.t, self.q)
+        _expect_count(self, "covariance", 21)
+        _expect_count(self, "odometry", 7)
+        if self.odometry:
+            x, y, z, *q = self.odometry
+            _expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
@@ -138,7 +153,8 @@ class MapVersion(Message, frozen=True, kw_only=True):
 
 
 class Correction(Message, frozen=True, kw_only=True):
-    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses.
+    """New poses of keyframes from global BA or mapping, valid on top of `base_version` of the poses. One that
+    moves more than 8192 keyframes comes in several messages of the same `pose_version`.
 
     `loops`: pairs of keyframes, the older one first, that were newly seen to show the same place.
     """
@@ -263,6 +279,14 @@ def _expect_finite(message: Message, *names: str) -> None:
         value = getattr(message, name)
         if not math.isfinite(value):
             raise ValueError(f"{name} = {value}: expected a finite number")
+
+
+def _expect_count(message: Message, name: str, count: int) -> None:
+    values = getattr(message, name)
+    if len(values) not in (0, count):
+        raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"{name} = {values}: expected finite numbers")
 
 
 def _expect_pose(t: Vector, q: Quaternion) -> None:

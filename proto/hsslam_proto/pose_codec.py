@@ -1,9 +1,13 @@
-"""Poses in the form of the wire; a file of its own as tracker and global BA share it."""
+"""Poses in the form of the wire; a file of its own as tracker, global BA and ROS share it."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import quaternion_from_rotation
+from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
 from hsslam_proto.messages import Quaternion, Vector
+
+_UPPER = np.triu_indices(6)
 
 
 def wire_pose(T: np.ndarray) -> tuple[Vector, Quaternion]:
@@ -11,3 +15,28 @@ def wire_pose(T: np.ndarray) -> tuple[Vector, Quaternion]:
     x, y, z = map(float, T[:3, 3])
     qx, qy, qz, qw = map(float, quaternion_from_rotation(T[:3, :3]))
     return (x, y, z), (qx, qy, qz, qw)
+
+
+def pose_matrix(numbers: Sequence[float]) -> np.ndarray:
+    """Transform [4, 4] of x, y, z, qx, qy, qz, qw."""
+    return transform(np.array(numbers[:3]), np.array(numbers[3:]))
+
+
+def wire_odometry(T: np.ndarray) -> list[float]:
+    """x, y, z, qx, qy, qz, qw of a transform [4, 4]."""
+    t, q = wire_pose(T)
+    return [*t, *q]
+
+
+def wire_covariance(covariance: np.ndarray) -> list[float]:
+    """The upper triangle of [6, 6], row by row; empty if it is not known, which is nan."""
+    return [] if np.isnan(covariance).any() else covariance[_UPPER].tolist()
+
+
+def covariance_matrix(upper: Sequence[float]) -> np.ndarray | None:
+    """[6, 6] of its upper triangle; None of an empty one."""
+    if not upper:
+        return None
+    out = np.zeros((6, 6))
+    out[_UPPER] = upper
+    return np.triu(out) + np.triu(out, 1).T

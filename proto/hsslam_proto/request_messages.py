@@ -7,6 +7,7 @@ from msgspec import Meta
 from hsslam_proto.messages import Counters, Index, Message, Name, Real, Text
 
 Mode = Literal["mapping", "localise-only"]
+MOST_POINTS, POINT_BYTES = 100_000, 12  # of a query
 MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
@@ -29,6 +30,22 @@ class SetMode(RequestMessage, frozen=True, kw_only=True):
     """Go on mapping, or only localise: the map then stays as it is."""
 
     mode: Mode
+
+
+class QueryMap(RequestMessage, frozen=True, kw_only=True):
+    """What the map says of places: `points` [N, 3] float32 x y z (m, world of the map), little endian, one
+    after the other, 100000 points at most.
+
+    A client divides more points among several requests."""
+
+    points: memoryview
+
+    def __post_init__(self) -> None:
+        size = memoryview(self.points).nbytes
+        if size % POINT_BYTES or size > POINT_BYTES * MOST_POINTS:
+            raise ValueError(
+                f"points has {size} bytes: expected {POINT_BYTES} a point, of at most {MOST_POINTS}"
+            )
 
 
 class Status(Message, frozen=True, kw_only=True):
@@ -93,6 +110,29 @@ class SavedMap(Message, frozen=True, kw_only=True):
     keyframes: Index
 
 
+class PointAnswers(Message, frozen=True, kw_only=True):
+    """What the map says of each point asked, in their order: `distance_m` [N] float32 to the nearest
+    surface, negative behind it, nan where not known; `gradient` [N, 3] float32 of the distance, of unit
+    length, or 0 where it has none; `known` [N] uint8, 1 if a keyframe saw the place, as free or as surface;
+    `certainty` [N] float32, 0 to 1, by how many keyframes saw the place and from how near; all little endian.
+
+    `map_version`: of the map that was asked."""
+
+    count: Index
+    distance_m: memoryview
+    gradient: memoryview
+    known: memoryview
+    certainty: memoryview
+    map_version: Index
+    map_epoch: Index = 0
+
+    def __post_init__(self) -> None:
+        for name, width in (("distance_m", 4), ("gradient", 12), ("known", 1), ("certainty", 4)):
+            size = memoryview(getattr(self, name)).nbytes
+            if size != width * self.count:
+                raise ValueError(f"{name} has {size} bytes: expected {width * self.count}")
+
+
 class Done(Message, frozen=True, kw_only=True):
     """It was done, or was so already; `text` says which."""
 
@@ -100,8 +140,8 @@ class Done(Message, frozen=True, kw_only=True):
 
 
 class Refusal(Message, frozen=True, kw_only=True):
-    """Why a request was not done. Reasons `unknown` to `malformed` tell of the request itself;
-    `busy`, `not_now` and `failed` of the service."""
+    """Why a request was not done. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
+    `failed`: the service cannot do it."""
 
     reason: Literal[
         "unknown", "encoding", "schema", "version", "size", "malformed", "busy", "not_now", "failed"

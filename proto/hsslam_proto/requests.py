@@ -38,17 +38,27 @@ _KIB, _MIB = 2**10, 2**20
 
 
 def _row(
-    name: str, asked: type[Q], answered: type[A], limit: int, purpose: str, takes_s: float = 5.0
+    name: str,
+    asked: type[Q],
+    answered: type[A],
+    limit: int,
+    purpose: str,
+    takes_s: float = 5.0,
+    asked_limit: int = 4 * _KIB,
 ) -> Request[Q, A]:
     key = f"rpc/{name}"
     return Request(
-        name, Payload(key, asked, 4 * _KIB), Payload(key, answered, limit), purpose, takes_s
+        name, Payload(key, asked, asked_limit), Payload(key, answered, limit), purpose, takes_s
     )
 
 
 STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "how the run goes")
 MESH = _row("mesh", r.Ask, m.Mesh, 256 * _MIB, "the newest mesh", 15.0)
 TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 15.0)
+QUERY = _row(
+    *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),
+    *("distance, gradient, certainty of places in the map", 15.0, 2 * _MIB),
+)
 SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name", 60.0)
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
@@ -60,6 +70,7 @@ REQUESTS: tuple[Request, ...] = (
     STATUS,
     MESH,
     TRAJECTORY,
+    QUERY,
     SAVE,
     PAUSE,
     RESUME,

@@ -11,7 +11,8 @@ SMALL = f"SourceOptions(frames={FRAMES}, synth=SynthOptions(width_px=160, height
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/api/index.md"])
-def test_the_example(page, capsys):
+def test_the_example(page, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (block,) = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(), re.M | re.S)
     assert block.count("SourceOptions(frames=30)") == 1
     code = block.replace("SourceOptions(frames=30)", SMALL)

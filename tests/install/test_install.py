@@ -25,8 +25,8 @@ _INSTALL_TORCH = f"""
 import os, sys
 from pathlib import Path
 sys.path.insert(0, {str(ROOT)!r})
-from requirements.install import _tool, install_torch, torch_wish
-install_torch(_tool(), torch_wish(os.environ), Path(sys.prefix))
+from requirements.install import _tool, install_torch, wanted_torch
+install_torch(_tool(), wanted_torch(os.environ), Path(sys.prefix))
 """
 
 

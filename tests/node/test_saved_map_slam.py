@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.slam import Slam
-from hsslam_services.arena.map_snapshot import map_snapshot
 from tests.small_room import (
     SMALL,
     mapped_room,

@@ -4,10 +4,15 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.dense_map.shapes import Spheres
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import REALTIME
@@ -49,6 +54,56 @@ def test_one_seed_gives_the_same_run_to_the_bit():
     assert slam.parameters and again.parameters and slam.store and again.store
     np.testing.assert_array_equal(again.parameters.params, slam.parameters.params)
     np.testing.assert_array_equal(again.store.poses(), slam.store.poses())
+
+
+def test_its_map_can_be_asked_and_saved(tmp_path):
+    slam, results = _run(0)
+    eye = results[20].T_world_cam[:3, 3]
+    frame, T = room_frames()[20], results[20].T_world_cam
+    surface = world_points(frame.depth_m(), frame.camera, T, 8)
+    found = slam.query(surface)
+    assert found.known.mean() > 0.9
+    assert np.nanmedian(np.abs(found.distance_m)) < 0.01
+    rays = slam.raycast(np.broadcast_to(eye, surface.shape), surface - eye)
+    true_m = np.linalg.norm(surface - eye, axis=1)
+    assert np.median(np.abs(rays.distance_m - true_m)[rays.hit]) < 0.01
+    assert slam.is_free(Spheres(eye[None], 0.05)).shape == (1,)
+    slam.save(tmp_path / "map.safetensors")
+    saved = SavedMap.open(tmp_path / "map.safetensors", "cpu")
+    for ours, theirs in zip(found, saved.query(surface), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(slam.render(T)[0], saved.render(T)[0])
+    assert np.array_equal(slam.mesh(0.08).vertices, saved.mesh(0.08).vertices)
+
+
+def test_its_trajectory_is_of_all_frames_as_refined():
+    slam, results = _run(0)
+    assert slam.store
+    trajectory = slam.trajectory()
+    assert list(trajectory.stamps_ns) == [f.stamp_ns for f in room_frames()]
+    for result, T in zip(results, trajectory.T_world_cam, strict=True):
+        np.testing.assert_allclose(T, slam.store.pose(result.keyframe) @ result.T_keyframe_cam)
+
+
+def test_a_map_that_is_held_stays_as_it_is():
+    slam = Slam(SMALL)
+    for frame in room_frames()[:2]:
+        slam.process(frame)
+    held = slam.map
+    points = np.random.default_rng(0).uniform((-0.5, -0.5, 1.0), (0.5, 0.5, 2.0), (500, 3))
+    before = held.query(points).distance_m
+    for frame in room_frames()[2:14]:
+        slam.process(frame)
+    np.testing.assert_array_equal(held.query(points).distance_m, before)
+    assert slam.map is not held and slam.map is slam.map
+    assert (slam.query(points).distance_m != before).any()
+
+
+def test_without_a_frame_there_is_no_map():
+    slam = Slam(SMALL)
+    with pytest.raises(UserError, match="there is no map yet: expected a first keyframe"):
+        slam.query(np.zeros((1, 3)))
+    assert len(slam.trajectory()) == 0
 
 
 def test_frames_without_depth_at_the_start_are_waited_out():

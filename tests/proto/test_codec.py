@@ -6,8 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hsslam_node.geometry.se3 import se3_exp
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import Rejected, decode, encode, encoding_of
+from hsslam_proto.pose_codec import (
+    covariance_matrix,
+    pose_matrix,
+    wire_covariance,
+    wire_odometry,
+)
 
 finite = st.floats(-1e6, 1e6)
 
@@ -35,7 +42,7 @@ def test_frame_round_trip_shares_the_payload():
 def test_unknown_fields_are_ignored_and_new_ones_may_be_missing():
     raw = msgspec.msgpack.decode(encode(topics.POSE, _pose()))
     del raw["stage_ms"]
-    payload = msgspec.msgpack.encode({**raw, "covariance": [0.0] * 36})
+    payload = msgspec.msgpack.encode({**raw, "weather": [0.0] * 36})
     assert decode(topics.POSE, payload, encoding_of(topics.POSE)) == _pose()
 
 
@@ -105,6 +112,31 @@ def test_bad_frames_are_rejected(change):
 def test_bad_poses_cannot_be_made(change):
     with pytest.raises(ValueError, match="pose"):
         _pose(**change)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"covariance": [0.0] * 20}, "covariance has 20 numbers: expected 21"),
+        ({"covariance": [math.inf] * 21}, "covariance"),
+        ({"odometry": [0.0] * 6}, "odometry has 6 numbers: expected 7"),
+        ({"odometry": [0.0] * 7}, "unit quaternion"),
+    ],
+)
+def test_bad_covariances_and_odometry_cannot_be_made(change, words):
+    with pytest.raises(ValueError, match=words):
+        _pose(**change)
+
+
+def test_covariance_and_odometry_come_back_from_the_wire():
+    A = np.random.default_rng(0).normal(size=(6, 6))
+    covariance, T = A @ A.T, se3_exp(np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]))
+    sent = _pose(covariance=wire_covariance(covariance), odometry=wire_odometry(T))
+    came = decode(topics.POSE, encode(topics.POSE, sent), encoding_of(topics.POSE))
+    assert isinstance(came, messages.Pose)
+    np.testing.assert_array_equal(covariance_matrix(came.covariance), covariance)
+    np.testing.assert_allclose(pose_matrix(came.odometry), T, atol=1e-15)
+    assert covariance_matrix(wire_covariance(np.full((6, 6), math.nan))) is None
 
 
 def test_encode_refuses_the_wrong_type_and_size():

@@ -14,6 +14,9 @@ def _run(worker: Worker) -> None:
     worker.ready()
     if behaviour == "bad input":
         raise UserError("field = 3: expected 4")
+    if behaviour == "full disk":
+        os.dup2(os.open("/dev/full", os.O_WRONLY), 2)
+        worker.event("warning", "a line that its log has no room for")
     if behaviour == "deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if behaviour == "warm":

@@ -25,12 +25,15 @@ class Gradient(NamedTuple):
     unmarked: np.ndarray  # [2] int64, first chunk of the hash tables and the one after their last
 
 
-def gradient(layout: KernelLayout) -> Gradient:
-    """An empty gradient for all parameters."""
+def gradient(
+    layout: KernelLayout, values: np.ndarray | None = None, touched: np.ndarray | None = None
+) -> Gradient:
+    """An empty gradient for all parameters, over arrays of zeros [P] and [ceil(P / 16 / PAGE)] if given."""
     P = layout.parameter_count
     tables = (layout.hash_offset[0], layout.geometry_W1) if len(layout.hash_offset) else (0, 0)
-    words = np.zeros(-(-P // (16 * PAGE)), np.uint64)
-    return Gradient(aligned_zeros(P), words, np.array(tables, np.int64) // 16)
+    if values is None or touched is None:
+        values, touched = aligned_zeros(P), np.zeros(-(-P // (16 * PAGE)), np.uint64)
+    return Gradient(values, touched, np.array(tables, np.int64) // 16)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

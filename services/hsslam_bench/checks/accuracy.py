@@ -1,5 +1,6 @@
-"""Accuracy, reproducibility and mesh: rows measured by lockstep runs."""
+"""Accuracy, reproducibility and mesh: rows measured by lockstep runs; how sure poses are."""
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +23,9 @@ _REPEATED = ("livingroom", "room-kinect")
 _NOISY = ("house", "room", "corridor", "apartment", "livingroom")
 _MAP_TERM = (*(f"{name}-kinect" for name in _NOISY), "kitchen")
 _ACCURACY_M, _COMPLETION = 0.006, 0.98
+_COVARIANCE = ("house-kinect", "room-kinect", "livingroom-kinect", "house", "room")
+_CALIBRATED = ("house-kinect", "room-kinect")
+_INSIDE, _INSIDE_TOLERANCE = 0.95, 0.03
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,41 @@ def map_term_checks() -> list[Check]:
     return [
         _map_term_check(sequence, refined) for sequence in _MAP_TERM for refined in (True, False)
     ]
+
+
+def covariance_checks() -> list[Check]:
+    """Whether poses are as sure as their covariances say."""
+    return [_covariance_check(sequence) for sequence in _COVARIANCE]
+
+
+def _covariance_check(sequence: str) -> Check:
+    is_held = sequence in _CALIBRATED
+
+    def measure(session: Session) -> Measured:
+        place, _, noise = sequence.partition("-")
+        noisy = ("--noise", noise) if noise else ()
+        script = "hsslam_bench.scripts.covariance_run"
+        found = [
+            json.loads(session.python(script, session.source(place), str(seed), *noisy))
+            for seed in session.seeds
+        ]
+        poses = sum(one["poses"] for one in found)
+        inside = sum(one["inside"] * one["poses"] for one in found) / poses
+        each = ", ".join(f"{one['inside']:.1%}" for one in found)
+        factor = fmean(one["variance_factor"] for one in found)
+        return Measured(
+            f"{inside:.1%} (seeds: {each}); errors have {factor:.2f} of the variance",
+            abs(inside - _INSIDE) <= _INSIDE_TOLERANCE if is_held else None,
+            {str(seed): one for seed, one in zip(session.seeds, found, strict=True)},
+            inside,
+        )
+
+    what = (
+        f"{sequence}, lockstep: share of the true errors of published poses that lie inside the 95 % "
+        "ellipsoid of their covariance, all seeds together"
+    )
+    bound = f"{_INSIDE:.0%} +- {_INSIDE_TOLERANCE:.0%}" if is_held else ""
+    return Check(f"covariance:{sequence}", what, bound, measure, by_name_only=True)
 
 
 def _map_term_check(sequence: str, refined: bool) -> Check:

@@ -1,6 +1,6 @@
 """All rows of the benchmark's table, in its order."""
 
-from hsslam_bench.checks.accuracy import lockstep_checks, map_term_checks
+from hsslam_bench.checks.accuracy import covariance_checks, lockstep_checks, map_term_checks
 from hsslam_bench.checks.camera import gap_checks, kidnapping_checks, localise_checks
 from hsslam_bench.checks.check import Check
 from hsslam_bench.checks.faithful import faithful_checks
@@ -9,6 +9,7 @@ from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
+from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -44,7 +45,9 @@ def catalogue() -> list[Check]:
         *baseline_checks(),
         *gpu_checks(),
         *map_term_checks(),
+        *covariance_checks(),
         *field_error_checks(),
+        *query_checks(),
         *peer_checks(),
         *fault_checks(),
         *soak_checks(),

@@ -36,7 +36,7 @@ def _measure(fault: Fault, session: Session) -> Measured:
         with Experiment(folder) as experiment:
             finding = fault.find(experiment)
     except CouldNotTellError as error:
-        raise RunFailedError(f"could not tell: {error}") from None
+        raise RunFailedError(f"could not decide: {error}") from None
     shutil.rmtree(folder, ignore_errors=True)  # kept only where it failed
     word = "shown" if finding.is_shown else _BOUND
     return Measured(

@@ -130,6 +130,7 @@ def _walk(minutes: int, session: Session) -> Measured:
     )
     values = {
         "memory_mb": memory.by_minute_mb,
+        "memory_by_process_mb": run.memory_by_process_mb(),
         "p99_ms": quarters_ms,
         "lost": lost,
         "ate_m": ate_m,

@@ -71,7 +71,7 @@ def gap_in_a_recording(experiment: Experiment) -> Finding:
     words = [word for word in SMALL_ROOM if word not in ("--rate-hz", "15")]
     run = experiment.serve(*words, "--source", f"tum:{folder}")
     code = run.ends_within(_MOST_S)
-    has_hung = "come round" in run.stderr
+    has_hung = "made no progress" in run.stderr
     is_told = "gap" in run.stderr
     return Finding(
         code != 0 or has_hung or not is_told,

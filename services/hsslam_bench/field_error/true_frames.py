@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hsslam_bench.scripts.known_source import known_source
+from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
@@ -28,7 +28,7 @@ def true_frames(spec: str, options: SourceOptions) -> Iterator[TrueFrame]:
     Raises:
         UserError: a frame cannot be read, or has no true pose.
     """
-    source, truth = known_source(spec, replace(options, noise="none"))
+    source, truth = source_with_truth(spec, replace(options, noise="none"))
     noise = KinectNoise(source, options.seed) if options.noise == "kinect" else None
     T_first_world = inverse(truth.T_world_cam[0])
     for frame, T in zip(source.frames(), truth.T_world_cam, strict=True):

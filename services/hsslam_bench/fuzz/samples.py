@@ -42,6 +42,8 @@ _ALL: tuple[m.Message, ...] = (
         residual_mm=1.5,
         map_version=1,
         keyframe=0,
+        covariance=[1e-6] * 21,
+        odometry=[*_T, *_Q],
         stage_ms={"track": 1.5},
     ),
     m.Keyframe(id=7, frame_index=7, source_stamp_ns=1, t=_T, q=_Q),
@@ -99,5 +101,6 @@ _ALL: tuple[m.Message, ...] = (
     r.Ask(),
     r.SaveMap(name="room"),
     r.SetMode(mode="mapping"),
+    r.QueryMap(points=_zeros(24)),
 )
 SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}

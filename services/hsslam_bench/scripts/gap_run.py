@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from hsslam_bench.scripts.known_source import known_source, published, with_poor_first_map
+from hsslam_bench.scripts.source_with_truth import published, source_with_truth, with_poor_first_map
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.trajectory.gaps import gap_plan, gap_score
 from hsslam_node.presets import PRESETS
@@ -39,7 +39,7 @@ def main() -> None:
 def gap_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:
     """The score of one seed, that of the options."""
     torch.set_num_threads(1)
-    source, truth = known_source(spec, options)
+    source, truth = source_with_truth(spec, options)
     plan = gap_plan(truth.T_world_cam, options.seed)
     shown = frozenset(plan.order)
     frames = (frame for at, frame in enumerate(source.frames()) if at in shown)

@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from hsslam_bench.scripts.known_source import known_source, published, with_poor_first_map
+from hsslam_bench.scripts.source_with_truth import published, source_with_truth, with_poor_first_map
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.trajectory.kidnapping import kidnapping_plan, kidnapping_score
 from hsslam_node.presets import PRESETS
@@ -42,7 +42,7 @@ def kidnapping_run(
 ) -> dict[str, Any]:
     """The score of one seed (that of the options), and how long lost frames took."""
     torch.set_num_threads(1)
-    source, truth = known_source(spec, options)
+    source, truth = source_with_truth(spec, options)
     plan = kidnapping_plan(truth.T_world_cam, options.seed, jumps)
     poses = published(Slam(config, options.seed), Reordered(source, plan.order).frames())
     score = kidnapping_score(plan, poses.tracked, poses.T_world_cam, truth.T_world_cam)

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from hsslam_bench.scripts.known_source import known_source, with_poor_first_map
+from hsslam_bench.scripts.source_with_truth import source_with_truth, with_poor_first_map
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.evaluation.trajectory.localisation import (
     localisation_score,
@@ -29,7 +30,6 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
-from hsslam_services.arena.map_snapshot import map_snapshot
 
 _QUICK_FRAMES = 24
 
@@ -53,7 +53,7 @@ def localise_run(
 ) -> dict[str, Any]:
     """The score of one seed (that of the options), and what of the map has changed; it is left at `path`."""
     torch.set_num_threads(1)
-    _, truth = known_source(spec, options)
+    _, truth = source_with_truth(spec, options)
     count = len(truth.T_world_cam)
     half = count // 2
     _map(config, spec, replace(options, frames=half), path)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from hsslam_bench.scripts.known_source import with_poor_first_map
+from hsslam_bench.scripts.source_with_truth import with_poor_first_map
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device

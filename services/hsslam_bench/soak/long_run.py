@@ -60,6 +60,20 @@ class LongRun:
             if s.pss_bytes and begin_ns < s.time_ns <= self.poses[-1].publish_ns
         ]
 
+    def memory_by_process_mb(self) -> dict[str, list[float]]:
+        """Memory of each process at the end of each minute (shared pages divided among users), MB."""
+        begin_ns = self.poses[0].publish_ns
+        by_minute = {
+            int((s.time_ns - begin_ns) / 60e9): s.pss_bytes
+            for s in self.usage
+            if s.pss_bytes and begin_ns < s.time_ns <= self.poses[-1].publish_ns
+        }
+        names = sorted({name for sizes in by_minute.values() for name in sizes})
+        return {
+            name: [round(sizes.get(name, 0) / 1e6, 1) for _, sizes in sorted(by_minute.items())]
+            for name in names
+        }
+
     def latencies_ms(self) -> list[tuple[float, float]]:
         """Minutes since the first pose and latency of every pose after it, ms."""
         begin_ns = self.poses[0].publish_ns

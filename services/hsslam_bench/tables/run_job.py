@@ -20,7 +20,7 @@ _JOB, _SCORE_JOB, _RESULT, _ERRORS = "job.json", "score.json", "result.json", "s
 
 
 def run_job(
-    job: Job, folder: Path, commit: str, tell: Callable[[int, int], None] = lambda *_: None
+    job: Job, folder: Path, commit: str, report: Callable[[int, int], None] = lambda *_: None
 ) -> RunResult:
     """Run it to its end in `folder`, which is emptied first; a failure is a result with its last words.
 
@@ -34,7 +34,7 @@ def run_job(
         folder.mkdir(parents=True)
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}: expected a folder for the run") from None
-    found, error = _run(job, folder / _JOB, tell)
+    found, error = _run(job, folder / _JOB, report)
     return RunResult(
         key=job.key,
         row=job.row,
@@ -66,7 +66,7 @@ def rescored(job: Job, result: RunResult, folder: Path, commit: str) -> RunResul
 
 
 def _run(
-    job: Job, path: Path, tell: Callable[[int, int], None], *options: str
+    job: Job, path: Path, report: Callable[[int, int], None], *options: str
 ) -> tuple[dict[str, Any], str]:
     """What the process found, or its last words if it failed. The job is written to `path`."""
     path.write_bytes(msgspec.json.encode(job))
@@ -84,7 +84,7 @@ def _run(
             for line in process.stdout:
                 done, _, total = line.strip().partition(" ")
                 if done.isdigit() and total.isdigit():
-                    tell(int(done), int(total))
+                    report(int(done), int(total))
             code = process.wait()
         finally:
             if process.poll() is None:

@@ -22,24 +22,13 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.map.pose_log import (
-    INITIAL,
-    LOST,
-    POSE_ROW,
-    TRACKED,
-    final_trajectory,
-    online_trajectory,
-    pose_row,
-)
+from hsslam_node.map.pose_log import LOST, online_trajectory
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import Source
-from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.warm_start import warm_start
-from hsslam_services.artefacts.mesh_file import final_mesh
 
 RESULT = "result.json"
-_STATUS = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
 _TELL_EVERY = 5  # frames
 _CM = 100.0
 
@@ -59,7 +48,7 @@ def main() -> None:
     (path.parent / RESULT).write_bytes(msgspec.json.encode(found))
 
 
-def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[str, Any]:
+def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dict[str, Any]:
     """Run a job, leave its files in `folder`; returns {"values": by metric, "details": ...}.
 
     Raises:
@@ -70,17 +59,18 @@ def table_run(job: Job, folder: Path, tell: Callable[[int, int], None]) -> dict[
     device = choose_device(job.device)
     warm_start(job.config, device)  # machine code is loaded, for all rows alike
     slam = Slam(job.config, job.seed, device=device)
-    rows, seconds = _track(source, slam, tell, device)
+    seconds = _track(source, slam, report, device)
+    rows = slam.pose_log.rows()
     if slam.store is None or slam.parameters is None:
         raise UserError(f"{job.source}: no frame could be read: expected some")
     poses = slam.store.poses()
     write_tum(folder / "trajectory_online.txt", online_trajectory(rows))
-    write_tum(folder / "trajectory.txt", final_trajectory(rows, poses))
+    write_tum(folder / "trajectory.txt", slam.trajectory())
     stamps = slam.store.stamps_ns()[: len(poses)]
     write_tum(folder / "keyframes.txt", Trajectory(stamps, poses))
     params = slam.parameters
     voxel_m = job.config.mesher.final_voxel_m
-    mesh = final_mesh(params.layout, params.params, slam.store, voxel_m, device)
+    mesh = slam.mesh(voxel_m)
     if len(mesh.faces):
         mesh.export(folder / "mesh.ply")
     found = score(job, folder)
@@ -107,41 +97,23 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
     return {"values": _accuracy(report), "details": {"evaluation": report}}
 
 
-def _track(
-    source: Source, slam: Slam, tell: Callable[[int, int], None], device: Device
-) -> tuple[np.ndarray, float]:
-    """Rows of POSE_ROW, and the time for them: of the processor alone where there is no other device,
-    so that it does not matter what else runs."""
+def _track(source: Source, slam: Slam, report: Callable[[int, int], None], device: Device) -> float:
+    """The time for all frames: of the processor alone where there is no other device, so that it does not
+    matter what else runs."""
     clock = time.perf_counter if device.uses_triton else time.process_time
-    rows: list[np.ndarray] = []
-    seconds = 0.0
+    tracked, seconds = 0, 0.0
     for frame in source.frames():
         if not isinstance(frame, Frame):
             continue
         start = clock()
-        result = slam.process(frame)
+        slam.process(frame)
         seconds += clock() - start
-        rows.append(_row(result, frame))
-        if len(rows) % _TELL_EVERY == 0:
-            tell(len(rows), source.frame_count or 0)
+        tracked += 1
+        if tracked % _TELL_EVERY == 0:
+            report(tracked, source.frame_count or 0)
     start = clock()
     slam.finish()
-    return np.array(rows, POSE_ROW), seconds + clock() - start
-
-
-def _row(result: TrackResult, frame: Frame) -> np.ndarray:
-    return pose_row(
-        index=frame.index,
-        source_stamp_ns=frame.stamp_ns,
-        stamp_ns=frame.stamp_ns,
-        publish_ns=frame.stamp_ns,
-        status=_STATUS[result.status],
-        keyframe=result.keyframe,
-        T_world_cam=result.T_world_cam,
-        T_keyframe_cam=result.T_keyframe_cam,
-        quality=result.quality,
-        map_version=0,
-    )
+    return seconds + clock() - start
 
 
 def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:

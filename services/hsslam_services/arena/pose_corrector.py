@@ -4,10 +4,12 @@ from typing import Protocol
 
 import numpy as np
 
+from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto.messages import Correction
-from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.arena.map_state import MapState
+
+_MOST_A_MESSAGE = 8192  # keyframes: 0.6 MB
 
 
 class Publisher(Protocol):
@@ -35,17 +37,20 @@ class PoseCorrector:
         """As `KeyframeStore.correct_poses`; `losses`: before and after, `loops`: closed, for the message."""
         base = store.pose_version
         moved = store.correct_poses(keyframes, T_world_cam, known)
-        poses = [wire_pose(T) for T in moved.T_world_cam]
-        self._publisher.put(
-            Correction(
-                pose_version=moved.version,
-                base_version=base,
-                keyframes=[int(k) for k in moved.keyframes],
-                t=[t for t, _ in poses],
-                q=[q for _, q in poses],
-                loss_before=losses[0],
-                loss_after=losses[1],
-                loops=[(min(pair), max(pair)) for pair in loops or []],
-                map_epoch=self._mode.map_epoch,
+        t = moved.T_world_cam[:, :3, 3]
+        q = quaternions_from_rotations(moved.T_world_cam[:, :3, :3])
+        for first in range(0, max(len(moved.keyframes), 1), _MOST_A_MESSAGE):
+            part = slice(first, first + _MOST_A_MESSAGE)
+            self._publisher.put(
+                Correction(
+                    pose_version=moved.version,
+                    base_version=base,
+                    keyframes=moved.keyframes[part].tolist(),
+                    t=[(x, y, z) for x, y, z in t[part].tolist()],
+                    q=[(x, y, z, w) for x, y, z, w in q[part].tolist()],
+                    loss_before=losses[0],
+                    loss_after=losses[1],
+                    loops=[(min(pair), max(pair)) for pair in loops or []] if first == 0 else [],
+                    map_epoch=self._mode.map_epoch,
+                )
             )
-        )

@@ -10,8 +10,12 @@ _FOLDER = "processes"
 
 
 def enter_process(arena_dir: Path, name: str) -> None:
-    """Enter this process by its name, so that the watchdog of this run, and of no other, finds it."""
-    with contextlib.suppress(OSError):  # the arena is gone: so is the supervisor
+    """Enter this process by its name, so that the watchdog of this run, and of no other, finds it.
+
+    Raises:
+        OSError: there is no room for the entry.
+    """
+    with contextlib.suppress(FileNotFoundError):  # the arena is gone: so is the supervisor
         (arena_dir / _FOLDER).mkdir(exist_ok=True)
         (arena_dir / _FOLDER / str(os.getpid())).write_text(f"{start_ticks()} {name}")
 

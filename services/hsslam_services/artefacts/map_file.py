@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_services.arena.map_snapshot import map_snapshot
 
 
 def save_map(

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,14 @@ import numpy as np
 import trimesh
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.device.device import Device
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
-from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
-from hsslam_node.meshing.map_queries import open_map_queries
-from hsslam_services.arena.map_snapshot import published_params
 
 _TELL_EVERY_S = 5.0
 
@@ -25,10 +25,10 @@ _TELL_EVERY_S = 5.0
 class MeshProgress:
     """Reports how many of the keyframes the extraction has seen, every few seconds; it sees each twice."""
 
-    def __init__(self, keyframes: int, tell: Callable[[str], None]) -> None:
+    def __init__(self, keyframes: int, report: Callable[[str], None]) -> None:
         self._expected = 2 * keyframes
         self._seen = 0
-        self._tell = tell
+        self._report = report
         self._due_s = time.monotonic() + _TELL_EVERY_S
 
     def saw_keyframe(self) -> None:
@@ -36,7 +36,7 @@ class MeshProgress:
         self._seen += 1
         if time.monotonic() >= self._due_s:
             self._due_s = time.monotonic() + _TELL_EVERY_S
-            self._tell(f"mesh: {100 * self._seen / max(self._expected, 1):.0f} %")
+            self._report(f"mesh: {100 * self._seen / max(self._expected, 1):.0f} %")
 
 
 def mesh_of_arena(
@@ -44,42 +44,20 @@ def mesh_of_arena(
     parameters: FieldParameters,
     slam: SlamConfig,
     device: Device,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> trimesh.Trimesh:
-    """The mesh of the newest published map; `tell` takes lines of progress."""
+    """The mesh of the newest published map; `report` takes lines of progress."""
     params = published_params(parameters)[1]
-    progress = MeshProgress(len(store.kept()), tell)
-    voxel_m = slam.mesher.final_voxel_m
-    return final_mesh(parameters.layout, params, store, voxel_m, device, progress.saw_keyframe)
+    keyframes = keyframes_of_store(store)
+    progress = MeshProgress(len(keyframes), report)
 
+    def depth_m(k: int) -> np.ndarray:
+        progress.saw_keyframe()
+        return keyframes.depth_m(k)
 
-def final_mesh(
-    layout: FieldLayout,
-    params: np.ndarray,
-    store: KeyframeStore,
-    voxel_m: float,
-    device: Device,
-    saw_keyframe: Callable[[], None] = lambda: None,
-) -> trimesh.Trimesh:
-    """The coloured mesh of what the keyframes observed; `params` [P] lie as `layout` says."""
-    queries = open_map_queries(layout, params, device)
-
-    kept = store.kept()  # no process retires keyframes any more
-
-    def depth_m(i: int) -> np.ndarray:
-        saw_keyframe()
-        return store.frame(int(kept[i])).depth_m()
-
-    observed = DepthViews(depth_m, store.poses_of(kept))
-    return extract_mesh(
-        queries.sdf,
-        queries.color,
-        layout.bound,
-        store.camera,
-        observed,
-        voxel_m,
-        threads=queries.threads,
-    )
+    told = replace(keyframes, depth_m=depth_m)
+    dense_map = DenseMap(parameters.layout, params, told, slam.sampling, device)
+    return dense_map.mesh(slam.mesher.final_voxel_m)
 
 
 def save_mesh(run_dir: Path, mesh: trimesh.Trimesh) -> None:

@@ -30,10 +30,10 @@ from hsslam_services.run.summary import update_summary
 
 _LONGEST_S = 3600.0  # for one artefact: the mesh of a large map
 _POLL_S = 0.02
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def rescue(arena_dir: Path, run_dir: Path, tell: Tell) -> dict[str, str]:
+def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
     """Save what is missing in the run folder; returns a line for each artefact that is still missing.
 
     The arena is marked all the while, so that whoever ends this process loses nothing. No other
@@ -48,14 +48,16 @@ def rescue(arena_dir: Path, run_dir: Path, tell: Tell) -> dict[str, str]:
     not_saved: dict[str, str] = {}
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
-        mark_unsaved(arena_dir, run_dir, wanted)
+        with contextlib.suppress(OSError):  # memory is full: no other process removes it meanwhile
+            mark_unsaved(arena_dir, run_dir, wanted)
         for artefact in wanted:
-            error = _in_own_process(artefact, run, arena_dir, run_dir, tell)
+            error = _in_own_process(artefact, run, arena_dir, run_dir, report)
             if error:
                 not_saved[artefact] = error
             update_summary(run_dir, read_result(run_dir, _result_name(artefact)).summary)
-            tell(f"{artefact} not saved: {error}" if error else f"{artefact}: saved")
-        mark_unsaved(arena_dir, run_dir, not_saved)
+            report(f"{artefact} not saved: {error}" if error else f"{artefact}: saved")
+        with contextlib.suppress(OSError):
+            mark_unsaved(arena_dir, run_dir, not_saved)
         update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
         update_summary(run_dir, {"rescued": [a for a in wanted if a not in not_saved]})
     except OSError as error:
@@ -63,7 +65,9 @@ def rescue(arena_dir: Path, run_dir: Path, tell: Tell) -> dict[str, str]:
     return not_saved
 
 
-def _in_own_process(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, tell: Tell) -> str:
+def _in_own_process(
+    artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, report: Report
+) -> str:
     """Fork, save there; returns "" or what went wrong. What crashes there costs nothing here."""
     name = _result_name(artefact)
     clear_result(run_dir, name)
@@ -71,7 +75,7 @@ def _in_own_process(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path,
     sys.stderr.flush()
     pid = os.fork()
     if pid == 0:
-        os._exit(_save(artefact, run, arena_dir, run_dir, tell))
+        os._exit(_save(artefact, run, arena_dir, run_dir, report))
     deadline_s = time.monotonic() + _LONGEST_S
     try:
         while (ended := os.waitpid(pid, os.WNOHANG))[0] == 0:
@@ -89,12 +93,12 @@ def _in_own_process(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path,
     return read_result(run_dir, name).error or how
 
 
-def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, tell: Tell) -> int:
+def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, report: Report) -> int:
     """Save one artefact and leave its section of the summary, or why it failed; returns the exit code."""
     sections: dict[str, Any] = {}
     error = ""
     try:
-        _SAVERS[artefact](run, arena_dir, run_dir, sections, tell)
+        _SAVERS[artefact](run, arena_dir, run_dir, sections, report)
     except UserError as failure:
         error = str(failure)
     except BaseException as failure:  # this process ends here: its parent reports it
@@ -105,7 +109,7 @@ def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, tell: Tel
 
 
 def _save_trajectories(
-    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Tell
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Report
 ) -> None:
     arena = Arena(arena_dir)
     store = SharedMap(arena, run.options.slam).store()
@@ -115,7 +119,7 @@ def _save_trajectories(
 
 
 def _save_map(
-    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Tell
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Report
 ) -> None:
     slam = run.options.slam
     if (published := SharedMap(Arena(arena_dir), slam).published()) is not None:
@@ -123,13 +127,13 @@ def _save_map(
 
 
 def _save_mesh(
-    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], tell: Tell
+    run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], report: Report
 ) -> None:
     slam = run.options.slam
     published = SharedMap(Arena(arena_dir), slam).published()
     if published is None:
         return
-    mesh = mesh_of_arena(*published, slam, CPU, tell)
+    mesh = mesh_of_arena(*published, slam, CPU, report)
     if len(mesh.faces):
         save_mesh(run_dir, mesh)
         sections |= mesh_section(mesh)

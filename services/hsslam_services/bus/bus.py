@@ -6,13 +6,16 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, TypeVar
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import Rejected, decode
 from hsslam_proto.messages import Message
+from hsslam_proto.request_messages import Refusal
+from hsslam_proto.requests import Request
 from hsslam_proto.topics import Topic
+from hsslam_services.bus.passed_on import PassedOnAnswers, pass_on
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription, get_state
@@ -28,6 +31,8 @@ from hsslam_services.security.credentials import client_settings
 __all__ = ["Bus", "LiveProcess", "free_endpoint", "open_router"]
 
 M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
 
 
@@ -67,6 +72,7 @@ class Bus:
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
         self._queues: list[RequestQueue] = []
+        self._answers: list[PassedOnAnswers] = []
         self._closed = False
         given = {**client_settings(endpoint, security), **settings}
         self._session = open_client(endpoint, settings=given)
@@ -119,6 +125,14 @@ class Bus:
         self._queues.append(queue)
         return queue
 
+    def answer(self, request: Request[Q, A], make: Callable[[Q], A | Refusal]) -> None:
+        """Answer a request that another process of the run passes on, in a thread of the bus."""
+        self._answers.append(PassedOnAnswers(self._session, self.robot, request, make))
+
+    def pass_on(self, request: Request[Q, A], message: Q) -> A | Refusal:
+        """What the process that answers this request says; waits for it."""
+        return pass_on(self._session, self.robot, request, message)
+
     @property
     def subscriptions(self) -> tuple[Subscription, ...]:
         """All subscriptions made here, with their counters."""
@@ -151,7 +165,7 @@ class Bus:
             return
         self._closed = True
         atexit.unregister(self.close)
-        for end in (*self._queues, *self._subscriptions, *self._publishers):
+        for end in (*self._queues, *self._answers, *self._subscriptions, *self._publishers):
             end.close()
         self._token.undeclare()
         self._session.close()

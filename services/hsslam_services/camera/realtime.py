@@ -100,18 +100,20 @@ class Realtime:
         if is_back:
             self._worker.count("steps back")
             back_s = (self._progress.last_source_ns - frame.stamp_ns) / 1e9
-            self._tell(frame, f"its stamp is {back_s:g} s before the last one's")
+            self._report(frame, f"its stamp is {back_s:g} s before the last one's")
         if wait_ns > self._longest_wait_ns:
             self._progress.pinned_ns -= wait_ns - self._longest_wait_ns
             self._worker.count("gaps")
             waited_s = self._longest_wait_ns / 1e9
-            self._tell(frame, f"a gap of {wait_ns / 1e9:.1f} s in the stamps: waits {waited_s:g} s")
+            self._report(
+                frame, f"a gap of {wait_ns / 1e9:.1f} s in the stamps: waits {waited_s:g} s"
+            )
         elif wait_ns < (0 if is_back else -_LARGEST_LAG_NS):
             self._progress.pinned_ns -= wait_ns
             if not is_back:
                 self._worker.count("clock_shifts")
                 if self._worker.counters["clock_shifts"] == 1:
-                    self._tell(frame, "the source is slower than its clock: clock moved")
+                    self._report(frame, "the source is slower than its clock: clock moved")
         return self._progress.due_ns(source_ns)
 
     def _stamp_ns(self, due_ns: int) -> int:
@@ -127,5 +129,5 @@ class Realtime:
         if wait_s > 0:
             self._worker.stop_event().wait(wait_s)
 
-    def _tell(self, frame: Frame, text: str) -> None:
+    def _report(self, frame: Frame, text: str) -> None:
         self._worker.event("warning", f"frame {frame.index}: {text}")

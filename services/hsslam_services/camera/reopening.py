@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame, Source, SourceLostError
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import Worker
@@ -14,10 +15,11 @@ _POLL_S = 0.2
 MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # of a source that had given frames
 
 
-def open_with_patience(worker: Worker, *, had_frames: bool) -> Source | None:
+def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> Source | None:
     """The run's source; None if the worker must stop before it is there.
 
-    `had_frames`: it worked before in this run, so that what is wrong now may pass.
+    `had_frames`: it worked before in this run, so that what is wrong now may pass. `after`: frames that a
+    live camera gave before; `--start` skips none again, and `--frames` counts them.
 
     Raises:
         UserError: it cannot be opened and gave no frame yet.
@@ -25,9 +27,8 @@ def open_with_patience(worker: Worker, *, had_frames: bool) -> Source | None:
     pause_s = _FIRST_PAUSE_S
     while not worker.should_stop():
         try:
-            return open_any_source(
-                worker.options.source, worker.options.source_options, worker.should_stop
-            )
+            options = _rest(worker.options.source_options, after)
+            return open_any_source(worker.options.source, options, worker.should_stop)
         except MAY_PASS as error:
             if worker.should_stop():  # while it waited for a live camera
                 return None
@@ -35,7 +36,7 @@ def open_with_patience(worker: Worker, *, had_frames: bool) -> Source | None:
                 raise
             worker.event("warning", f"{error}; tried again in {pause_s:g} s")
         worker.count("opened in vain")
-        _rest(worker, pause_s)
+        _pause(worker, pause_s)
         pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
     return None
 
@@ -61,11 +62,19 @@ def live_frames(
                 raise
             worker.event("warning", f"{error}: the source is opened again")
             worker.count("reopened")
-        _rest(worker, _FIRST_PAUSE_S)
-        opened = open_with_patience(worker, had_frames=True)
+        if index == worker.options.frames:
+            return
+        _pause(worker, _FIRST_PAUSE_S)
+        opened = open_with_patience(worker, had_frames=True, after=index)
 
 
-def _rest(worker: Worker, seconds: float) -> None:
+def _rest(options: SourceOptions, after: int) -> SourceOptions:
+    """The options of a live camera that has given frames."""
+    left = options.frames and options.frames - after
+    return replace(options, start=0, frames=left) if after else options
+
+
+def _pause(worker: Worker, seconds: float) -> None:
     """Wait so long, or until the worker must stop; the supervisor sees it come round."""
     left_s = seconds
     while left_s > 0 and not worker.should_stop():

@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_services.ros2.type_store import open_type_store
 
 _IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _INFO = "sensor_msgs/msg/CameraInfo"
@@ -34,14 +35,9 @@ class CdrMessages:
     """
 
     def __init__(self) -> None:
-        try:
-            from rosbags.serde import SerdeError
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError:
-            raise UserError(
-                "source ros2: package rosbags is not there: pip install 'hsslam-node[ros2]'"
-            ) from None
-        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._store = open_type_store("source ros2")
+        from rosbags.serde import SerdeError
+
         self._error = SerdeError
 
     def image(self, payload: bytes, type_name: str) -> RawImage:

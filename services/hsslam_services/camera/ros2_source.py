@@ -14,7 +14,7 @@ from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, SourceLostError
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
@@ -28,6 +28,7 @@ _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
 _LARGEST_BYTES = 2**26  # of a message
 _SILENCE_S = 5.0
+_MOST_SILENCES = 3  # in a row: then the camera is opened again, and its intrinsics read anew
 _LOOK_AROUND_S = 1.0
 _RATE_HZ = 30.0  # of frames that come when they come
 
@@ -72,14 +73,18 @@ class Ros2Source:
         self.depth_units_per_m = options.camera.depth_scale or self._encoded_units
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`."""
+        """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`.
+
+        Raises:
+            SourceLostError: nothing came for 15 s.
+        """
         try:
             yield from selected_live(self._live(), self._options)
         finally:
             self._session.close()
 
     def _live(self) -> Iterator[Frame | BadFrame]:
-        heard_s = time.monotonic()
+        heard_s, silences = time.monotonic(), 0
         while not self._should_stop():
             try:
                 pair = self._next_pair()
@@ -87,11 +92,15 @@ class Ros2Source:
                 yield BadFrame(0, time.time_ns(), str(error))
                 continue
             if pair is not None:
-                heard_s = time.monotonic()
+                heard_s, silences = time.monotonic(), 0
                 yield self._frame(pair)
             elif time.monotonic() - heard_s > _SILENCE_S:
-                heard_s = time.monotonic()
+                heard_s, silences = time.monotonic(), silences + 1
                 yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
+                if silences == _MOST_SILENCES:
+                    raise SourceLostError(
+                        f"source {self.name}: nothing for {silences * _SILENCE_S:g} s"
+                    )
             else:
                 time.sleep(_POLL_S)
 

@@ -24,6 +24,8 @@ OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" with
         "hsslam-log trim": f"{_ROOM}.log.options:TrimOptions",
         "hsslam-log export": f"{_ROOM}.log.options:ExportOptions",
         "hsslam-replay": f"{_ROOM}.log.replay:ReplayOptions",
+        "hsslam-map": "",
+        "hsslam-map query": f"{_ROOM}.maps.query:QueryOptions",
         "hsslam-mesh": f"{_ROOM}.maps.mesh:MeshOptions",
         "hsslam-render": f"{_ROOM}.maps.render:RenderOptions",
         "hsslam-eval": f"{_ROOM}.evaluate.options:EvalOptions",

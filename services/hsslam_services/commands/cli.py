@@ -2,20 +2,21 @@
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn
 
 from hsslam_node import __version__
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_services.commands.options.help_text import print_help
 from hsslam_services.commands.options.layers import merged
 from hsslam_services.commands.options.parser import parsed
 
 _Options = TypeVar("_Options")
-
+Subcommand = Callable[[Sequence[str]], None]
+_EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
 
 QUESTIONS = ("-h", "--help", "--help-all", "--version")
 
@@ -42,6 +43,29 @@ def answer_questions(cls: type, prog: str, args: Sequence[str], default: object)
     else:
         return
     raise SystemExit(0)
+
+
+def run_subcommand(
+    prog: str, purpose: str, commands: Mapping[str, tuple[Subcommand, str]], args: Sequence[str]
+) -> None:
+    """Run the subcommand that the first word names; `commands`: what runs it, and what it does, by name.
+
+    Raises:
+        UserError: there is no such subcommand.
+    """
+    name, rest = (args[0] if args else "--help"), args[1:]
+    if name in ("-h", "--help"):
+        print(f"usage: {prog} {'|'.join(commands)} ...\n\n{purpose}")
+        for command, (_, what) in commands.items():
+            print(f"  {prog} {command:<10}{what}")
+        print(f"\n{_EXIT_CODES}\nEach command has its own --help.")
+    elif name == "--version":
+        print(f"{prog} {__version__}")
+    elif name in commands:
+        commands[name][0](rest)
+    else:
+        known = list(commands)
+        raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
 
 
 def exit_code(command: Callable[[], int | None]) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -13,9 +14,11 @@ from hsslam_node.geometry.trajectory import tum_text
 from hsslam_proto import requests as rpc
 from hsslam_proto.mesh.codec import mesh_arrays
 from hsslam_proto.messages import Mesh, Message
+from hsslam_proto.point_codec import answers_of, question_message
 from hsslam_proto.request_messages import (
     Ask,
     Done,
+    PointAnswers,
     SavedMap,
     SaveMap,
     SetMode,
@@ -25,6 +28,7 @@ from hsslam_proto.request_messages import (
 from hsslam_services.bus.ask import NoServiceError, NotDoneError, ask
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
+from hsslam_services.commands.point_table import print_answers
 from hsslam_services.requests.mesh_and_trajectory import trajectory_of
 from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.run_info import RunInfo
@@ -99,6 +103,8 @@ def _ask(options: CtlOptions) -> None:
     message: Message = Ask()
     if request is rpc.SAVE:
         message = SaveMap(name=options.name, replace=options.replace)
+    if request is rpc.QUERY:
+        message = question_message(np.array([options.point()]))
     if request is rpc.SET_MODE:
         message = msgspec.convert({"mode": options.name}, SetMode)
     answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
@@ -135,6 +141,8 @@ def _show(answer: Message, options: CtlOptions) -> None:
         case TrajectoryRows():
             _write(options.out, tum_text(trajectory_of(answer)).encode())
             print(f"{options.out}: {answer.count} poses")
+        case PointAnswers():
+            print_answers(np.array([options.point()]), answers_of(answer), as_json=options.json)
         case SavedMap():
             size_mb = answer.nbytes / 2**20
             print(f"{answer.path}: {answer.keyframes} keyframes, {size_mb:.1f} MiB")

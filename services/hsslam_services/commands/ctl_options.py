@@ -12,6 +12,7 @@ from hsslam_proto.requests import REQUESTS
 from hsslam_services.run.maps_folder import expect_map_name
 
 _MODES: tuple[str, ...] = get_args(Mode)
+_ARGUMENTS = {"save": "NAME", "set-mode": "|".join(_MODES), "query": "X Y Z"}
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 
@@ -23,6 +24,7 @@ class CtlOptions:
       status                             frames, rate, latency, tracking, processes
       mesh                               the newest mesh as a PLY file (m, world frame)
       trajectory                         refined poses in TUM format (s, m, unit quaternion; camera to world)
+      query X Y Z                        distance, gradient, certainty of a place (m, world frame of the map)
       save NAME                          save the map in the maps folder of the service
       pause, resume                      stop and restart the camera
       set-mode mapping|localise-only     change the map, or only track the camera in it
@@ -32,6 +34,7 @@ class CtlOptions:
     Examples:
       hsslam-ctl status
       hsslam-ctl mesh --out room.ply
+      hsslam-ctl query 0.5 -0.2 2
       hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
       hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
 
@@ -44,22 +47,22 @@ class CtlOptions:
         UserError: an option has a value that cannot be used.
     """
 
-    POSITIONALS: ClassVar = ("request", "name")
+    POSITIONALS: ClassVar = ("request", "arguments")
     VALUES: ClassVar = {
         "request": "REQUEST",
-        "name": "[NAME]",
+        "arguments": "[ARGUMENT...]",
         "connect": "ENDPOINT",
         "security": "FOLDER",
         "run": "FOLDER",
         "robot": "NAME",
     }
     ALIASES: ClassVar = {"out": "-o"}
-    WORDS: ClassVar = {"request": tuple(request.name for request in REQUESTS), "name": _MODES}
+    WORDS: ClassVar = {"request": tuple(request.name for request in REQUESTS), "arguments": _MODES}
 
     request: str = ""
     """One of the requests above."""
-    name: str = ""
-    """Name of the map for save (letters, digits, _ and -), or the mode for set-mode."""
+    arguments: tuple[str, ...] = ()
+    """Name of the map for save (letters, digits, _ and -), mode for set-mode, or X Y Z for query, m."""
     connect: str = ""
     """Router of the service, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
     security: str = ""
@@ -75,7 +78,7 @@ class CtlOptions:
     timeout_s: float | None = None
     """Longest wait for the answer, s (none: 5 to 60, by request)."""
     json: bool = False
-    """Print status as JSON."""
+    """Print status or query as JSON."""
 
     def __post_init__(self) -> None:
         if self.connect and not re.fullmatch(_ENDPOINT, self.connect):
@@ -91,6 +94,21 @@ class CtlOptions:
         if self.security and not self.connect:
             raise UserError(f"--security {self.security}: expected with --connect tls/HOST:PORT")
 
+    @property
+    def name(self) -> str:
+        """Of the map, or the mode."""
+        return self.arguments[0]
+
+    def point(self) -> tuple[float, ...]:
+        """X Y Z of a query, m; UserError if they are not three finite numbers."""
+        try:
+            found = tuple(map(float, self.arguments))
+        except ValueError:
+            found = (math.nan,)
+        if not all(map(math.isfinite, found)):
+            raise UserError(f"query {' '.join(self.arguments)}: expected query X Y Z in metres")
+        return found
+
     def expect_request(self) -> None:
         """UserError if the request is unknown, or its argument is missing."""
         names = [request.name for request in REQUESTS]
@@ -99,15 +117,17 @@ class CtlOptions:
             raise UserError(
                 f"{what}: expected {' | '.join(names)}{did_you_mean(self.request, names)}"
             )
-        what = {"save": "NAME", "set-mode": "|".join(_MODES)}.get(self.request, "")
-        if bool(what) != bool(self.name):
-            wrong = f"{self.request} {self.name}".strip()
+        what = _ARGUMENTS.get(self.request, "")
+        if len(self.arguments) != len(what.split()):
+            wrong = " ".join([self.request, *self.arguments])
             raise UserError(f"{wrong}: expected {self.request} {what or 'alone'}")
         if self.request == "save":
             expect_map_name(self.name)
         if self.request == "set-mode" and self.name not in _MODES:
             expected = f"expected {' or '.join(_MODES)}{did_you_mean(self.name, _MODES)}"
             raise UserError(f"set-mode {self.name}: {expected}")
+        if self.request == "query":
+            self.point()
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and not self.out.absolute().parent.is_dir():

@@ -139,7 +139,7 @@ def _table(sample: Sample, findings: Sequence[Finding]) -> Table:
 def _mending(finding: Finding) -> Text:
     """A fault and what to do about it, as one line."""
     text = Text(f"{finding.name}: ", style=_STYLES["fault"])
-    return text.append(f"{finding.seen}. To mend it: {finding.advice}.", style="not bold default")
+    return text.append(f"{finding.seen}. To fix it: {finding.advice}.", style="not bold default")
 
 
 def _write_json(path: Path, sample: Sample, findings: Sequence[Finding]) -> None:

@@ -35,13 +35,13 @@ def warm_up_command(args: Sequence[str]) -> int:
     start = time.monotonic()
     with console.status("compiling kernels") as status:
 
-        def tell(part: str) -> None:
+        def report(part: str) -> None:
             line = f"compiling kernels, {time.monotonic() - start:.0f} s: {part}"
             status.update(line)
             if not console.is_terminal:
                 console.print(line, soft_wrap=True)
 
-        compiled = warm_up(tell)
+        compiled = warm_up(report)
     took = f"compiled in {time.monotonic() - start:.0f} s" if compiled else "compiled before"
     print(f"kernels {took}: {kernel_cache_folder()}")
     return 0

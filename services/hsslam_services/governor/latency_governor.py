@@ -22,7 +22,7 @@ class LatencyGovernor:
     Args:
         shared: goes on at its level, or at that of `cores` if this is higher.
         cores: that the service may use; infinite: they do not count.
-        tell: takes an event's text.
+        report: takes an event's text.
         count: takes the name of a counter that grows by one.
     """
 
@@ -30,15 +30,15 @@ class LatencyGovernor:
         self,
         shared: SharedLevel,
         cores: float,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         count: Callable[[str], None],
     ) -> None:
-        self._shared, self._tell, self._count = shared, tell, count
+        self._shared, self._report, self._count = shared, report, count
         first = first_level(cores)
         self._governor = Governor(max(shared.number, first))
         if self.level > shared.number:
             shared.number = self.level
-            tell(f"{self._in_words()}, {cores:.1f} cores: gives up {LEVELS[first].gives_up}")
+            report(f"{self._in_words()}, {cores:.1f} cores: gives up {LEVELS[first].gives_up}")
 
     @property
     def level(self) -> int:
@@ -59,7 +59,7 @@ class LatencyGovernor:
             self._shared.number = self.level
             self._count("load level changes")
             gives_up = LEVELS[self.level].gives_up
-            self._tell(f"{self._in_words()}, {late:.0%} of the frames late: gives up {gives_up}")
+            self._report(f"{self._in_words()}, {late:.0%} of the frames late: gives up {gives_up}")
         self._count(f"frames at load level {self.level}")
 
     def _in_words(self) -> str:

@@ -1,10 +1,8 @@
 """The status line: redrawn on a terminal, printed every few seconds elsewhere.
 
-A closed pipe or terminal does not end the run.
+A reader that stands still, or is gone, does not hold up or end the run.
 """
 
-import io
-import os
 import sys
 import time
 from collections.abc import Mapping
@@ -16,58 +14,23 @@ from rich.text import Text
 
 from hsslam_proto.messages import TopicCounts
 from hsslam_proto.topics import FRAME
+from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import load_level
 from hsslam_services.launch.child import Child
 
 _REDRAW_S = 0.25
 _PRINT_S = 5.0
+_DRAIN_S = 2.0
 _STYLES = {"running": "green", "starting": "yellow", "waiting": "yellow", "ended": "dim"}
-
-
-class ResilientStream(io.TextIOBase):
-    """Writes to `stream` until its reader is gone (a pipe closed, a terminal closed), then nowhere."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-
-    @property
-    def encoding(self) -> str:
-        return self._stream.encoding
-
-    def fileno(self) -> int:
-        return self._stream.fileno()
-
-    def isatty(self) -> bool:
-        return self._stream.isatty()
-
-    def write(self, text: str, /) -> int:
-        try:
-            return self._stream.write(text)
-        except OSError:
-            self._fall_silent()
-            return len(text)
-
-    def flush(self) -> None:
-        try:
-            self._stream.flush()
-        except OSError:
-            self._fall_silent()
-
-    def _fall_silent(self) -> None:
-        """What is still in the stream's buffer goes nowhere as well, at the latest when Python ends."""
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, self._stream.fileno())
-        os.close(nowhere)
 
 
 class StatusLine:
     """A context that shows the state of a run; `say` prints a line above it."""
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(
-            file=cast(TextIO, ResilientStream(sys.stderr)), highlight=False
-        )
+        self._stream = ResilientStream(sys.stderr)
+        self._console = console or Console(file=cast(TextIO, self._stream), highlight=False)
         self._live = (
             Live(console=self._console, auto_refresh=False, transient=True)
             if self._console.is_terminal
@@ -83,6 +46,10 @@ class StatusLine:
     def __exit__(self, *_: object) -> None:
         if self._live:
             self._live.stop()
+
+    def drain(self) -> None:
+        """Wait until all that was said is written, for 2 s at most."""
+        self._stream.drain(_DRAIN_S)
 
     def say(self, text: str, level: str = "info") -> None:
         """Print one line that stays."""

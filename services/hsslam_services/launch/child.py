@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -34,9 +35,16 @@ class Child:
 
     `wanted` says whether it should run; `tick` makes it so. `ended`: exited as it should; `failed`:
     given up on (crash loop, or bad input: then `user_error` has the line to show).
+    `may_pass()`: whether the run works, so that what a process lacks now (memory, the router) may come back.
     """
 
-    def __init__(self, spec: ProcessSpec, run_dir: Path, spawn: Spawn = spawn) -> None:
+    def __init__(
+        self,
+        spec: ProcessSpec,
+        run_dir: Path,
+        spawn: Spawn = spawn,
+        may_pass: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.spec = spec
         self.wanted = False
         self.state: State = "waiting"
@@ -47,6 +55,7 @@ class Child:
         self.news: list[str] = []  # what the operator should read; the supervisor takes it
         self._run_dir = run_dir
         self._spawn = spawn
+        self._may_pass = may_pass
         self._policy = RestartPolicy(spec.first_delay_s, spec.longest_delay_s)
         self._process: Process | None = None
         self._start_at_s = 0.0
@@ -147,11 +156,16 @@ class Child:
         if not self.wanted or (code == 0 and self.spec.may_finish):
             self.state = "ended"
             return
-        if code == _USER_ERROR:
-            self.state = "failed"
-            self.user_error = last_error(self._run_dir, self.spec.module)
+        if code != _USER_ERROR:
+            self._failed(how_it_ended(code), now)
             return
-        self._failed(how_it_ended(code), now)
+        error = last_error(self._run_dir, self.spec.module)
+        if self._may_pass() and not self.spec.reads_source:
+            self._failed(f"ended: {error}", now)
+        else:
+            self.state = "failed"
+        if self.state == "failed":
+            self.user_error = error
 
     def _failed(self, how: str, now: float) -> None:
         """Start it again after a while, or give up."""
@@ -182,7 +196,7 @@ class Child:
         spec = self.spec
         since_start_s, since_beat_s = now - self._started_s, now - self._beat_s
         if self.state == "stalled":
-            why = f"does not come round for {spec.stall_timeout_s:g} s"
+            why = f"made no progress in its main loop for {spec.stall_timeout_s:g} s"
         elif self.health is not None and since_beat_s > spec.health_timeout_s:
             why = f"sends no heartbeat for {spec.health_timeout_s:g} s"
         elif self.state == "starting" and since_start_s > spec.startup_timeout_s:

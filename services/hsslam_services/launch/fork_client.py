@@ -24,7 +24,8 @@ from hsslam_services.launch.spawn import (
 )
 
 _POLL_S = 0.01
-_PATIENCE_S = 120.0  # for a fork server that still imports; one that is frozen is not waited for
+_PATIENCE_S = 120.0  # for a fork server that still imports
+_FROZEN_S = 10.0  # for one that has forked before
 _END_TIMEOUT_S = 2.0
 
 
@@ -32,10 +33,16 @@ class ForkedProcess:
     """A process started by the fork server: requested (`pid` is None), running, ended.
 
     `link`: the new process sends its pid and waits for an answer before it runs. If the link closes
-    without a word the fork server is gone, and `plainly` starts the process without it.
+    without a word, or none comes for `patience_s`, `plainly` starts the process without the fork server.
     """
 
-    def __init__(self, link: socket.socket, plainly: Callable[[], subprocess.Popen]) -> None:
+    def __init__(
+        self,
+        link: socket.socket,
+        plainly: Callable[[], subprocess.Popen],
+        patience_s: float = _PATIENCE_S,
+    ) -> None:
+        self._patience_s = patience_s
         self.pid: int | None = None
         self.returncode: int | None = None
         self._link: socket.socket | None = link
@@ -43,6 +50,11 @@ class ForkedProcess:
         self._plain: subprocess.Popen | None = None
         self._asked_s = time.monotonic()
         link.setblocking(False)
+
+    @property
+    def is_forked(self) -> bool:
+        """Whether the fork server has forked it."""
+        return self.pid is not None and self._plain is None
 
     def poll(self) -> int | None:
         """The exit code (negative: the signal that killed it), None while it runs or is awaited."""
@@ -93,7 +105,7 @@ class ForkedProcess:
                 self._link.send(b"go")
                 self.pid = int(word)
         except BlockingIOError:
-            if time.monotonic() - self._asked_s < _PATIENCE_S:
+            if time.monotonic() - self._asked_s < self._patience_s:
                 return
             word = b""
         except OSError:  # it died between its word and our answer
@@ -126,6 +138,7 @@ class ForkClient:
         self._policy = RestartPolicy(first_delay_s=0.0, longest_delay_s=0.0)
         self._process: subprocess.Popen | None = None
         self._socket: socket.socket | None = None
+        self._first: ForkedProcess | None = None  # that this fork server was asked for
         self._started_s = time.monotonic()
         adopt_orphans()
 
@@ -145,6 +158,7 @@ class ForkClient:
 
     def _start(self) -> None:
         self._started_s = time.monotonic()
+        self._first = None
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         fd = other.fileno()
         command = module_command(FORK_SERVER, str(self._run_dir))
@@ -169,7 +183,10 @@ class ForkClient:
             with other, contextlib.suppress(OSError):
                 # on an error `other` closes: the process is then started without the fork server
                 socket.send_fds(self._socket, [module.encode()], [log.fileno(), other.fileno()])
-        return ForkedProcess(own, lambda: spawn(module, run_dir))
+        patience_s = _FROZEN_S if self._first is not None and self._first.is_forked else _PATIENCE_S
+        process = ForkedProcess(own, lambda: spawn(module, run_dir), patience_s)
+        self._first = self._first or process
+        return process
 
     def tick(self) -> None:
         """Start the fork server again if it has died."""

@@ -83,7 +83,7 @@ def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
 
 
 def expect_end(watchdog: subprocess.Popen) -> None:
-    """Wait for the watchdog, which ends when the arena is removed."""
+    """After an orderly end: wait for the watchdog, which ends when the arena is removed or marked."""
     try:
         watchdog.wait(_WATCHDOG_TIMEOUT_S)
     except subprocess.TimeoutExpired:

@@ -14,8 +14,10 @@ class ProcessSpec:
     `stop_stage`: all processes of a stage have ended before those of the next stage are told to end.
     `restarts_with_map`: it keeps state of the map, so a reset replaces it.
     `lockstep_needs`: a lockstep run waits for it in each step, and cannot continue without it.
-    `returns_memory`: large arrays go back to the system once freed; slower by what the system takes to clear.
+    `returned_bytes`: arrays of this size or more go back to the system once freed, which clears each new one;
+    0: they stay with the process.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
+    `serves_ros2`: it exists only if ROS 2 is to hear of the run.
     """
 
     name: str
@@ -26,8 +28,9 @@ class ProcessSpec:
     ends_run: bool = False
     restarts_with_map: bool = False
     lockstep_needs: bool = False
-    returns_memory: bool = False
+    returned_bytes: int = 0
     reads_source: bool = False
+    serves_ros2: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
@@ -37,11 +40,17 @@ class ProcessSpec:
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
+    def exists(self, *, has_camera: bool, has_ros2_out: bool) -> bool:
+        """Whether a run has it."""
+        return (has_camera or not self.reads_source) and (has_ros2_out or not self.serves_ros2)
+
     def is_needed(self, pace: str) -> bool:
         """Whether the run cannot continue without it."""
         return self.ends_run or (self.lockstep_needs and pace == "lockstep")
 
 
+_ARRAY_BYTES = 512 << 10
+_IMAGE_BYTES = 64 << 10  # images of the log, whose sizes differ: kept ones would leave holes
 CAMERA_STAGE, TRACKER_STAGE, BA_STAGE, MAP_STAGE, MESHER_STAGE, RECORDER_STAGE = range(6)
 
 
@@ -91,7 +100,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "writes run.mcap and feeds rerun",
         nice=8,
         stop_stage=RECORDER_STAGE,
-        returns_memory=True,
+        returned_bytes=_IMAGE_BYTES,
         stop_timeout_s=120.0,  # it recovers earlier parts and finishes its files
     ),
     _row(
@@ -111,7 +120,7 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         is_late=True,
         restarts_with_map=True,
         lockstep_needs=True,
-        returns_memory=True,
+        returned_bytes=_ARRAY_BYTES,
         stop_timeout_s=60.0,  # it finishes its round
     ),
     _row(
@@ -119,9 +128,18 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         "extracts the mesh",
         nice=19,
         stop_stage=MESHER_STAGE,
-        returns_memory=True,
+        returned_bytes=_ARRAY_BYTES,
         is_late=True,
         restarts_with_map=True,
+    ),
+    _row(
+        "ros2_out",
+        "tells ROS 2",
+        nice=8,
+        stop_stage=MESHER_STAGE,
+        is_late=True,
+        restarts_with_map=True,
+        serves_ros2=True,
     ),
 )
 

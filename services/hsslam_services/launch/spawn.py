@@ -15,7 +15,7 @@ from hsslam_services.run.process_result import read_result
 
 # glibc gives memory of this size back to the system when it is freed, and the system clears it again
 # for the next image: half the time of preparing a reference keyframe. Keep it, but not in every thread,
-# nor in processes that return it (`ProcessSpec.returns_memory`); other C libraries do not read these.
+# nor in processes that return it (`ProcessSpec.returned_bytes`); other C libraries do not read these.
 _KEPT_MEMORY = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),  # bytes; the largest that glibc takes
     "MALLOC_TRIM_THRESHOLD_": str(128 << 20),

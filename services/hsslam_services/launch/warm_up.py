@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _WIDTH_PX, _HEIGHT_PX = 160, 120
 
 
-def warm_up(tell: Callable[[str], None]) -> bool:
+def warm_up(report: Callable[[str], None]) -> bool:
     """Run everything that has kernels on a few tiny frames; `tell` gets a line before each part.
 
     Kernels serve all presets alike: nothing is compiled for a size. Must come before the first
@@ -34,7 +34,7 @@ def warm_up(tell: Callable[[str], None]) -> bool:
         folder.mkdir(parents=True, exist_ok=True)
         os.environ.update(NUMBA_CACHE_DIR=str(folder))
         for part in _compile_all():
-            tell(part)
+            report(part)
         warm_stamp().touch()
     except OSError as error:
         raise UserError(
@@ -142,6 +142,14 @@ def _compile_the_rest() -> Iterator[str]:
     marked.mark(T_world_cam[None], first.camera, lambda _: keyframes[0][0], lambda: True)
     live.probe(plane, lambda: True)
     live.refresh(plane, queries.color, lambda: True)
+
+    yield "queries"
+    from hsslam_node.dense_map.dense_map import DenseMap
+    from hsslam_node.dense_map.keyframes import keyframes_of_store
+
+    of_store = keyframes_of_store(store)
+    dense_map = DenseMap(parameters.layout, parameters.params, of_store, config.sampling)
+    dense_map.query(np.zeros((1, 3)))
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes

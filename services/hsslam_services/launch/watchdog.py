@@ -59,7 +59,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
 
     recorders = _wait_for_end(arena_dir)
     try:
-        not_saved = rescue(arena_dir, run_dir, _tell)
+        not_saved = rescue(arena_dir, run_dir, _report)
         deadline = time.monotonic() + _LONGEST_RECORDER_S
         while recorders & living_processes(arena_dir).keys() and time.monotonic() < deadline:
             time.sleep(_POLL_S)
@@ -67,7 +67,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         reason = {"stop_reason": "the supervisor was killed", "not_saved": not_saved}
         update_summary(run_dir, {**log, **reason})
     except (UserError, OSError) as error:
-        _tell(f"error: {error}")
+        _report(f"error: {error}")
         return
     _kill(living_processes(arena_dir))
     if not not_saved:
@@ -99,7 +99,7 @@ def _signal(pid: int, number: signal.Signals) -> None:
         os.kill(pid, number)
 
 
-def _tell(text: str) -> None:
+def _report(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 

@@ -124,8 +124,9 @@ class Worker:
         self.stage_ms[stage] = mean_ms + _EMA * (took_ms - mean_ms)
 
     def event(self, level: Literal["info", "warning", "error"], text: str) -> None:
-        """Tell the operator: status line, log, viewer."""
-        print(f"{level}: {text}", file=sys.stderr, flush=True)
+        """Report to the operator: status line, log, viewer. A full disk costs the line in the log alone."""
+        with contextlib.suppress(OSError):
+            print(f"{level}: {text}", file=sys.stderr, flush=True)
         self._events.put(
             Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
         )
@@ -215,15 +216,19 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
     run_dir = parser.parse_args().run
     spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: it ends by itself
     _give_way(spec.nice if spec else 0)
-    if spec is None or spec.returns_memory:
+    if spec is None:
         return_large_arrays()
+    elif spec.returned_bytes:
+        return_large_arrays(spec.returned_bytes)
     try:
         run = RunInfo.read(run_dir)
-        enter_process(Path(run.arena_dir), name)
+        not_entered = _enter(run, name)
         if os.getppid() != run.supervisor_pid:
             raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
         with Worker(name, run) as worker:
             try:
+                if not_entered:
+                    worker.event("warning", not_entered)
                 loop(worker)
             except UserError as error:
                 worker.event("error", str(error))
@@ -233,6 +238,15 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
         with contextlib.suppress(OSError):  # the run folder may be what is wrong
             write_result(run_dir, name, ProcessResult(error=str(error)))
         sys.exit(2)
+
+
+def _enter(run: RunInfo, name: str) -> str:
+    """Enter this process in its arena; why it could not, empty if it could."""
+    try:
+        enter_process(Path(run.arena_dir), name)
+    except OSError as error:  # no room: poses matter more
+        return f"{run.arena_dir}: {error.strerror}: the watchdog does not know the {name}"
+    return ""
 
 
 def _give_way(nice: int) -> None:

@@ -10,9 +10,9 @@ from hsslam_services.log.parted_log import PartedLog
 class DiskReport:
     """`tell_of` looks at the log and tells what stops being recorded, and when it goes on."""
 
-    def __init__(self, run_dir: Path, tell: Report) -> None:
+    def __init__(self, run_dir: Path, report: Report) -> None:
         self._run_dir = run_dir
-        self._tell = tell
+        self._report = report
         self._was_short = False
         self._told: set[str] = set()
 
@@ -22,9 +22,9 @@ class DiskReport:
             self._was_short = log.space_is_short
             if self._was_short:
                 what = "frames, meshes and run.rrd are no longer recorded, all else is"
-                self._tell("warning", f"{self._run_dir}: disk nearly full: {what}")
+                self._report("warning", f"{self._run_dir}: disk nearly full: {what}")
             else:
-                self._tell("info", f"{self._run_dir}: the disk has room: all is recorded again")
+                self._report("info", f"{self._run_dir}: the disk has room: all is recorded again")
         if log.refused:
             self._tell_once("error", f"{self._run_dir}: disk full: nothing more is recorded")
         if log.sync_error:
@@ -35,4 +35,4 @@ class DiskReport:
     def _tell_once(self, level: Literal["info", "error"], text: str) -> None:
         if text not in self._told:
             self._told.add(text)
-            self._tell(level, text)
+            self._report(level, text)

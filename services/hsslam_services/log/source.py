@@ -136,7 +136,7 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
 
 
 def logged_options(files: list[Path]) -> ServeOptions | None:
-    """The options of the run that wrote the log; None where it does not tell, or is of another version.
+    """The options of the run that wrote the log; None if it does not hold them, or is of another version.
 
     Raises:
         UserError: the log is damaged.

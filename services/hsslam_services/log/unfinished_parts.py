@@ -16,11 +16,11 @@ class UnfinishedParts:
     """Finishes them one after another in a thread of its own, one chunk in memory at a time.
 
     What is not finished when the run ends is finished by the command that opens it.
-    `tell(level, text)` takes its events.
+    `report(level, text)` takes its events.
     """
 
-    def __init__(self, run_dir: Path, tell: Report) -> None:
-        self._tell = tell
+    def __init__(self, run_dir: Path, report: Report) -> None:
+        self._report = report
         self._parts = [path for path in parts(run_dir) if not is_finished(path)]
         self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
         if self._parts:
@@ -34,8 +34,8 @@ class UnfinishedParts:
     def _run(self) -> None:
         for path in self._parts:
             try:
-                self._tell("info", f"{path.name}: {recover(path).line()}")
+                self._report("info", f"{path.name}: {recover(path).line()}")
             except FileNotFoundError:  # the oldest part, removed meanwhile
                 continue
             except (OSError, UserError) as error:
-                self._tell("error", f"{path.name}: left unfinished: {error}")
+                self._report("error", f"{path.name}: left unfinished: {error}")

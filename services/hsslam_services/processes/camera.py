@@ -59,7 +59,8 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
-    source = open_with_patience(worker, had_frames=progress.sent > 0)
+    after = progress.next_index if is_live(options.source) else 0
+    source = open_with_patience(worker, had_frames=progress.sent > 0, after=after)
     if source is None:
         return
     # in lockstep all wait for a frame that is lost: rather wait for room on the way

@@ -5,10 +5,10 @@ Arena: reads keyframes, map
 
 from pathlib import Path
 
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
-from hsslam_services.arena.map_snapshot import map_snapshot
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.maps_folder import map_path, read_save_request
@@ -23,9 +23,7 @@ def _run(worker: Worker) -> None:
     request = read_save_request(arena_dir)
     path = map_path(worker.options.maps, request.name)
     if path.exists() and not request.replace:
-        raise UserError(
-            f"map {request.name}: is there already: expected another name, or to replace"
-        )
+        raise UserError(f"map {request.name} already exists: expected another name, or --replace")
     link = SharedMap(worker.arena, worker.options.slam)
     checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
     try:

@@ -1,5 +1,7 @@
 """The mesher process: keeps a mesh of the published map, and publishes its blocks that change; small views.
 
+Answers the request `query`, which the supervisor passes on.
+
 Subscribes: out/pose
 Publishes: out/mesh_blocks, out/view
 Arena: reads keyframes, map, map_state, load_level
@@ -15,6 +17,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.meshing.block_surface import Block
 from hsslam_node.meshing.live_mesh import HasTime, LiveMesh
@@ -27,7 +30,8 @@ from hsslam_proto import topics
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
 from hsslam_proto.messages import Pose, View
-from hsslam_services.arena.map_snapshot import published_params
+from hsslam_proto.requests import QUERY
+from hsslam_services.arena.asked_map import AskedMap
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
@@ -119,6 +123,8 @@ class _MesherLoop:
         self._mode = MapState(worker.run.arena_dir)
         self._blocks = worker.bus.publisher(topics.MESH_BLOCKS)
         self._blocks.answer_with(self._all_blocks)
+        asked_map = AskedMap(worker.arena, worker.options.slam, self._mode)
+        worker.bus.answer(QUERY, asked_map.answer)
         self._level = SharedLevel(worker.run.arena_dir)
         self._view = ModelView(worker.bus, self._level)
         config = worker.options.slam
@@ -127,7 +133,6 @@ class _MesherLoop:
         )  # of the mesh: a thread of the bus answers who asks for all of it
         self._mesh = LiveMesh(SparseSpace(config.mesher.voxel_m), config.field.truncation_m)
         self._marked = MarkedKeyframes(self._mesh)
-        self._params = np.zeros(0, np.float32)
         self._series = time.monotonic_ns()
         self._revision = 0
         self._version = 0
@@ -159,9 +164,14 @@ class _MesherLoop:
         pose = self._view.newest_pose()
         if pose is not None:
             with self._worker.timed("view"):
-                self._params = published_params(parameters, self._params)[1]
-                queries = open_map_queries(parameters.layout, self._params, self._device)
+                queries = self._queries(parameters)
                 self._view.show(pose, store.camera, parameters.layout, queries)
+
+    def _queries(self, parameters: FieldParameters) -> Queries:
+        """Ask the parameters as they are stepped: a copy would be as large as the map, and what a step moves
+        meanwhile is far less than what makes a block's mesh another one."""
+        parameters.follow()
+        return open_map_queries(parameters.layout, parameters.params, self._device)
 
     def work(self) -> None:
         """One refresh: mark keyframes, mesh what changed, publish; what time does not permit waits."""
@@ -170,9 +180,8 @@ class _MesherLoop:
         start = time.monotonic()
         if not self._mesh.waiting:
             self._begun_s = start
-        self._version, self._params = published_params(parameters, self._params)
+        queries, self._version = self._queries(parameters), parameters.version
         self._poses_version = store.count, store.pose_version
-        queries = open_map_queries(parameters.layout, self._params, self._device)
 
         def has_time(share: float) -> HasTime:
             end = start + share * _REFRESH_S

@@ -9,7 +9,7 @@ from hsslam_proto.topics import EVENT, HEALTH, TOPICS
 
 ARENA_ARRAYS = {  # group, as in a header: how the names of its arrays begin
     "keyframes": ("keyframe",),
-    "map": ("params", "adam_", "published", "field_"),
+    "map": ("params", "adam_", "gradient", "published", "field_"),
     "map_state": ("map_state",),
     "load_level": ("load_level",),
     "pose_log": ("pose_",),

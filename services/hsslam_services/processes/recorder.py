@@ -56,7 +56,7 @@ class Recorder:
 
     A restarted recorder opens the next part at once, finishes that of its predecessor beside it, and
     logs what publishers kept meanwhile once. Nearly full disk: frames, meshes and run.rrd are left out,
-    all else goes on. `tell(level, text)` takes its events.
+    all else goes on. `report(level, text)` takes its events.
     `viewer_memory_gb`: limit of a viewer that is started here (None: its default). `is_lockstep`: publishes
     a step for each frame that is logged; otherwise only once the source has ended.
 
@@ -70,20 +70,20 @@ class Recorder:
         run_dir: Path,
         run_id: str,
         viewer: str,
-        tell: Report,
+        report: Report,
         log: LogSettings | None = None,
         viewer_memory_gb: float | None = None,
         is_lockstep: bool = False,
     ) -> None:
         self._bus = bus
         self._run_dir = run_dir
-        self._tell = tell
+        self._report = report
         self._skipped: Counter[str] = Counter()
-        self._disk = DiskReport(run_dir, tell)
+        self._disk = DiskReport(run_dir, report)
         self._unusable = 0
         self._beating: set[str] = set()
         try:
-            self._unfinished = UnfinishedParts(run_dir, tell)
+            self._unfinished = UnfinishedParts(run_dir, report)
             self._recorded = RecordedSoFar(run_dir, run_id)
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
@@ -93,7 +93,7 @@ class Recorder:
         self._whole_mesh = WholeMesh(self._log.path, time.monotonic())
         self._foxglove = FoxgloveLayer(self._log.write_viz)
         rrd = self._log.path.with_suffix(".rrd")
-        self._view = RerunView(rrd, viewer, run_id, tell, viewer_memory_gb)
+        self._view = RerunView(rrd, viewer, run_id, report, viewer_memory_gb)
         self._steps = bus.publisher(STEP)
         self._confirms = is_lockstep
         self._logged: Step | None = None  # the newest frame
@@ -161,7 +161,7 @@ class Recorder:
         self._unfinished.close()
         if lost_bytes or refused:
             lost = f"{lost_bytes} bytes and {refused} messages were not written"
-            self._tell("error", f"{self._log.path}: disk full, {lost}")
+            self._report("error", f"{self._log.path}: disk full, {lost}")
         return {
             **self.counters(),
             "complete": lost_bytes == refused == 0,

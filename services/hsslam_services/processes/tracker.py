@@ -15,17 +15,18 @@ import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.map.pose_log import INITIAL, LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.map.pose_log import STATUS, PoseLog, Status, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.tracked_frame import Status, TrackResult
+from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder, Place
-from hsslam_proto.pose_codec import wire_pose
+from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.odometry import Odometry
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -36,8 +37,7 @@ from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
-_STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
-_STATUS_NAMES: dict[int, Status] = {code: name for name, code in _STATUS.items()}
+_STATUS_NAMES: dict[int, Status] = {code: name for name, code in STATUS.items()}
 
 
 def main() -> None:
@@ -68,6 +68,7 @@ class _TrackerLoop:
         self._order = order
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._log = PoseLog(worker.arena)
+        self._odometry = Odometry(self._log, worker.options.slam.tracker.longest_gap_s)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
@@ -114,16 +115,18 @@ class _TrackerLoop:
             source_stamp_ns=frame.stamp_ns,
             stamp_ns=message.stamp_ns,
             publish_ns=publish_ns,
-            status=_STATUS[result.status],
+            status=STATUS[result.status],
             keyframe=result.keyframe,
             T_world_cam=result.T_world_cam,
             T_keyframe_cam=result.T_keyframe_cam,
             quality=result.quality,
             map_version=result.map_version,
-            pose_version=pose_version,
+            pose_version=pose_version if result.pose_version is None else result.pose_version,
             map_epoch=self._mode.map_epoch,
             publisher=place.publisher,
+            covariance=result.covariance,
         )
+        self._odometry.add(row, self._link.store())
         if not self._log.append(row):
             self._worker.count("poses not logged")
         self._order.take(place)
@@ -142,7 +145,7 @@ class _TrackerLoop:
             self._worker.counters["load_level"] = self._governor.level
         if self._tracker is not None:
             with self._worker.timed("settle"):
-                self._tracker.settle()
+                self._tracker.prepare_next()
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
@@ -239,6 +242,8 @@ def _pose_message(
         map_epoch=int(row["map_epoch"]),
         publisher=int(row["publisher"]),
         pose_version=int(row["pose_version"]),
+        covariance=wire_covariance(row["covariance"]),
+        odometry=wire_odometry(row["T_odom_cam"]),
         stage_ms=stages_ms,
     )
 

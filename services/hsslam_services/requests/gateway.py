@@ -14,6 +14,7 @@ from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import rejected_messages, run_status
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.spawn import Spawn
+from hsslam_services.requests.map_query import PassedOnQueries
 from hsslam_services.requests.map_reset import MapReset
 from hsslam_services.requests.map_save import MapSaving
 from hsslam_services.requests.mesh_and_trajectory import NewestMesh, rows_of, trajectory_so_far
@@ -38,6 +39,7 @@ class Gateway:
         self._pause = CameraPause(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
+        self._queries = PassedOnQueries(bus)
         self._saving = MapSaving(run, spawn)
         self._reset = MapReset(bus, run, spawn, self._pause)
 
@@ -106,6 +108,8 @@ class Gateway:
         match asked.request:
             case rpc.MESH:
                 self._mesh.ask(asked)
+            case rpc.QUERY:
+                self._queries.ask(asked)
             case rpc.TRAJECTORY:
                 self._answer_trajectory(asked)
             case rpc.STOP:

@@ -44,6 +44,7 @@ class MapReset:
         self._mode = MapState(run.arena_dir)
         self._events = bus.publisher(topics.EVENT)
         self._asked: list[PendingRequest] = []
+        self._children: list[Child] = []  # that hold state of the map
         self._steps: _Steps | None = None
 
     @property
@@ -77,9 +78,9 @@ class MapReset:
         elif not has_map:
             asked.refuse("not_now", "reset: there is no map yet")
         else:
-            of_map = [child for child in children.values() if child.spec.restarts_with_map]
+            self._children = [c for c in children.values() if c.spec.restarts_with_map]
             self._asked.append(asked)
-            self._steps = self._reset(state, of_map)
+            self._steps = self._reset(state, self._children)
 
     def tick(self) -> None:
         """Do what can be done now; never blocks."""
@@ -89,6 +90,11 @@ class MapReset:
             next(self._steps)
         except StopIteration:
             self._steps = None
+        except OSError as error:
+            self._steps = None
+            self._go_on()
+            self._pause.release()
+            self._answer(f"{error.strerror or error}; the map stays")
 
     def close(self) -> None:
         """End what is still at work."""
@@ -106,11 +112,8 @@ class MapReset:
             remove_arrays(Path(self._run.arena_dir), PoseLog.owns)
             self._mode.map_epoch += 1
             state.forget_map()
-            self._tell(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
-        self._mode.is_given_up = False
-        for child in children:
-            child.renew()
-            child.wanted = not child.spec.is_late
+            self._report(f"the map was thrown away, as asked: map epoch {self.map_epoch} begins")
+        self._go_on()
         needed = [child for child in children if child.spec.ends_run]
         while not all(child.state == "running" for child in needed):
             if any(child.state == "failed" for child in needed):
@@ -119,6 +122,13 @@ class MapReset:
             yield
         self._pause.release()
         self._answer(f"{error}; the map stays" if error else "")
+
+    def _go_on(self) -> None:
+        """Start the processes of the map again."""
+        self._mode.is_given_up = False
+        for child in self._children:
+            child.renew()
+            child.wanted = not child.spec.is_late
 
     def _save_trajectories(self) -> Generator[None, None, str]:
         """Run the process that writes them; returns "" or what went wrong."""
@@ -141,7 +151,8 @@ class MapReset:
                 process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(_KILL_TIMEOUT_S)
-        update_summary(self._run.path, read_result(self._run.path, name).summary)
+        with contextlib.suppress(OSError):  # a full disk: the trajectories are what counts
+            update_summary(self._run.path, read_result(self._run.path, name).summary)
         return last_error(self._run.path, TRAJECTORY_SAVER) if code else ""
 
     def _answer(self, error: str) -> None:
@@ -154,7 +165,7 @@ class MapReset:
                     Done(text=f"the map was thrown away: map epoch {self.map_epoch} begins")
                 )
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         now = time.time_ns()
         self._events.put(Event(process="control", level="warning", text=text, stamp_ns=now))
 

@@ -5,6 +5,7 @@ import threading
 from pathlib import Path
 
 import numpy as np
+import zenoh
 
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
@@ -19,6 +20,8 @@ from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 
+_MOST_WAITING = 16
+
 
 class NewestMesh:
     """Answers with the mesh as the mesher has it; asking and joining is work for a thread of its own."""
@@ -26,12 +29,16 @@ class NewestMesh:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._map_epoch = 0
-        self._waiting: queue.SimpleQueue[PendingRequest] = queue.SimpleQueue()
+        self._waiting: queue.Queue[PendingRequest] = queue.Queue(_MOST_WAITING)
         self._thread: threading.Thread | None = None
 
     def ask(self, asked: PendingRequest) -> None:
-        """Answer as soon as the mesher has."""
-        self._waiting.put(asked)
+        """Answer as soon as the mesher has; refused if many wait already."""
+        try:
+            self._waiting.put_nowait(asked)
+        except queue.Full:
+            asked.refuse("busy", f"mesh: {_MOST_WAITING} clients wait for it: expected fewer")
+            return
         if self._thread is None:
             self._thread = threading.Thread(target=self._answer_all, name="meshes", daemon=True)
             self._thread.start()
@@ -43,14 +50,20 @@ class NewestMesh:
     def _answer_all(self) -> None:
         while True:
             asked = self._waiting.get()
-            live = AssembledMesh()
-            for message in self._bus.state(topics.MESH_BLOCKS):
-                live.add(message)
-            whole = live.whole() if live.map_epoch >= self._map_epoch else None
-            if whole is None:
-                asked.refuse("not_now", "mesh: there is none yet: expected keyframes first")
-                continue
-            asked.answer(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
+            try:
+                self._answer(asked)
+            except (zenoh.ZError, MemoryError) as error:
+                asked.refuse("failed", f"mesh: {error}")
+
+    def _answer(self, asked: PendingRequest) -> None:
+        live = AssembledMesh()
+        for message in self._bus.state(topics.MESH_BLOCKS):
+            live.add(message)
+        whole = live.whole() if live.map_epoch >= self._map_epoch else None
+        if whole is None:
+            asked.refuse("not_now", "mesh: there is none yet: expected keyframes first")
+            return
+        asked.answer(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
 
 
 def trajectory_so_far(arena_dir: Path, map_epoch: int = 0) -> Trajectory | None:

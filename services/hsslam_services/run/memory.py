@@ -17,13 +17,13 @@ _TRIM = getattr(_LIBC, "malloc_trim", None)  # of glibc alone
 _MALLOPT = getattr(_LIBC, "mallopt", None)
 
 
-def return_large_arrays() -> None:
-    """From now on arrays of 0.5 MB or more go back to the system once they are freed.
+def return_large_arrays(least_bytes: int = _LARGE_BYTES) -> None:
+    """From now on arrays of `least_bytes` or more go back to the system once they are freed.
 
     The system clears the next one, which takes time that tracking does not have.
     """
     if _MALLOPT is not None:
-        _MALLOPT(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        _MALLOPT(_M_MMAP_THRESHOLD, least_bytes)
 
 
 def return_free_memory() -> None:

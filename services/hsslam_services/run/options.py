@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 from hsslam_node.config import SlamConfig
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.sources.options import (
     CameraOptions,
     RealsenseOptions,
@@ -18,7 +19,7 @@ from hsslam_node.sources.options import (
     SynthOptions,
 )
 from hsslam_services.run.exit_code import exit_code_help
-from hsslam_services.run.source_table import comes_over_bus, needs_port
+from hsslam_services.run.source_table import comes_over_bus, needs_port, sources_help
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
@@ -28,17 +29,6 @@ _VIEWERS = ("auto", "none", "web", "spawn")
 @dataclass(frozen=True)
 class ServeOptions:
     """Dense RGB-D SLAM as a service: tracks a camera, builds a mesh, logs everything.
-
-    Sources:
-      synth:room, synth:apartment, synth:corridor, synth:person   built-in scenes
-      tum:fr1/desk, tum:fr2/xyz, tum:fr3/office                   downloaded if not on disk
-      tum:FOLDER, replica:FOLDER, scannet:FOLDER or FILE.sens     datasets
-      7scenes:FOLDER                                              a sequence of 7-Scenes
-      record:FOLDER                                               images in color/ and depth/
-      mcap:FILE or mcap:RUN                                       the frames of a log
-      ros2:/camera                                                a ROS 2 camera, over rmw_zenoh
-      realsense                                                   an Intel RealSense camera on USB
-      zenoh:                                                      frames that another program publishes
 
     Examples:
       hsslam-serve --source tum:my_recording --viewer web --out runs/mine
@@ -51,7 +41,7 @@ class ServeOptions:
         UserError: an option has a value that cannot be used.
     """
 
-    EPILOGUE: ClassVar = exit_code_help()
+    EPILOGUE: ClassVar = f"{sources_help()}\n\n{exit_code_help()}"
     BASIC: ClassVar = (
         *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
         *("localise_only", "seed", "noise", "rate_hz", "start", "stride", "frames"),
@@ -61,12 +51,11 @@ class ServeOptions:
             "log_color",
             "log_keep",
             "evaluate",
-            "finish_s",
             "robot",
             "zenoh_port",
             "bind",
         ),
-        *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2.info"),
+        *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2_out"),
         *("ros2.domain", "ros2.connect", "realsense.serial"),
     )
     VALUES: ClassVar = {
@@ -84,6 +73,7 @@ class ServeOptions:
         "ros2.depth": "TOPIC",
         "ros2.info": "TOPIC",
         "ros2.connect": "ENDPOINT",
+        "ros2_out": "NAMESPACE",
         "realsense.serial": "NUMBER",
     }
 
@@ -100,9 +90,9 @@ class ServeOptions:
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 1.0
-    """Shared memory of the run, GB; from 70 % on redundant keyframes go."""
+    """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
-    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.25)."""
+    """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.15)."""
     out: str = ""
     """Run folder for all results (empty: runs/SOURCE-TIME)."""
     maps: str = "maps"
@@ -128,15 +118,21 @@ class ServeOptions:
     to_and_fro: int = 1
     """Play the frames of a recording N times, every second time backwards."""
     hold_at: int = 0
-    """Number of the frame that --hold-frames holds."""
+    """Number of the frame that --hold-frames repeats."""
     hold_frames: int = 0
-    """Show that frame N times more, as a camera that stands still."""
+    """Repeat that frame N times, like a camera that stands still."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    ros2_out: str = ""
+    """Publish to ROS 2 below this namespace, as /hsslam (empty: off)."""
+    ros2_tf: bool = True
+    """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
+    base_T_camera: tuple[float, ...] = ()
+    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log; png is lossless and 7 times as large."""
@@ -147,7 +143,7 @@ class ServeOptions:
     evaluate: bool = True
     """Compare with ground truth at the end of the run, if the source has it."""
     finish_s: float | None = None
-    """From the stop to the saved map, s (none: 10, in lockstep no limit)."""
+    """Time limit from the stop until the map is saved, s (none: 10; in lockstep no limit)."""
     robot: str = "robot"
     """Name of this robot in the zenoh keys hsslam/NAME/..."""
     zenoh_port: int | None = None
@@ -184,6 +180,9 @@ class ServeOptions:
                 f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot relocalise "
                 "in a saved map: expected alignment, as in --preset realtime"
             )
+        if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
+            raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
+        RobotFrames.mounted(self.base_T_camera)
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
         if self.start < 0:
@@ -220,14 +219,16 @@ class ServeOptions:
     @property
     def outside_place(self) -> str:
         """ADDRESS:PORT where other programs connect; empty if only processes of this user may."""
-        asked = self.zenoh_port or self.bind or self.security or needs_port(self.source)
+        asked = self.zenoh_port or self.bind or self.security or self.ros2_out
+        asked = asked or needs_port(self.source)
         port = _ZENOH_PORT if self.zenoh_port is None else self.zenoh_port
         return f"{self.bind or '127.0.0.1'}:{port}" if asked else ""
 
     @property
     def ros_domain(self) -> int | None:
-        """The domain of the ROS nodes that may use the router; None without a ROS camera."""
-        return self.ros2.domain if needs_port(self.source) and self.has_camera_process else None
+        """The domain of the ROS nodes that may use the router; None if the run does not speak to any."""
+        has_ros_camera = needs_port(self.source) and self.has_camera_process
+        return self.ros2.domain if has_ros_camera or self.ros2_out else None
 
     @property
     def finish_budget_s(self) -> float:

@@ -13,6 +13,7 @@ from hsslam_node.sources.source_row import (
 _LOG = SourceRow(
     kind="mcap",
     examples=("mcap:RUN", "mcap:FILE"),
+    brief="the frames of a log",
     about="the frames of a [log](logs.md#replay-a-log)",
     opener="hsslam_services.log.source:McapSource",
     looks_like=either(has_files("run*.mcap"), has_suffix(".mcap")),
@@ -24,6 +25,7 @@ SERVICE_SOURCES = (
     SourceRow(
         kind="ros2",
         examples=("ros2:/camera",),
+        brief="a ROS 2 camera, over rmw_zenoh",
         about="[a camera in ROS 2](#ros-2-cameras) over rmw_zenoh",
         opener="hsslam_services.camera.ros2_source:Ros2Source",
         is_live=True,
@@ -34,13 +36,26 @@ SERVICE_SOURCES = (
     SourceRow(
         kind="zenoh",
         examples=("zenoh:",),
+        brief="frames that another program publishes",
         about="[frames that another program publishes](#a-camera-driver-of-your-own)",
         opener=None,
         only_examples=True,
         needs_port=True,
     ),
 )
+_EXAMPLES_WIDTH = 40  # characters of a line of `--help`
 ALL_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
+
+
+def sources_help() -> str:
+    """The table as lines of `--help`."""
+    lines = ["Sources:"]
+    for row in ALL_SOURCES:
+        examples = ", ".join(row.examples)
+        own_line = len(examples) >= _EXAMPLES_WIDTH
+        lines += [f"  {examples}"] if own_line else []
+        lines.append(f"  {'' if own_line else examples:<{_EXAMPLES_WIDTH}}{row.brief}")
+    return "\n".join(lines)
 
 
 def is_live(spec: str) -> bool:
@@ -59,6 +74,12 @@ def needs_port(spec: str) -> bool:
     """Whether programs outside the run send the frames: a driver of its own, or ROS nodes."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.needs_port
+
+
+def speaks_ros2(spec: str) -> bool:
+    """Whether frames carry stamps of ROS."""
+    row = find_row(spec, ALL_SOURCES)
+    return row is not None and row.kind == "ros2"
 
 
 def log_place(spec: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import zenoh
 
-from hsslam_proto.requests import MESH, REQUESTS, STATUS, TRAJECTORY
+from hsslam_proto.requests import MESH, QUERY, REQUESTS, STATUS, TRAJECTORY
 from hsslam_proto.topics import TOPICS, Topic
 
 WORKER_LINK = "unixsock-stream"  # a socket in the arena's folder: processes of this user alone
@@ -37,9 +37,9 @@ ROLES: tuple[Role, ...] = (
     Role("camera", "publishes frames", ("in/**",), ("sys/*", "out/pose", "out/map")),
     Role(
         "viewer",
-        "looks on: images, poses, meshes, status",
+        "looks on: images, poses, meshes, distances, status",
         hears=("in/**", "out/**", "sys/*"),
-        asks=tuple(request.name for request in (STATUS, MESH, TRAJECTORY)),
+        asks=tuple(request.name for request in (STATUS, MESH, TRAJECTORY, QUERY)),
     ),
     Role(
         "operator",

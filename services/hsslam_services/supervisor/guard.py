@@ -10,12 +10,12 @@ _TOLD_AGAIN = 100  # times as many failures as when it was reported last
 class Guard:
     """Runs the parts of a turn, reports what they raise, and says when a needed part does not recover.
 
-    `tell(text)` takes the lines: the first of each part, then ever fewer. `failures` counts by part.
+    `report(text)` takes the lines: the first of each part, then ever fewer. `failures` counts by part.
     """
 
-    def __init__(self, tell: Callable[[str], None], patience_s: float = _PATIENCE_S) -> None:
+    def __init__(self, report: Callable[[str], None], patience_s: float = _PATIENCE_S) -> None:
         self.failures: dict[str, int] = {}
-        self._tell = tell
+        self._report = report
         self._patience_s = patience_s
         self._failing_since_s: dict[str, float] = {}  # needed parts
         self._tell_at: dict[str, int] = {}
@@ -45,4 +45,4 @@ class Guard:
             return
         self._tell_at[part] = _TOLD_AGAIN * count
         text = " ".join(str(error).split()) or type(error).__name__
-        self._tell(f"supervisor: {part}: {text} ({count} x)")
+        self._report(f"supervisor: {part}: {text} ({count} x)")

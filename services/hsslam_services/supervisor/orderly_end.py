@@ -46,7 +46,7 @@ class OrderlyEnd:
     turn: Callable[[], None]
     run_alone: Callable[[str, int], str]
     signals: Callable[[], int]
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
     not_saved: dict[str, str] = field(default_factory=dict)
 
     def to_the_end(self) -> None:
@@ -76,7 +76,7 @@ class OrderlyEnd:
     def miss(self, artefact: str, why: str) -> None:
         """Note and report that something is not saved."""
         self.not_saved[artefact] = why
-        self.tell(f"{artefact} not saved: {why}")
+        self.report(f"{artefact} not saved: {why}")
 
     def _stop(self, stage: int) -> None:
         of_stage = [c for c in self.children.values() if c.spec.stop_stage == stage]

@@ -23,6 +23,7 @@ from hsslam_services.arena.map_state import MapState
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.health.http_server import MetricsServer
 from hsslam_services.launch.one_shot import start_watchdog
+from hsslam_services.ros2.type_store import expect_packages
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
@@ -53,11 +54,13 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
     Arenas whose run and watchdog are dead are saved and removed by a watchdog beside this run.
 
     Raises:
-        UserError: no permission for the folder, port taken, no shared memory.
+        UserError: no permission for the folder, port taken, no shared memory, a package is missing.
         KeyboardInterrupt: cancelled while an earlier run in this folder is being saved.
     """
     if options.map:
         find_map(options.maps, options.map)
+    if options.ros2_out:
+        expect_packages(f"--ros2-out {options.ros2_out}")
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
     _save_dead_arenas()
     run_dir = _run_folder(options, is_cancelled)

@@ -60,10 +60,16 @@ class RunLoop:
         self._metrics = prepared.metrics
         self._certificate = CertificateWarnings(prepared.router.certificate_end)
         self._children = {
-            spec.name: Child(spec, self._info.path, fork_client.spawn)
+            spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
             for spec in PROCESSES
-            if self._info.options.has_camera_process or not spec.reads_source
+            if spec.exists(
+                has_camera=self._info.options.has_camera_process,
+                has_ros2_out=bool(self._info.options.ros2_out),
+            )
         }
+
+    def _has_poses(self) -> bool:
+        return self._listener.state.tracked > 1
 
     def to_the_end(self) -> ExitCode:
         """Run, stop in order, save; returns the exit code.
@@ -79,7 +85,7 @@ class RunLoop:
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about 40 s")
                 if error := self._run_alone(WARM_UP, patience=0):
-                    self._tell(f"warm_up: {error}")
+                    self._report(f"warm_up: {error}")
             self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
                 raise UserError(error)
@@ -92,10 +98,11 @@ class RunLoop:
         return self._exit_code(reason)
 
     def kill_all(self) -> None:
-        """End every process that still runs."""
+        """End every process that still runs; what was said is written then."""
         self._guard.run("requests", self._gateway.close)
         for child in self._children.values():
             self._guard.run(child.spec.name, child.kill)
+        self._status.drain()
 
     def _until_stop(self) -> StopReason:
         """Tick until there is a reason to stop."""
@@ -149,10 +156,10 @@ class RunLoop:
 
     def _tell_news(self) -> None:
         if warning := self._certificate.take(datetime.datetime.now(datetime.UTC)):
-            self._tell(warning)
+            self._report(warning)
         for reporter in (*self._children.values(), self._fork_client):
             while reporter.news:
-                self._tell(reporter.news.pop(0))
+                self._report(reporter.news.pop(0))
 
     def _look_at_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
@@ -169,7 +176,7 @@ class RunLoop:
             )
         )
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         self._status.say(text, "warning")
         now = time.time_ns()
         self._events.put(Event(process="supervisor", level="warning", text=text, stamp_ns=now))
@@ -189,7 +196,7 @@ class RunLoop:
             self._tick,
             self._run_alone,
             self._signals,
-            lambda text: self._guard.run("events", lambda: self._tell(text)),
+            lambda text: self._guard.run("events", lambda: self._report(text)),
         )
         end.to_the_end()
         self._wait_while(lambda: self._gateway.is_busy)

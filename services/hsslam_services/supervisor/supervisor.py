@@ -55,6 +55,7 @@ class Supervisor:
         if warm_stamp().exists():
             fork_client.start()
         watchdog = start_watchdog(info.path, arena.path)
+        is_in_order = False
         try:
             with Bus(info.endpoint, info.robot, "supervisor") as bus:
                 run = RunLoop(prepared, bus, fork_client, lambda: self._signals)
@@ -64,15 +65,20 @@ class Supervisor:
                     run.kill_all()
         except UserError:
             arena.remove()
+            is_in_order = True
             raise
         else:
             self._free(arena, info, code, run.not_saved)
+            is_in_order = True
             return code
         finally:
             fork_client.close()
             prepared.close()
             arena.let_go()
-            expect_end(watchdog)
+            if is_in_order:
+                expect_end(
+                    watchdog
+                )  # else it saves what the arena holds, and outlives this process
 
     def _free(
         self, arena: ArenaFolder, info: RunInfo, code: ExitCode, not_saved: Mapping[str, str]

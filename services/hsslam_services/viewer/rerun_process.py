@@ -17,7 +17,7 @@ from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 _PORT = 9876
 _WEB_PORT = 9090
 _SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
-_MEMORY_GB = {"spawn": 0.5, "web": 0.25}  # unless the user says otherwise
+_MEMORY_GB = {"spawn": 0.5, "web": 0.15}  # unless the user says otherwise
 
 
 class ViewerProcess:
@@ -25,7 +25,7 @@ class ViewerProcess:
 
     The native viewer is the user's window and stays when the run ends; the web server does not.
     `page` is the address to open in a browser, None for the native viewer. `memory_gb`: what it keeps at
-    most, GB (None: 0.5 for the native viewer, 0.25 for the server); it then forgets the oldest data.
+    most, GB (None: 0.5 for the native viewer, 0.15 for the server); it then forgets the oldest data.
 
     Raises:
         UserError: the viewer cannot be started.

@@ -45,7 +45,7 @@ _LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2)
 class RerunView:
     """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
 
-    `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.25 GB).
+    `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.15 GB).
     `show` never waits: frames push out older frames. A viewer that is closed or does not take data
     is told once through `tell`; the file goes on.
 
@@ -58,14 +58,14 @@ class RerunView:
         rrd: Path,
         viewer: str,
         recording_id: str,
-        tell: Report,
+        report: Report,
         memory_gb: float | None = None,
     ) -> None:
         self._process: ViewerProcess | None = None
-        live = None if viewer == "none" else self._open_viewer(viewer, tell, memory_gb)
+        live = None if viewer == "none" else self._open_viewer(viewer, report, memory_gb)
         self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
         if live is not None:
-            watch = _Watch(viewer, tell, self._process)
+            watch = _Watch(viewer, report, self._process)
             self._threads.append(_Drawing(live, recording_id, _LIVE, watch))
 
     @property
@@ -93,11 +93,11 @@ class RerunView:
         if self._process is not None:
             self._process.close()
 
-    def _open_viewer(self, viewer: str, tell: Report, memory_gb: float | None) -> rr.GrpcSink:
+    def _open_viewer(self, viewer: str, report: Report, memory_gb: float | None) -> rr.GrpcSink:
         if viewer in ("spawn", "web"):
             process = ViewerProcess("spawn" if viewer == "spawn" else "web", memory_gb)
             if process.page is not None:
-                tell("info", f"viewer: open {process.page}")
+                report("info", f"viewer: open {process.page}")
             self._process = process
             return rr.GrpcSink(process.url)
         address = viewer.removeprefix("connect:")
@@ -116,9 +116,9 @@ class _Watch:
     While it takes none, the queue loses what is old, and what is new is drawn when it comes round.
     """
 
-    def __init__(self, viewer: str, tell: Report, process: ViewerProcess | None) -> None:
+    def __init__(self, viewer: str, report: Report, process: ViewerProcess | None) -> None:
         self._viewer = viewer
-        self._tell = tell
+        self._report = report
         self._process = process
         self._next_s = time.monotonic() + _CHECK_S
         self._patience_s = _FIRST_CHECK_S
@@ -140,14 +140,14 @@ class _Watch:
         self._patience_s = _CHECK_S
         self._next_s = time.monotonic() + _CHECK_S
         if ended:
-            self._tell("warning", f"viewer {self._viewer} is closed; the run goes on without it")
+            self._report("warning", f"viewer {self._viewer} is closed; the run goes on without it")
         return ended
 
     def takes_nothing(self) -> None:
         """Tell it, once until it takes data again."""
         if not self._was_told:
             self._was_told = True
-            self._tell("warning", f"viewer {self._viewer} takes no data; the run goes on")
+            self._report("warning", f"viewer {self._viewer} takes no data; the run goes on")
 
 
 class _Drawing(threading.Thread):

@@ -8,8 +8,8 @@ import pytest
 import torch
 from skimage.metrics import structural_similarity
 
+from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.evaluation.image_quality import image_quality, psnr_db, ssim
-from hsslam_node.evaluation.map_renderer import MapRenderer
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.reference.field import HybridField
 from hsslam_node.reference.rendering import render_rays
@@ -50,7 +50,8 @@ def test_a_drawn_image_is_that_of_the_reference(checkpoint):
     frame, pose = room_frames()[6], room_poses()[6]
     depth = np.zeros_like(frame.depth_m())
     depth[10:110:9, 10:150:7] = frame.depth_m()[10:110:9, 10:150:7]
-    color, drawn_depth = MapRenderer(checkpoint, SMALL).render(depth, frame.camera, pose)
+    renderer = MapRenderer(checkpoint.layout, checkpoint.params, SMALL.sampling)
+    color, drawn_depth = renderer.render(depth, frame.camera, pose)
     v, u = np.nonzero(depth > 0)
     c = frame.camera
     rays = np.stack([(u - c.cx) / c.fx, (v - c.cy) / c.fy, np.ones(len(u))], axis=1)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.allocator import MemoryAllocator
@@ -13,7 +14,6 @@ from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
-from hsslam_services.arena.map_snapshot import map_snapshot
 from tests.small_room import SMALL, MappedRoom, mapped_room
 
 

@@ -1,5 +1,8 @@
 """Keyframes that are retired: their slots are used again, their poses move with an anchor."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.keyframe_rows import SLAB_ROWS
 from hsslam_node.map.keyframe_slots import SLAB_KEYFRAMES
+from hsslam_node.map.pose_correction import PoseCorrection
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 CAMERA = Camera(8, 6, 7.0, 7.5, 3.5, 2.5)
@@ -161,3 +165,47 @@ def test_the_number_of_keyframes_has_no_limit():
     ids = np.array([SLAB_ROWS + 9, 3, SLAB_ROWS])
     np.testing.assert_array_equal(reader.poses_of(ids), reader.poses()[ids])
     assert reader.frame_indices()[-1] == SLAB_ROWS + 9
+
+
+class FullRows(MemoryAllocator):
+    """Refuses to make rows of keyframes."""
+
+    def create(self, name, shape, dtype):
+        if name.startswith("keyframe_meta."):
+            raise OutOfMemoryError(f"array {name}: full")
+        return super().create(name, shape, dtype)
+
+
+def test_without_memory_for_rows_there_is_no_room_and_no_error():
+    store = _store(0, FullRows())
+    assert not store.has_room() and store.refused == 1 and store.count == 0
+
+
+def test_a_correction_waits_for_the_keyframe_that_is_being_appended():
+    store = _store(3, MemoryAllocator())
+    before, wanted, new = store.pose(2), _pose(10), _pose(3)
+    corrections: list[PoseCorrection] = []
+
+    def correct() -> None:
+        corrections.append(store.correct_poses(np.array([2]), wanted[None], known=3))
+
+    thread = threading.Thread(target=correct)
+    with store.appending():
+        version = store.pose_version
+        thread.start()
+        while store.pose_version == version:
+            time.sleep(0.001)
+        store.append(_frame(3), new, version)
+    thread.join(10)
+    np.testing.assert_allclose(store.pose(3), wanted @ inverse(before) @ new, atol=1e-12)
+    assert corrections[0].keyframes.tolist() == [2, 3]
+
+
+def test_a_tracker_that_died_while_it_appended_is_waited_for_once():
+    store = _store(3, MemoryAllocator())
+    store.appending().__enter__()  # it never leaves
+    for _ in range(20):
+        store.correct_poses(np.array([2]), _pose(10)[None], known=3)
+    start_s = time.monotonic()
+    store.correct_poses(np.array([2]), _pose(11)[None], known=3)
+    assert time.monotonic() - start_s < 0.1

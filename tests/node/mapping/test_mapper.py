@@ -62,6 +62,31 @@ def test_the_same_seed_gives_the_same_parameters_to_the_bit():
     assert (first.params != third.params).any()
 
 
+def test_a_gradient_that_a_dead_process_has_left_is_cleared():
+    sound, hurt = empty_room(), empty_room()
+    for room in (sound, hurt):
+        Mapper(SMALL, room.parameters, 0).iterate(room.store)
+    values, touched = hurt.parameters.gradient_arrays()
+    assert not values.any() and not touched.any()
+    stepping = hurt.parameters.stepping(values, touched)
+    stepping.__enter__()  # and it dies in the middle of the step
+    values[::7], touched[::3] = 5.0, 9
+    for room in (sound, hurt):
+        Mapper(SMALL, room.parameters, 1).iterate(room.store)
+    np.testing.assert_array_equal(sound.parameters.params, hurt.parameters.params)
+    assert not values.any() and not touched.any()
+
+
+def test_all_who_step_a_map_share_one_gradient():
+    room = empty_room()
+    alone, together = Mapper(SMALL, empty_room().parameters, 0), Mapper(SMALL, room.parameters, 0)
+    other = Mapper(SMALL, room.parameters, 0)
+    assert alone.iterate(room.store).loss == together.iterate(room.store).loss
+    assert np.isfinite(other.iterate(room.store).loss)
+    values, _ = room.parameters.gradient_arrays()
+    assert np.shares_memory(values, room.parameters.gradient_arrays()[0]) and not values.any()
+
+
 def test_a_restarted_mapper_goes_on_with_the_same_numbers():
     through, restarted = empty_room(), empty_room()
     mapper = Mapper(SMALL, through.parameters, 0)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hsslam_node.meshing.extract_mesh import DepthViews
+from hsslam_node.meshing.depth_views import DepthViews
 
 
 def test_depth_is_made_for_those_that_are_asked_for():

@@ -296,7 +296,7 @@ def test_what_is_settled_early_changes_no_pose():
     eager, lazy = (Tracker(SMALL, _store(), 0) for _ in range(2))
     for frame in frames:
         first = eager.track(frame, None)
-        eager.settle()
+        eager.prepare_next()
         np.testing.assert_array_equal(first.T_world_cam, lazy.track(frame, None).T_world_cam)
 
 

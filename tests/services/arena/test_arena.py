@@ -23,7 +23,7 @@ from hsslam_services.arena.arena_folder import (
     remove_dead_arenas,
     try_own,
 )
-from hsslam_services.arena.process_registry import living_processes
+from hsslam_services.arena.process_registry import enter_process, living_processes
 from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
 
 _POSE = np.dtype([("index", "<i8"), ("T", "<f8", (4, 4)), ("ok", "u1")])
@@ -171,6 +171,13 @@ def test_a_process_of_an_arena_is_known_by_its_start(tmp_path: Path):
     assert living_processes(tmp_path) == {}
     child.kill()
     child.wait()
+
+
+def test_a_process_that_cannot_be_entered_says_so(tmp_path: Path):
+    enter_process(tmp_path / "gone", "mapper")  # the arena went with the supervisor
+    (tmp_path / "processes").touch()
+    with pytest.raises(OSError, match="processes"):
+        enter_process(tmp_path, "mapper")
 
 
 def test_links_and_folders_of_others_are_left_alone(tmp_path: Path):

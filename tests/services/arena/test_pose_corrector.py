@@ -4,6 +4,7 @@ import numpy as np
 
 from hsslam_proto.messages import Correction
 from hsslam_proto.pose_codec import wire_pose
+from hsslam_services.arena import pose_corrector
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.pose_corrector import PoseCorrector
 from tests.small_room import displaced, mapped_room
@@ -33,3 +34,15 @@ def test_a_correction_is_written_and_told(tmp_path):
     assert list(zip(message.t, message.q, strict=True)) == [wire_pose(T) for T in wanted]
     corrector.correct(store, ids[:1], wanted[:1], None, (0.5, 0.25))
     assert heard.messages[1].base_version == 1 and heard.messages[1].loops == []
+
+
+def test_a_large_correction_comes_in_parts(tmp_path, monkeypatch):
+    monkeypatch.setattr(pose_corrector, "_MOST_A_MESSAGE", 2)
+    store, heard = mapped_room().store, _Heard()
+    corrector = PoseCorrector(heard, MapState.create(tmp_path, localise_only=False))
+    ids = np.arange(1, 6)
+    wanted = np.stack([displaced(store.pose(int(k)), 0.02, 1.0) for k in ids])
+    corrector.correct(store, ids, wanted, None, (0.5, 0.25), [(1, 5)])
+    assert [m.keyframes for m in heard.messages] == [[1, 2], [3, 4], [5]]
+    assert {m.pose_version for m in heard.messages} == {1}
+    assert [m.loops for m in heard.messages] == [[(1, 5)], [], []]

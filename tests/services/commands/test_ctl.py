@@ -36,6 +36,10 @@ _OF_RUN = ("camera", "recorder")
         (("status", "x"), "status x: expected status alone"),
         (("set-mode",), "set-mode: expected set-mode mapping|localise-only"),
         (("set-mode", "maping"), "set-mode maping: expected mapping or .*did you mean mapping"),
+        (("query", "1", "2"), "query 1 2: expected query X Y Z"),
+        (("query", "1", "2", "east"), "query 1 2 east: expected query X Y Z in metres"),
+        (("query", "1", "-2", "nan"), "query 1 -2 nan: expected query X Y Z in metres"),
+        (("query", "-x", "2", "1"), "-x: unknown option"),
         (("save", "../x"), "map '../x': expected a name of letters"),
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
@@ -123,7 +127,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert load_checkpoint(maps / "room.safetensors").layout.parameter_count > 0
     again = _ctl("save", "room", *me)
     assert again.returncode == 1
-    assert "refused: save: map room: is there already" in again.stderr
+    assert "refused: save: map room already exists" in again.stderr
 
     out = tmp_path / "now.txt"
     assert f"{held} poses" in _expect("trajectory", "--out", str(out), *me)
@@ -133,6 +137,11 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     mesh = tmp_path / "now.ply"
     run.wait_until(lambda: _ctl("mesh", "--out", str(mesh), *me).returncode == 0, 60)
     assert len(trimesh.load_mesh(mesh).faces) > 100
+
+    (told,) = json.loads(_expect("query", "--json", "0", "-0.1", "0.5", *me))
+    assert told["point"] == [0.0, -0.1, 0.5] and told["known"] and told["certainty"] > 0.5
+    assert told["distance_m"] > 0.05
+    assert re.search(r"0\s+-0.1\s+0.5\s+0.0\d+ .*yes", _expect("query", "0", "-0.1", "0.5", *me))
 
     assert _expect("set-mode", "localise-only", *me) == "localise-only\n"
     assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"

@@ -117,7 +117,7 @@ def test_images_of_another_size_than_the_camera(tum_folder, tmp_path, capsys):
     fields["width"] *= 2
     (tum_folder / "camera.json").write_text(json.dumps(fields))
     assert "images" in faults(f"tum:{tum_folder}", tmp_path)
-    assert "To mend it" in capsys.readouterr().out
+    assert "To fix it" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,10 @@ def watch(run_info: RunInfo):
     health = bus.subscribe(topics.HEALTH, 16)
     children: list[Child] = []
 
-    def start(behaviour: str, **fields: float) -> Child:
+    def start(behaviour: str, *, may_pass: bool = False, **fields: float) -> Child:
         (run_info.path / "behaviour").write_text(behaviour)
-        child = Child(dataclasses.replace(_SPEC, **fields), run_info.path)
+        spec = dataclasses.replace(_SPEC, **fields)
+        child = Child(spec, run_info.path, may_pass=lambda: may_pass)
         child.wanted = True
         children.append(child)
         return child
@@ -99,6 +100,27 @@ def test_bad_input_is_not_tried_again(watch):
     assert child.restarts == 0
 
 
+def test_bad_input_in_a_run_that_works_is_tried_again(watch, run_info: RunInfo):
+    start, until = watch
+    child = start("bad input", may_pass=True)
+    until(lambda: child.restarts == 1)
+    assert "field = 3: expected 4: restart" in child.news[0]
+    (run_info.path / "behaviour").write_text("obedient")
+    until(lambda: child.state == "running")
+    assert child.user_error == ""
+
+
+def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
+    start, until = watch
+    bus = Bus(run_info.endpoint, run_info.robot, "reader")
+    events = bus.subscribe(topics.EVENT, 4)
+    child = start("full disk")
+    until(lambda: (run_info.path / "at_work").exists() and child.state == "running")
+    until(lambda: [e.text for e in events.drain()] == ["a line that its log has no room for"])
+    assert child.restarts == 0
+    bus.close()
+
+
 def test_frozen_process_is_replaced(watch):
     start, until = watch
     child = start("obedient", health_timeout_s=2.0)
@@ -112,7 +134,7 @@ def test_loop_that_does_not_come_round_is_replaced(watch):
     start, until = watch
     child = start("stuck", stall_timeout_s=1.0)
     until(lambda: child.restarts == 1)
-    assert "come round" in child.news[0]
+    assert "made no progress" in child.news[0]
 
 
 def test_deaf_process_is_killed(watch):

@@ -75,7 +75,7 @@ def test_every_chunk_that_is_whole_comes_back(sample, tmp_path_factory, damage, 
     path = tmp_path_factory.mktemp("torn") / "run.mcap"
     path.write_bytes(torn)
     recovered = recover(path)
-    found = _sequences(path)
+    found = _sequences(path, all_defined=places[0] in whole)
     expected = {places.index(place) for place in whole}
     lost = {k for k in expected if not found >= _of_chunk(k)}
     assert lost == set()
@@ -195,14 +195,20 @@ def _of_chunk(k):
     return set(range(k * _PER_CHUNK, (k + 1) * _PER_CHUNK))
 
 
-def _sequences(path):
-    """Sequences of all messages, each on the channel that it was written to."""
+def _sequences(path, all_defined=True):
+    """Sequences of all messages, each on the channel that it was written to.
+
+    Without `all_defined`, the chunk that defines the channels is damaged, and each copy of the definitions
+    may be: recovery then names a channel after its number.
+    """
     with path.open("rb") as stream:
         found = list(make_reader(stream, validate_crcs=True).iter_messages())
     sequences = {message.sequence for _, _, message in found}
     assert len(sequences) == len(found)
     for schema, channel, message in found:
         topic = _TOPICS[message.sequence % 3]
+        if not all_defined and channel.topic == f"lost/{channel.id}":
+            continue
         assert schema is not None
         assert (channel.topic, schema.name) == (topic.key("r"), topic.schema)
     return sequences

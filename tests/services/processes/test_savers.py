@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
-from hsslam_node.map.pose_log import TRACKED, PoseLog, pose_row
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
@@ -48,26 +46,9 @@ def _save_all(run: RunInfo) -> dict[str, Any]:
 
 
 def _fill(arena: Arena, config) -> None:
-    slam, log = Slam(config, seed=0, arrays=arena), PoseLog(arena)
-    frames = open_source("synth:room", SourceOptions(synth=_ROOM, frames=_FRAMES)).frames()
-    for index, frame in enumerate(frames):
-        T = slam.process(frame).T_world_cam
-        assert slam.store is not None
-        keyframe = slam.store.count - 1
-        log.append(
-            pose_row(
-                index=index,
-                source_stamp_ns=frame.stamp_ns,
-                stamp_ns=10**9 * index,
-                publish_ns=10**9 * index + 10**7,
-                status=TRACKED,
-                keyframe=keyframe,
-                T_world_cam=T,
-                T_keyframe_cam=inverse(slam.store.pose(keyframe)) @ T,
-                quality=1.0,
-                map_version=1,
-            )
-        )
+    slam = Slam(config, seed=0, arrays=arena)  # it logs its poses there as well
+    for frame in open_source("synth:room", SourceOptions(synth=_ROOM, frames=_FRAMES)).frames():
+        slam.process(frame)
 
 
 def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo]):

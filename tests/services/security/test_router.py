@@ -5,13 +5,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 import zenoh
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, topics
-from hsslam_proto.request_messages import Ask
-from hsslam_proto.requests import PAUSE, REQUESTS
+from hsslam_proto.point_codec import question_message
+from hsslam_proto.request_messages import Ask, QueryMap, Refusal
+from hsslam_proto.requests import PAUSE, QUERY, REQUESTS
 from hsslam_services.bus.ask import NoServiceError, ask
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.zenoh_session import open_client
@@ -110,7 +112,7 @@ def test_requests_by_role(secure_router):
                         answered[role.name].add(request.name)
                 assert not any(reply.ok for reply in client.get("hsslam/r/rpc/**", timeout=0.3))
     assert answered["camera"] == set()
-    assert answered["viewer"] == {"status", "mesh", "trajectory"}
+    assert answered["viewer"] == {"status", "mesh", "trajectory", "query"}
     assert answered["operator"] == {request.name for request in REQUESTS}
 
 
@@ -154,3 +156,22 @@ def _answering(endpoint: str) -> Iterator[None]:
         time.sleep(0.2)
         yield
         queryable.undeclare()
+
+
+def test_no_client_asks_the_process_that_a_request_is_passed_on_to(secure_router):
+    outside, security = secure_router.outside, str(secure_router.certs / "operator")
+    question, answered = question_message(np.zeros((1, 3))), []
+
+    def answer(asked: QueryMap) -> Refusal:
+        answered.append(asked)
+        return Refusal(reason="not_now", text="heard")
+
+    with Bus(secure_router.inside, "r", "mesher") as mesher:
+        mesher.answer(QUERY, answer)
+        with Bus(secure_router.inside, "r", "supervisor") as supervisor:
+            _until(lambda: [supervisor.pass_on(QUERY, question), *answered][1:])
+        heard = len(answered)
+        with Bus(outside, "r", "outside", security) as operator:
+            refused = operator.pass_on(QUERY, question)
+            assert isinstance(refused, Refusal) and "is not there" in refused.text
+        assert len(answered) == heard

@@ -73,6 +73,7 @@ def test_without_a_port_only_this_user_s_processes_meet(tmp_path):
         ({"source": "tum:fr1/desk"}, ""),
         ({"source": "zenoh:"}, "127.0.0.1:7447"),
         ({"source": "ros2:/camera"}, "127.0.0.1:7447"),
+        ({"ros2_out": "/hsslam"}, "127.0.0.1:7447"),
         ({"zenoh_port": 9}, "127.0.0.1:9"),
         ({"bind": "0.0.0.0"}, "0.0.0.0:7447"),
         ({"security": "certs"}, "127.0.0.1:7447"),

@@ -1,1 +1,1 @@
-"""What the map is worth to tracking: rows that are measured only by name."""
+"""What the map is worth to tracking, and to who asks it: rows that are measured only by name."""

@@ -64,7 +64,7 @@ def _followed(frames: Iterable[Frame], far_m: float, far_deg: float) -> Estimate
         odometry = odometry or _Odometry(frame.camera)
         current = odometry.prepared(frame)
         T: np.ndarray | None = np.eye(4)
-        if keyframe is not None:
+        if keyframe is not None and last is not None:
             T = odometry.motion(keyframe, current)
             if T is None and last is not None and last is not keyframe:
                 keyframe, T_world_keyframe = last, T_world_last

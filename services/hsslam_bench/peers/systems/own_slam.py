@@ -12,7 +12,6 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.warm_start import warm_start
-from hsslam_services.artefacts.mesh_file import final_mesh
 
 _CONFIG = PRESETS["realtime"]
 
@@ -37,6 +36,5 @@ def track_and_map(frames: Iterable[Frame]) -> Estimate:
     tracked = [(stamp, result) for stamp, result in found if result.status != "lost"]
     poses = [T_world_keyframe[result.keyframe] @ result.T_keyframe_cam for _, result in tracked]
     stamps_ns = np.array([stamp for stamp, _ in tracked], np.int64)
-    parameters, voxel_m = slam.parameters, _CONFIG.mesher.final_voxel_m
-    mesh = final_mesh(parameters.layout, parameters.params, slam.store, voxel_m, CPU)
+    mesh = slam.mesh(_CONFIG.mesher.final_voxel_m)
     return Estimate(Trajectory(stamps_ns, np.array(poses)), mesh)

@@ -1,4 +1,4 @@
-"""A peer and what it leaves of a sequence; a file of its own, as all systems share it."""
+"""What a peer leaves of a sequence; alone, as every other system fills it in its own module."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

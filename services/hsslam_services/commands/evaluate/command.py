@@ -81,10 +81,10 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
         RecordedSource(options.source, SourceOptions.among(options)) if options.source else None
     )
     if options.run:
-        subject, of_run = run_subject(options.run, source, _say)
+        subject, of_run = run_subject(options.run, source, _echo)
         return subject, about | of_run
     assert source is not None  # expect_subject
-    source = recorded_source(source.spec, source.options, _say)
+    source = recorded_source(source.spec, source.options, _echo)
     trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
     about |= {"source": options.source, "noise": options.noise}
     return Subject(source.spec, source.options, trajectories, options.mesh), about
@@ -95,7 +95,7 @@ def _own_folder(run: str) -> Path | None:
     return Path(run) / "evaluation" if run and not is_log(run) else None
 
 
-def _say(text: str) -> None:
+def _echo(text: str) -> None:
     print(text, file=sys.stderr)
 
 

@@ -1,15 +1,14 @@
 """`hsslam-log info|recover|trim|export`: shows, repairs, copies and exports logs."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
 
-from hsslam_node import __version__
-from hsslam_node.errors import UserError, did_you_mean
-from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 from hsslam_services.commands.log.options import (
     ExportOptions,
     InfoOptions,
@@ -20,30 +19,13 @@ from hsslam_services.log.reader import log_files, log_parts
 from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"
-_EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
+_PURPOSE = "Shows, repairs, copies and exports logs."
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the command; exit code 0, 1 on interruption, 2 on bad input, reported in one line."""
-    return exit_code(lambda: _command(sys.argv[1:] if args is None else args))
-
-
-def _command(args: Sequence[str]) -> None:
-    name, rest = (args[0] if args else "--help"), args[1:]
-    if name in ("-h", "--help"):
-        print(
-            f"usage: {_PROG} {'|'.join(_COMMANDS)} ...\n\nShows, repairs, copies and exports logs."
-        )
-        for command, (_, purpose) in _COMMANDS.items():
-            print(f"  {_PROG} {command:<10}{purpose}")
-        print(f"\n{_EXIT_CODES}\nEach command has its own --help.")
-    elif name == "--version":
-        print(f"{_PROG} {__version__}")
-    elif name in _COMMANDS:
-        _COMMANDS[name][0](rest)
-    else:
-        known = list(_COMMANDS)
-        raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
+    given = sys.argv[1:] if args is None else args
+    return exit_code(lambda: run_subcommand(_PROG, _PURPOSE, _COMMANDS, given))
 
 
 def _info(args: Sequence[str]) -> None:
@@ -54,7 +36,7 @@ def _info(args: Sequence[str]) -> None:
         raise UserError("info: no log: expected FILE...")
     console = Console(emoji=False, highlight=False, markup=False)
     for place in options.files:
-        for shown in log_info(log_parts(place, _say)):
+        for shown in log_info(log_parts(place, _echo)):
             console.print(shown, soft_wrap=isinstance(shown, Text))
 
 
@@ -71,7 +53,7 @@ def _trim(args: Sequence[str]) -> None:
     from hsslam_services.commands.log.trim import trim
 
     options = parse_options(TrimOptions, f"{_PROG} trim", args)
-    files = log_parts(_given("trim", "IN", options.log), _say)
+    files = log_parts(_given("trim", "IN", options.log), _echo)
     out = Path(_given("trim", "OUT", options.out))
     count = trim(files, out, options.start, options.end)
     print(f"{out}: {count} messages")
@@ -82,9 +64,9 @@ def _export(args: Sequence[str]) -> None:
 
     options = parse_options(ExportOptions, f"{_PROG} export", args)
     place = Path(_given("export", "FILE", options.file))
-    files = log_parts(place, _say)
+    files = log_parts(place, _echo)
     folder = options.out or place.with_name(f"{place.resolve().stem}-export")
-    for line in export(files, folder, options.only, _say):
+    for line in export(files, folder, options.only, _echo):
         print(line)
 
 
@@ -94,11 +76,11 @@ def _given(command: str, what: str, value: str) -> str:
     return value
 
 
-def _say(text: str) -> None:
+def _echo(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-_COMMANDS: dict[str, tuple[Callable[[Sequence[str]], None], str]] = {
+_COMMANDS: dict[str, tuple[Subcommand, str]] = {
     "info": (_info, "shows what logs contain"),
     "recover": (_recover, "makes a log readable that is unfinished or damaged"),
     "trim": (_trim, "copies a part of a log"),

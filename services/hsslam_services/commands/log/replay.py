@@ -102,7 +102,7 @@ def _replay(args: Sequence[str]) -> None:
     if not options.log:
         raise UserError(f"no log: expected FILE; see {_PROG} --help")
     names = wanted_names(options.only or (_STEP if options.step else _ALL))
-    files = log_parts(Path(options.log), _say)
+    files = log_parts(Path(options.log), _echo)
     robot = next((logged.robot for logged in bus_messages(files, names)), None)
     if robot is None:
         raise UserError(
@@ -113,14 +113,14 @@ def _replay(args: Sequence[str]) -> None:
         if not endpoint:
             endpoint = f"tcp/{options.bind}:{options.zenoh_port}"
             stack.callback(open_router(endpoint).close)
-            _say(f"router at {endpoint}, keys hsslam/{robot}/...")
+            _echo(f"router at {endpoint}, keys hsslam/{robot}/...")
         bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
         if not options.step:
             time.sleep(options.delay)
         progress = stack.enter_context(log_progress("replayed", files))
         logged = progress.over(bus_messages(files, names))
         if options.step:
-            sent = StepByStep(bus, _say).replay(logged)
+            sent = StepByStep(bus, _echo).replay(logged)
         else:
             sent = publish(bus, logged, options.rate, POSE.name not in names)
     _show(sent)
@@ -180,7 +180,7 @@ def _show(sent: Counter[str]) -> None:
     Console(emoji=False, highlight=False, markup=False).print(table)
 
 
-def _say(text: str) -> None:
+def _echo(text: str) -> None:
     print(text, file=sys.stderr)
 
 

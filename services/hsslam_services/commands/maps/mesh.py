@@ -4,20 +4,16 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from pathlib import Path
 from typing import ClassVar, Literal
 
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.camera import Camera
-from hsslam_node.meshing.extract_mesh import DepthViews, extract_mesh
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
-from hsslam_services.commands.maps.saved_map import SavedMap
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
 _PROG = "hsslam-mesh"
-_VIEW_PX = 320  # width of the views of maps without images
 
 
 @dataclass(frozen=True)
@@ -79,21 +75,14 @@ def _options(args: Sequence[str]) -> MeshOptions:
 
 
 def _mesh(options: MeshOptions) -> None:
-    saved = SavedMap(Path(options.map), options.device)
-    camera, views = _views(saved)
-    queries, bound = saved.queries, saved.checkpoint.layout.bound
-    mesh = extract_mesh(
-        queries.sdf,
-        queries.color,
-        bound,
-        camera,
-        views,
-        options.voxel,
-        threads=queries.threads,
-    )
+    saved = SavedMap.open(options.map, options.device)
+    if saved.checkpoint.images is None:
+        _draw_views(saved)
+    mesh = saved.mesh(options.voxel)
     if len(mesh.faces) == 0:
         raise UserError(
-            f"{options.map}: its {len(views)} keyframes see no surface: expected a map with a surface"
+            f"{options.map}: its {len(saved.keyframes)} keyframes see no surface: expected a map with "
+            "a surface"
         )
     try:
         with durable_file(options.out) as partial_file:
@@ -105,19 +94,11 @@ def _mesh(options: MeshOptions) -> None:
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
 
 
-def _views(saved: SavedMap) -> tuple[Camera, DepthViews]:
-    """What the keyframes saw, and by which camera: as measured, or as the map shows it to them."""
-    images, poses = saved.checkpoint.images, saved.checkpoint.T_world_keyframe
-    if images is not None:
-        return saved.camera, DepthViews(partial(saved.measured_depth_m, images), poses)
-    camera = saved.camera
-    if camera.width_px > _VIEW_PX:
-        camera = camera.scaled(_VIEW_PX / camera.width_px)
-    views = DepthViews(cache(lambda k: saved.rays.depth(camera, poses[k])), poses)
+def _draw_views(saved: SavedMap) -> None:
+    """What the keyframes of an old map saw is drawn, each once: show that it goes on."""
     with terminal_progress() as progress:
-        for k in progress.track(range(len(views)), description="views"):
-            views[k]
-    return camera, views
+        for k in progress.track(range(len(saved.keyframes)), description="views"):
+            saved.keyframes.depth_m(k)
 
 
 if __name__ == "__main__":

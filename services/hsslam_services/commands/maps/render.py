@@ -10,14 +10,11 @@ from typing import ClassVar, Literal
 import cv2
 import numpy as np
 
-from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.map_renderer import MapRenderer
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_node.presets import REALTIME
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
-from hsslam_services.commands.maps.saved_map import SavedMap
 
 _PROG = "hsslam-render"
 _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
@@ -93,10 +90,8 @@ def _render(options: RenderOptions) -> None:
     poses = read_tum(options.expect_inputs()).T_world_cam[:: options.every]
     if len(poses) == 0:
         raise UserError(f"--trajectory {options.trajectory}: no poses: expected one or more")
-    saved = SavedMap(Path(options.map), options.device)
+    saved = SavedMap.open(options.map, options.device)
     camera = _camera(saved.camera, options)
-    sampling = saved.checkpoint.sampling or REALTIME.sampling
-    renderer = MapRenderer(saved.checkpoint, SlamConfig(sampling=sampling))
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -105,9 +100,8 @@ def _render(options: RenderOptions) -> None:
     try:
         with terminal_progress() as progress:
             for k in progress.track(range(len(poses)), description="images"):
-                depth_m = saved.rays.depth(camera, poses[k])
-                color, _ = renderer.render(depth_m, camera, poses[k])
-                image = cv2.cvtColor((255 * color + 0.5).astype(np.uint8), cv2.COLOR_RGB2BGR)
+                color, _ = saved.render(poses[k], camera)
+                image = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
                 path = options.out / f"{k:06d}.png"
                 if not cv2.imwrite(str(path), image):
                     raise UserError(

@@ -78,7 +78,7 @@ class _Tuples(argparse.Action):
 def _positionals(prog: str, rest: list[str], table: Sequence[Option]) -> dict[str, Any]:
     """What is no option: the values of the positionals, in their order, wherever they stand."""
     for arg in rest:
-        if arg.startswith("-") and len(arg) > 1:
+        if arg.startswith("-") and len(arg) > 1 and not _is_number(arg):
             raise UserError(_unknown(prog, arg, table))
     found: dict[str, Any] = {}
     for option in (option for option in table if option.is_positional):
@@ -89,6 +89,14 @@ def _positionals(prog: str, rest: list[str], table: Sequence[Option]) -> dict[st
     if rest:
         raise UserError(_unknown(prog, rest[0], table))
     return found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _positional(option: Option, text: str) -> Any:

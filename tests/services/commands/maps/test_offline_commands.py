@@ -11,16 +11,16 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.device.device import CPU
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.image_quality import psnr_db
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.map.keyframe_images import KeyframeImages
-from hsslam_services.artefacts.mesh_file import final_mesh
+from hsslam_services.artefacts.mesh_file import mesh_of_arena
 from hsslam_services.commands.maps import mesh as mesh_command
 from hsslam_services.commands.maps import render as render_command
-from hsslam_services.commands.maps.saved_map import SavedMap
 from tests.small_room import SMALL, mapped_room, room_frames, room_poses
 
 
@@ -65,19 +65,21 @@ def test_the_mesh_lies_on_what_the_camera_measured(saved, tmp_path, capsys):
 
 
 def test_the_mesh_of_a_map_with_images_is_that_of_the_service(saved, tmp_path):
-    store = mapped_room().store
-    images = KeyframeImages.of(store)[1]
+    room = mapped_room()
+    images = KeyframeImages.of(room.store)[1]
     checkpoint = replace(load_checkpoint(saved), images=images)
     path, out = tmp_path / "map.safetensors", tmp_path / "mesh.ply"
     save_checkpoint(path, checkpoint)
     mesh_command.main([str(path), "--voxel", "0.08", "-o", str(out), "--device", "cpu"])
-    of_service = final_mesh(checkpoint.layout, checkpoint.params, store, 0.08, CPU)
+    slam = replace(SMALL, mesher=replace(SMALL.mesher, final_voxel_m=0.08))
+    of_service = mesh_of_arena(room.store, room.parameters, slam, CPU, lambda text: None)
     assert len(of_service.faces) > 500
     of_service.export(tmp_path / "service.ply")
     assert out.read_bytes() == (tmp_path / "service.ply").read_bytes()
     undecodable = replace(images, depth=np.zeros_like(images.depth))
+    save_checkpoint(path, replace(checkpoint, images=undecodable))
     with pytest.raises(UserError, match="damaged map: keyframe 0"):
-        SavedMap(path, "cpu").measured_depth_m(undecodable, 0)
+        SavedMap.open(path, "cpu").mesh()
 
 
 def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):

@@ -1,30 +1,29 @@
-"""Images that a saved map would give, on the CPU."""
+"""Images that a map gives, on the CPU."""
 
 import numpy as np
 
-from hsslam_node.config import SlamConfig
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.field.activations import field_activations
 from hsslam_node.kernels.field.forward import field_forward
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.mapping.rendering import render_forward
-from hsslam_node.map.checkpoint import MapCheckpoint
-from hsslam_node.rendering.ray_sampling import sample_rays
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.rendering.ray_sampling import SamplingPattern, sample_rays
 
 _CHUNK_RAYS = 8192
 
 
 class MapRenderer:
-    """Volume rendering of a saved map, with the sampling pattern that it was trained with.
+    """Volume rendering of a map of parameters [P], with the sampling pattern that it was trained with.
 
-    The density is per sample, so the pattern is part of the model: `config` is that of the run.
+    The density is per sample, so the pattern is part of the model.
     """
 
-    def __init__(self, checkpoint: MapCheckpoint, config: SlamConfig) -> None:
-        self._params = checkpoint.params
-        self._layout = kernel_layout(checkpoint.layout)
-        self._truncation_m = checkpoint.layout.config.truncation_m
-        self._pattern = config.sampling
+    def __init__(self, layout: FieldLayout, params: np.ndarray, sampling: SamplingPattern) -> None:
+        self._params = params
+        self._layout = kernel_layout(layout)
+        self._truncation_m = layout.config.truncation_m
+        self._pattern = sampling
         self._beta = float(np.exp(self._params[self._layout.log_beta]))
         self._activations = field_activations(self._layout, _CHUNK_RAYS * self._pattern.count)
 

@@ -27,7 +27,7 @@ class Published:
     took_s: np.ndarray  # [n] tracking and mapping
 
 
-def known_source(spec: str, options: SourceOptions) -> tuple[Source, GroundTruth]:
+def source_with_truth(spec: str, options: SourceOptions) -> tuple[Source, GroundTruth]:
     """The source, and the truth about it.
 
     Raises:

@@ -1,0 +1,161 @@
+"""A dense map that can be asked: distances, rays, free space, views, its mesh and its keyframes."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hsslam_node.dense_map.answers import MapAnswers, RayHits
+from hsslam_node.dense_map.free_space import are_free
+from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.dense_map.map_renderer import MapRenderer
+from hsslam_node.dense_map.measuring import answers_of_field
+from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
+from hsslam_node.dense_map.shapes import Shapes, finite_rows
+from hsslam_node.device.device import CPU, Device
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.layout import FieldLayout
+from hsslam_node.meshing.map_queries import open_map_queries
+from hsslam_node.rendering.ray_sampling import SamplingPattern
+from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
+
+_TRUSTED = 0.6  # of the truncation: farther away the field may say 2 cm too much
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+
+class DenseMap:
+    """One version of a map. Points, poses and distances are metres in the world of the map.
+
+    `SavedMap` opens one from a file, `Slam.map` is what was mapped so far.
+
+    Args:
+        layout: of the parameters.
+        params: [P] float32, read in place: they must stay as they are.
+        keyframes: that the map is made of.
+        sampling: pattern of the rays that it was trained with; views need it.
+        device: where the field is asked.
+        seen: what keyframes saw; it follows them when it is asked.
+    """
+
+    def __init__(
+        self,
+        layout: FieldLayout,
+        params: np.ndarray,
+        keyframes: MapKeyframes,
+        sampling: SamplingPattern,
+        device: Device = CPU,
+        seen: SeenSpace | None = None,
+    ) -> None:
+        self._layout = layout
+        self._params = params
+        self._keyframes = keyframes
+        self._sampling = sampling
+        self._truncation_m = layout.config.truncation_m
+        self._queries = open_map_queries(layout, params, device)
+        self._rays = SdfRayCaster(self._queries.sdf, layout.bound, self._truncation_m)
+        self._seen = seen or SeenSpace(self._truncation_m)
+
+    @property
+    def bound(self) -> Bound:
+        """The box that the map covers."""
+        return self._layout.bound
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that the map was made with."""
+        return self._keyframes.camera
+
+    @property
+    def keyframes(self) -> MapKeyframes:
+        """Poses and depth of the keyframes."""
+        return self._keyframes
+
+    def query(self, points: ArrayLike) -> MapAnswers:
+        """Distance, gradient, known and certainty at points [N, 3].
+
+        The first call looks through the depth of all keyframes (10 ms each), later ones through that of
+        new keyframes.
+
+        Raises:
+            UserError: the points are not [N, 3], or not finite.
+        """
+        rows = np.ascontiguousarray(finite_rows("points", points, 3), np.float32)
+        field = self._queries.sdf_and_gradient(rows)
+        return answers_of_field(rows, field, self._truncation_m, self._seen_cells())
+
+    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
+        """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
+
+        A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit.
+
+        Raises:
+            UserError: the arrays are not [N, 3], not finite, or a direction is 0.
+        """
+        start = finite_rows("origins", origins, 3)
+        along = finite_rows("directions", directions, 3)
+        lengths = np.linalg.norm(along, axis=1, keepdims=True)
+        if len(start) != len(along) or not (lengths > 0).all():
+            raise UserError(
+                f"directions {list(along.shape)}: expected one for each of {len(start)} origins, "
+                "none of length 0"
+            )
+        along = along / lengths
+        distance_m = self._rays.distances(start, along, max_m)
+        hit = (distance_m > 0) & self._seen_cells().known(start + distance_m[:, None] * along)
+        return RayHits(np.where(hit, distance_m, np.inf), hit)
+
+    def is_free(self, shapes: Shapes) -> np.ndarray:
+        """Mask [N] of the `Spheres` or `Boxes` whose space keyframes saw everywhere, without a surface in it.
+
+        What lies 1 cm outside may count as within.
+        """
+        nearest_m = _TRUSTED * self._truncation_m
+
+        def distance_m(points: np.ndarray) -> np.ndarray:
+            return np.minimum(self.query(points).distance_m, nearest_m)
+
+        return are_free(shapes, distance_m, self._seen_cells())
+
+    def render(
+        self, T_world_cam: np.ndarray, camera: Camera | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Colour [H, W, 3] uint8 RGB and planar depth [H, W] float32 m as seen from T_world_cam [4, 4].
+
+        Where the camera (none: that of the keyframes) sees no surface: black, depth 0.
+        """
+        camera = camera or self.camera
+        depth_m = self._rays.depth(camera, T_world_cam)
+        color, _ = self._renderer.render(depth_m, camera, T_world_cam)
+        return (255 * color + 0.5).astype(np.uint8), depth_m
+
+    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
+        """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty."""
+        from hsslam_node.meshing.extract_mesh import extract_mesh  # a tracker needs no mesh
+
+        queries, keyframes = self._queries, self._keyframes
+        return extract_mesh(
+            queries.sdf,
+            queries.color,
+            self.bound,
+            keyframes.camera,
+            keyframes.views,
+            voxel_m,
+            threads=queries.threads,
+        )
+
+    def trajectory(self) -> Trajectory:
+        """The poses of the keyframes."""
+        return Trajectory(self._keyframes.stamps_ns, self._keyframes.T_world_cam)
+
+    @cached_property
+    def _renderer(self) -> MapRenderer:
+        return MapRenderer(self._layout, self._params, self._sampling)
+
+    def _seen_cells(self) -> SeenCells:
+        return self._seen.follow(self._keyframes, self.bound)

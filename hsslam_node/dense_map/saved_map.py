@@ -1,0 +1,57 @@
+"""A saved map, ready to be asked; alone beside the map that it is, as that knows no file."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import camera_of, keyframes_of_checkpoint
+from hsslam_node.device.choose_device import DeviceChoice, choose_device
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
+from hsslam_node.presets import REALTIME
+
+
+class SavedMap(DenseMap):
+    """The map of a file, such as map.safetensors of a run. `checkpoint`: all that the file holds.
+
+    Examples:
+        >>> saved = SavedMap.open("runs/desk/map.safetensors")
+        >>> distance_m, gradient, known, certainty = saved.query([[0.5, 0.0, 2.0]])
+        >>> free = saved.is_free(Spheres([[0.5, 0.0, 2.0]], radius_m=0.2))
+    """
+
+    def __init__(self, path: Path, checkpoint: MapCheckpoint, device: DeviceChoice) -> None:
+        self.checkpoint = checkpoint
+        super().__init__(
+            checkpoint.layout,
+            checkpoint.params,
+            keyframes_of_checkpoint(checkpoint, path, self._depth_of_view),
+            checkpoint.sampling or REALTIME.sampling,
+            choose_device(device),
+        )
+
+    @classmethod
+    def open(cls, path: Path | str, device: DeviceChoice = "auto") -> "SavedMap":
+        """Read a map that `save` or a run wrote.
+
+        Raises:
+            UserError: no such file, another format or version, a damaged file; the device.
+        """
+        return cls(Path(path), load_checkpoint(Path(path)), device)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that the map was made with; of old maps, which do not tell it, a usual one."""
+        return camera_of(self.checkpoint)
+
+    def save(self, path: Path | str) -> None:
+        """Write the map as it was read.
+
+        Raises:
+            UserError: the file cannot be written.
+        """
+        save_checkpoint(Path(path), self.checkpoint)
+
+    def _depth_of_view(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
+        return self._rays.depth(camera, T_world_cam)

@@ -1,0 +1,162 @@
+"""Which places keyframes saw, and how well: the information that their depth gives of each cell of space."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.meshing.observed_space import surface_shift_m
+
+_MARGIN_M = 1.0  # around what is asked for: a map that grows does not need another grid each time
+_NEAREST_M = 0.1  # in front of a camera
+_NOISE = 1.8e-3  # 1/m, of a Kinect: deviation of its depth z is this times z^2
+PRIOR_INFORMATION = np.float32(0.01**-2)  # 1/m^2, of a place known to 1 cm, for the certainty
+
+
+class SeenCells(NamedTuple):
+    """What keyframes told of the cells of a grid.
+
+    `information` [X, Y, Z] float32 1/m^2, x fastest, is the sum over the keyframes that saw a cell of
+    1 / deviation^2, the deviation being that of a depth measured there; 0: no keyframe saw it.
+    """
+
+    grid: VoxelGrid
+    information: np.ndarray
+
+    def known(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] m that a keyframe saw."""
+        indices = self.grid.indices(points)
+        known = self.grid.holds(indices)
+        known[known] = self.information[tuple(indices[known].T)] > 0
+        return known
+
+
+def certainty_of(information: np.ndarray) -> np.ndarray:
+    """How sure a place is, 0 (no keyframe saw it) to 1, from its information, 1/m^2.
+
+    The share of the variance that measuring removes, of a place that was known to 1 cm before. One
+    look from 1, 2 and 4 m gives 0.97, 0.66 and 0.11; ten looks give 1.00, 0.95 and 0.55.
+    """
+    return information / (information + PRIOR_INFORMATION)
+
+
+class SeenSpace:
+    """Marks the cells that keyframes saw: those in front of the depth that they measured, and at it.
+
+    Args:
+        reach_m: how far behind a surface still counts as seen, m.
+        cell_m: side of a cell, m.
+    """
+
+    def __init__(self, reach_m: float, cell_m: float = 0.05) -> None:
+        self._reach_m = reach_m
+        self._cell_m = cell_m
+        self._ids = np.zeros(0, np.int64)  # of the marked keyframes
+        self._marked_at = np.zeros((0, 4, 4))  # their T_world_cam then
+        self._cells: SeenCells | None = None
+
+    def follow(self, keyframes: MapKeyframes, bound: Bound) -> SeenCells:
+        """Mark what is new; all anew if keyframes have moved by a cell, or stand beyond the grid.
+
+        Keyframes that are retired stay marked. What lies neither in the bound nor around a camera is not
+        marked.
+        """
+        positions = keyframes.T_world_cam[:, :3, 3]
+        low = np.minimum(bound.low, positions.min(axis=0, initial=np.inf))
+        high = np.maximum(bound.high, positions.max(axis=0, initial=-np.inf))
+        cells = self._cells
+        if cells is None or not _covers(cells.grid, low, high) or self._moved(keyframes):
+            cells = self._cells = _nothing_seen(low, high, self._cell_m)
+            self._ids, self._marked_at = self._ids[:0], self._marked_at[:0]
+        for k in np.flatnonzero(~np.isin(keyframes.ids, self._ids)):
+            depth_m, T_world_cam = keyframes.views[int(k)]
+            _mark(cells, depth_m, keyframes.camera, T_world_cam, self._reach_m)
+            self._ids = np.append(self._ids, keyframes.ids[k])
+            self._marked_at = np.concatenate([self._marked_at, T_world_cam[None]])
+        return cells
+
+    def _moved(self, keyframes: MapKeyframes) -> bool:
+        _, now, then = np.intersect1d(keyframes.ids, self._ids, return_indices=True)
+        shift_m = surface_shift_m(self._marked_at[then], keyframes.T_world_cam[now])
+        return shift_m > self._cell_m
+
+
+def _covers(grid: VoxelGrid, low: np.ndarray, high: np.ndarray) -> bool:
+    return bool((grid.low <= low).all() and (high <= grid.high).all())
+
+
+def _nothing_seen(low: np.ndarray, high: np.ndarray, cell_m: float) -> SeenCells:
+    grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), cell_m)
+    return SeenCells(grid, np.zeros(grid.shape, np.float32, order="F"))
+
+
+def _mark(
+    cells: SeenCells, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, reach_m: float
+) -> None:
+    """Add what a keyframe tells of the cells that it saw."""
+    T_cam_world, grid = inverse(T_world_cam), cells.grid
+    T_cam_index = T_cam_world.copy()
+    T_cam_index[:3, :3] *= grid.voxel_m
+    T_cam_index[:3, 3] += T_cam_world[:3, :3] @ grid.centres(np.zeros(3))
+    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    depth_m = np.ascontiguousarray(depth_m, np.float32)
+    far_m = float(depth_m.max(initial=0.0)) + reach_m
+    _see(depth_m, intrinsics, T_cam_index, reach_m, far_m, cells.information)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _see(depth, intrinsics, T_cam_index, reach_m, far_m, information):
+    """Add to each cell whose middle lies in front of the depth of its pixel, row by row along x."""
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics
+    inside = np.array(  # (x, y, z) is in view if a x + b y + c z + d >= 0 for each row
+        [
+            [fx, 0.0, cx + 0.5, 0.0],
+            [-fx, 0.0, width - 0.5 - cx, 0.0],
+            [0.0, fy, cy + 0.5, 0.0],
+            [0.0, -fy, height - 0.5 - cy, 0.0],
+            [0.0, 0.0, 1.0, -_NEAREST_M],
+            [0.0, 0.0, -1.0, far_m],
+        ]
+    )
+    nx, ny, nz = information.shape
+    step = T_cam_index[:3, 0]
+    for k in range(nz):
+        for j in range(ny):
+            start = T_cam_index[:3, 1] * j + T_cam_index[:3, 2] * k + T_cam_index[:3, 3]
+            first, last = _in_view(inside, start, step, nx)
+            for i in range(first, last + 1):
+                z = start[2] + step[2] * i
+                u = int(np.floor((start[0] + step[0] * i) / z * fx + cx + 0.5))
+                v = int(np.floor((start[1] + step[1] * i) / z * fy + cy + 0.5))
+                if u < 0 or v < 0 or u >= width or v >= height:  # rounding at the border
+                    continue
+                measured = depth[v, u]
+                if measured > 0.0 and z <= measured + reach_m:
+                    deviation = _NOISE * z * z
+                    information[i, j, k] += np.float32(1.0 / (deviation * deviation))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _in_view(inside, start, step, count):
+    """First and last i below `count` for which start + i * step is in view; first > last: none.
+
+    Both are clipped while they are floats: along a plane they are as large as the rounding is small.
+    """
+    first, last = 0.0, count - 1.0
+    for p in range(inside.shape[0]):
+        a, b, c, d = inside[p]
+        here = a * start[0] + b * start[1] + c * start[2] + d
+        slope = a * step[0] + b * step[1] + c * step[2]
+        if slope > 0.0:
+            first = max(first, -here / slope)
+        elif slope < 0.0:
+            last = min(last, -here / slope)
+        elif here < 0.0:
+            last = -1.0
+    return int(np.ceil(min(first, count))), int(np.floor(max(last, -1.0)))

@@ -1,0 +1,112 @@
+"""Spheres and boxes that a map is asked about: a robot, or parts of one, at many places."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hsslam_node.errors import UserError
+
+
+class Shapes(Protocol):
+    """N bodies."""
+
+    def __len__(self) -> int: ...
+
+    def around(self) -> tuple[np.ndarray, np.ndarray]:
+        """Centres [N, 3] m, world, and half sides [N] m of cubes along the world's axes that hold them."""
+        ...
+
+    def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
+        """Signed distances [M] m of points [M, 3] to the surface of bodies `of` [M]; negative within."""
+        ...
+
+
+@dataclass(frozen=True)
+class Spheres:
+    """Spheres about `centres` [N, 3] m, world; `radius_m` [N] or one for all.
+
+    Raises:
+        UserError: a shape is not as said, or a radius not above 0.
+    """
+
+    centres: np.ndarray
+    radius_m: np.ndarray | float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", finite_rows("centres", self.centres, 3))
+        radius_m = np.asarray(self.radius_m, np.float64)
+        if radius_m.shape not in ((), (len(self),)) or not (radius_m > 0).all():
+            raise UserError(f"radius_m {_short(radius_m)}: expected metres above 0, one or [N]")
+        object.__setattr__(self, "radius_m", np.broadcast_to(radius_m, (len(self),)))
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+    def around(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Shapes`."""
+        return self.centres, np.asarray(self.radius_m)
+
+    def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
+        """See `Shapes`."""
+        return np.linalg.norm(points - self.centres[of], axis=1) - np.asarray(self.radius_m)[of]
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes about the origins of their frames: `T_world_box` [N, 4, 4]; `size_m` [N, 3] or one [3] for all.
+
+    Raises:
+        UserError: a shape is not as said, or a side not above 0.
+    """
+
+    T_world_box: np.ndarray
+    size_m: np.ndarray
+
+    def __post_init__(self) -> None:
+        T = np.asarray(self.T_world_box, np.float64)
+        if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
+            raise UserError(f"T_world_box {_short(T)}: expected finite transforms [N, 4, 4]")
+        size_m = np.asarray(self.size_m, np.float64)
+        if size_m.shape not in ((3,), (len(T), 3)) or not (size_m > 0).all():
+            raise UserError(f"size_m {_short(size_m)}: expected metres above 0, [3] or [N, 3]")
+        object.__setattr__(self, "T_world_box", T)
+        object.__setattr__(self, "size_m", np.broadcast_to(size_m, (len(T), 3)))
+
+    @classmethod
+    def between(cls, low: np.ndarray, high: np.ndarray) -> "Boxes":
+        """Boxes along the world's axes, from corners `low` [N, 3] m to corners `high` [N, 3] m."""
+        low, high = finite_rows("low", low, 3), finite_rows("high", high, 3)
+        T = np.tile(np.eye(4), (len(low), 1, 1))
+        T[:, :3, 3] = (low + high) / 2
+        return cls(T, high - low)
+
+    def __len__(self) -> int:
+        return len(self.T_world_box)
+
+    def around(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `Shapes`."""
+        reach = np.abs(self.T_world_box[:, :3, :3]) @ (self.size_m[:, :, None] / 2)  # [N, 3, 1]
+        return self.T_world_box[:, :3, 3], reach.max(axis=(1, 2))
+
+    def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
+        """See `Shapes`."""
+        T = self.T_world_box[of]
+        local = np.einsum("mji,mj->mi", T[:, :3, :3], points - T[:, :3, 3])
+        beyond = np.abs(local) - self.size_m[of] / 2  # [M, 3] by side
+        outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
+        return outside + np.minimum(beyond.max(axis=1), 0)
+
+
+def finite_rows(name: str, values: ArrayLike, width: int) -> np.ndarray:
+    """Rows [N, width] of finite float64; UserError with `name` if they are not."""
+    rows = np.asarray(values, np.float64)
+    if rows.ndim != 2 or rows.shape[1] != width or not np.isfinite(rows).all():
+        raise UserError(f"{name} {_short(rows)}: expected finite numbers [N, {width}]")
+    return rows
+
+
+def _short(array: np.ndarray) -> str:
+    """The array if it is small, else its shape."""
+    return str(array.tolist()) if array.size <= 4 else str(list(array.shape))

@@ -1,0 +1,1 @@
+"""Free, occupied and unknown space, and the distance to what is occupied."""

@@ -1,0 +1,68 @@
+"""The robot's frames as ROS names them (REP 103, REP 105), from poses of its camera.
+
+`world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is
+the same place with the axes of a robot, x forward, y left, z up: `base_link` stands in its origin when the
+camera stands in that of `world`. `odom` begins as `map` and has no jumps.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.pose_covariance import carried, turned
+from hsslam_node.geometry.se3 import inverse, se3_log, transform
+
+_TURN = np.array(
+    [-0.5, 0.5, -0.5, 0.5]
+)  # xyzw, base_link <- optical frame of a camera looking ahead
+_UNIT = 1e-3  # that the norm of a quaternion may be off
+
+
+def _camera_ahead() -> np.ndarray:
+    return transform(np.zeros(3), _TURN)
+
+
+@dataclass(frozen=True)
+class RobotFrames:
+    """Where the camera is on the robot, `T_base_cam` [4, 4]: its optical frame (x right, y down, z forward)
+    in `base_link` (x forward, y left, z up); by default in its origin, looking ahead."""
+
+    T_base_cam: np.ndarray = field(default_factory=_camera_ahead)
+
+    @classmethod
+    def mounted(cls, numbers: Sequence[float]) -> "RobotFrames":
+        """From x y z (m) and qx qy qz qw; none: the default.
+
+        Raises:
+            UserError: not 7 finite numbers, or no unit quaternion.
+        """
+        if not numbers:
+            return cls()
+        text = " ".join(f"{number:g}" for number in numbers)
+        if len(numbers) != 7 or not np.isfinite(numbers).all():
+            raise UserError(f"--base-T-camera {text}: expected 7 numbers: x y z qx qy qz qw")
+        norm = float(np.linalg.norm(numbers[3:]))
+        if abs(norm - 1) > _UNIT:
+            raise UserError(
+                f"--base-T-camera {text}: qx qy qz qw has norm {norm:.4g}: expected a unit quaternion"
+            )
+        return cls(transform(np.array(numbers[:3]), np.array(numbers[3:])))
+
+    def base_pose(self, T_world_cam: np.ndarray) -> np.ndarray:
+        """`base_link` in `map` [4, 4], or in `odom` if the pose is that of the odometry."""
+        return self.T_base_cam @ T_world_cam @ inverse(self.T_base_cam)
+
+    def base_covariance(self, covariance: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
+        """[6, 6] of `base_pose`, about its own origin, axes of `map`.
+
+        covariance: of `T_world_cam`, about the camera's centre, axes of `world`.
+        """
+        lever_m = T_world_cam[:3, :3] @ inverse(self.T_base_cam)[:3, 3]  # to base_link, in world
+        return turned(carried(covariance, lever_m), self.T_base_cam[:3, :3])
+
+
+def velocity(T_then: np.ndarray, T_now: np.ndarray, seconds: float) -> np.ndarray:
+    """[6] m/s and rad/s between two poses [4, 4], in the axes of what moves."""
+    return se3_log(inverse(T_then) @ T_now) / seconds

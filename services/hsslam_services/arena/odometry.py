@@ -1,0 +1,45 @@
+"""The camera's path without jumps, as `odom` of ROS: corrections of the map are left out."""
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.pose_log import LOST, PoseLog
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.tracked_frame import orthonormal
+
+
+class Odometry:
+    """Adds up the motions between frames, each seen in the map as it is now.
+
+    What lies between two frames that are further apart than `longest_gap_s` is not known as a motion: the
+    path stands still there. The same holds for two map epochs. A restarted tracker goes on with the path.
+    """
+
+    def __init__(self, log: PoseLog, longest_gap_s: float) -> None:
+        self._longest_gap_ns = round(1e9 * longest_gap_s)
+        rows = log.rows()
+        tracked = rows[rows["status"] != LOST]
+        self._last: np.ndarray | np.void | None = tracked[-1] if len(tracked) else None
+        self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
+
+    def add(self, row: np.ndarray, store: KeyframeStore | None) -> None:
+        """Fill in `T_odom_cam` of a row of the log: of a lost frame the last one."""
+        if row["status"] != LOST and store is not None:
+            if self._is_motion(row):
+                self._T_odom_cam = orthonormal(self._T_odom_cam @ self._motion(row, store))
+            self._last = row.copy()
+        row["T_odom_cam"] = self._T_odom_cam
+
+    def _is_motion(self, row: np.ndarray) -> bool:
+        last = self._last
+        if last is None or last["map_epoch"] != row["map_epoch"]:
+            return False
+        gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
+        return 0 < gap_ns <= self._longest_gap_ns
+
+    def _motion(self, row: np.ndarray, store: KeyframeStore) -> np.ndarray:
+        """T_last_cam [4, 4], both by the poses that their keyframes have now."""
+        assert self._last is not None
+        T_world_key = store.poses_of(np.array([self._last["keyframe"], row["keyframe"]]))
+        T_last, T = T_world_key @ np.stack([self._last["T_keyframe_cam"], row["T_keyframe_cam"]])
+        return inverse(T_last) @ T

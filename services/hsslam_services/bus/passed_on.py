@@ -1,0 +1,90 @@
+"""Requests that the gateway passes on to another process of the run, by keys that no client may ask."""
+
+import contextlib
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import zenoh
+
+from hsslam_node.errors import UserError
+from hsslam_proto.codec import Rejected, decode, encode, encoding_of
+from hsslam_proto.messages import Message
+from hsslam_proto.request_messages import Refusal
+from hsslam_proto.requests import REFUSAL, Request
+
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
+
+
+def _key(request: Request, robot: str) -> str:
+    """Below `sys/` by two levels: roles of clients end at the first."""
+    return f"hsslam/{robot}/sys/passed_on/{request.name}"
+
+
+class PassedOnAnswers(Generic[Q, A]):
+    """Answers a request for the gateway; `Bus.answer` makes it.
+
+    `make` runs in a thread of zenoh. What is wrong with the question is a `UserError`.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        robot: str,
+        request: Request[Q, A],
+        make: Callable[[Q], A | Refusal],
+    ) -> None:
+        self._request = request
+        self._make = make
+        self._queryable = session.declare_queryable(_key(request, robot), self._answer)
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._queryable.undeclare()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query, contextlib.suppress(zenoh.ZError):  # the gateway is gone
+            made = self._made(query)
+            if isinstance(made, Refusal):
+                query.reply_err(
+                    encode(REFUSAL, made), encoding=zenoh.Encoding(encoding_of(REFUSAL))
+                )
+                return
+            encoding = zenoh.Encoding(encoding_of(self._request.answered))
+            query.reply(query.key_expr, encode(self._request.answered, made), encoding=encoding)
+
+    def _made(self, query: zenoh.Query) -> A | Refusal:
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        asked = decode(self._request.asked, payload, str(query.encoding))
+        if isinstance(asked, Rejected):  # the gateway sends none
+            return Refusal(reason="malformed", text=asked.text)
+        try:
+            return self._make(asked)
+        except UserError as error:
+            return Refusal(reason="malformed", text=f"{self._request.name}: {error}"[:4096])
+        except Exception as error:  # whatever it is: the client waits for an answer
+            return Refusal(reason="failed", text=f"{self._request.name}: {error}"[:4096])
+
+
+def pass_on(session: zenoh.Session, robot: str, request: Request[Q, A], message: Q) -> A | Refusal:
+    """The answer of the process that answers this request; waits `request.takes_s` at most."""
+    replies = session.get(
+        _key(request, robot),
+        payload=encode(request.asked, message),
+        encoding=zenoh.Encoding(encoding_of(request.asked)),
+        timeout=request.takes_s,
+    )
+    for reply in replies:
+        if reply.ok is not None:
+            sample = reply.ok
+            answer = decode(request.answered, sample.payload.to_bytes(), str(sample.encoding))
+            if not isinstance(answer, Rejected):
+                return answer
+        elif reply.err is not None and str(reply.err.encoding) == encoding_of(REFUSAL):
+            refusal = decode(REFUSAL, reply.err.payload.to_bytes(), str(reply.err.encoding))
+            if not isinstance(refusal, Rejected):
+                return refusal
+    return Refusal(
+        reason="not_now",
+        text=f"{request.name}: the process that answers it is not there, or busy: ask again",
+    )

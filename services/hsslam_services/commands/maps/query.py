@@ -1,0 +1,100 @@
+"""`hsslam-map query`: what a saved map says of places."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_services.commands.point_table import print_answers
+
+
+@dataclass(frozen=True)
+class QueryOptions:
+    """Prints what a saved map says of places: the distance to the nearest surface, its gradient, whether a
+    keyframe saw the place, and how certain it is.
+
+    Examples:
+      hsslam-map query map.safetensors --point 0.5 -0.2 2
+      hsslam-map query map.safetensors --points places.txt --json
+
+    Places are metres in the world frame of the map. The distance is negative behind a surface. Farther from
+    surfaces than the truncation (0.06 m) it is the truncation, and has no gradient. It is - (in JSON null) if
+    no keyframe saw the place.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    POSITIONALS: ClassVar = ("map",)
+    VALUES: ClassVar = {"map": "MAP", "point": "X Y Z..."}
+
+    map: str = ""
+    """File of a saved map, such as map.safetensors of a run."""
+    point: tuple[float, ...] = ()
+    """Places, m: three numbers each."""
+    points: Path | None = None
+    """File with more places: lines X Y Z, with spaces or commas between, or a NumPy array [N, 3] (.npy)."""
+    json: bool = False
+    """Print JSON instead of a table."""
+    device: Literal["auto", "cpu", "cuda"] = "cpu"
+    """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
+
+    def __post_init__(self) -> None:
+        if len(self.point) % 3 or not np.isfinite(self.point).all():
+            given = " ".join(f"{number:g}" for number in self.point)
+            raise UserError(
+                f"--point {given}: expected X Y Z in metres, three numbers for each place"
+            )
+
+    def places(self) -> np.ndarray:
+        """All places [N, 3] m.
+
+        Raises:
+            UserError: there are none, or the file cannot be read.
+        """
+        given = np.array(self.point, np.float64).reshape(-1, 3)
+        places = given if self.points is None else np.concatenate([given, read_points(self.points)])
+        if len(places) == 0:
+            raise UserError("query: no place: expected --point X Y Z or --points FILE")
+        return places
+
+
+def query_map(options: QueryOptions) -> None:
+    """Run the command."""
+    if not options.map:
+        raise UserError("query: no map: expected hsslam-map query MAP, as map.safetensors")
+    places = options.places()
+    from hsslam_node.dense_map.saved_map import SavedMap
+
+    saved = SavedMap.open(options.map, options.device)
+    print_answers(places, saved.query(places), as_json=options.json)
+
+
+def read_points(path: Path) -> np.ndarray:
+    """The points [N, 3] m of a file: lines of three numbers, # begins a remark; or .npy.
+
+    Raises:
+        UserError: the file cannot be read, or holds something else.
+    """
+    try:
+        if path.suffix.lower() == ".npy":
+            rows = np.load(path, allow_pickle=False)
+        else:
+            text = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
+            lines = [words for line in text if (words := line.partition("#")[0].split())]
+            rows = np.array(lines, np.float64) if lines else np.empty((0, 3))
+        points = np.asarray(rows, np.float64)
+    except OSError as error:
+        raise UserError(f"--points {path}: {error.strerror}: expected a file of points") from None
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise UserError(
+            f"--points {path}: {reason}: expected lines X Y Z, or [N, 3] in .npy"
+        ) from None
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise UserError(
+            f"--points {path}: {list(points.shape)}: expected finite metres [N, 3], X Y Z a line"
+        )
+    return points

@@ -1,0 +1,70 @@
+"""Standard error that holds nobody up: a reader that stands still or leaves costs lines, not the run."""
+
+import io
+import os
+import queue
+import threading
+import time
+from typing import TextIO
+
+_MOST_WAITING = 512  # pieces of text
+_POLL_S = 0.005
+
+
+class ResilientStream(io.TextIOBase):
+    """Writes to `stream` in a thread of its own.
+
+    If the reader takes nothing, the newest lines are left out once 512 wait; how many is written when it
+    goes on. If the reader is gone (a pipe closed, a terminal closed), everything goes nowhere.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._waiting: queue.Queue[str] = queue.Queue(_MOST_WAITING)
+        self._left_out = 0
+        self._thread: threading.Thread | None = None
+
+    @property
+    def encoding(self) -> str:
+        return self._stream.encoding
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def write(self, text: str, /) -> int:
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._write_all, name="stderr", daemon=True)
+            self._thread.start()
+        try:
+            self._waiting.put_nowait(text)
+        except queue.Full:
+            self._left_out += 1
+        return len(text)
+
+    def drain(self, timeout_s: float) -> None:
+        """Wait until all is written, but not longer than this."""
+        deadline_s = time.monotonic() + timeout_s
+        while self._waiting.unfinished_tasks and time.monotonic() < deadline_s:
+            time.sleep(_POLL_S)
+
+    def _write_all(self) -> None:
+        while True:
+            text = self._waiting.get()
+            if self._left_out and not self._waiting.full():
+                count, self._left_out = self._left_out, 0
+                text += f"({count} lines left out: nothing was read)\n"
+            try:
+                self._stream.write(text)
+                self._stream.flush()
+            except OSError:
+                self._fall_silent()
+            self._waiting.task_done()
+
+    def _fall_silent(self) -> None:
+        """What is still in the stream's buffer goes nowhere as well, at the latest when Python ends."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)

@@ -1,0 +1,165 @@
+"""The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points.
+
+Subscribes: in/frame, out/pose
+Arena: reads keyframes
+"""
+
+import time
+
+import numpy as np
+
+from hsslam_node.geometry.pose_covariance import turned
+from hsslam_node.geometry.robot_frames import RobotFrames, velocity
+from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_proto import topics
+from hsslam_proto.frame_codec import frame_from_message
+from hsslam_proto.messages import Frame, Pose
+from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.bus.subscription import Subscription
+from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.ros2.depth_points import depth_points
+from hsslam_services.ros2.messages import RosMessages
+from hsslam_services.ros2.names import Qos
+from hsslam_services.ros2.node import RosNode, RosPublisher
+from hsslam_services.ros2.stamp_clock import StampClock
+from hsslam_services.run.source_table import speaks_ros2
+
+MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
+_POLL_S = 0.1
+_PATH_S, _POINTS_S = 1.0, 0.2  # between two
+_MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
+_MOST_POINTS = 20_000  # 320 kB
+_FRAMES = 4  # that wait for their poses
+
+
+def main() -> None:
+    run_worker("ros2_out", _run)
+
+
+def _run(worker: Worker) -> None:
+    options = worker.options
+    messages = RosMessages(f"--ros2-out {options.ros2_out}")
+    poses = worker.bus.subscribe(topics.POSE, 64)
+    with RosNode(
+        options.ros2.connect, options.ros2.domain, options.ros2_out, "slam", messages
+    ) as node:
+        out = Ros2Out(worker, node, messages)
+        worker.ready()
+        while not worker.should_stop():
+            if (pose := poses.wait(_POLL_S)) is not None:
+                out.tell(pose)
+
+
+class Ros2Out:
+    """Publishes what a pose brings. A lost frame brings nothing, so transforms of ROS grow old."""
+
+    def __init__(self, worker: Worker, node: RosNode, messages: RosMessages) -> None:
+        self._worker = worker
+        self._messages = messages
+        self._frames = RobotFrames.mounted(worker.options.base_T_camera)
+        self._has_ros_stamps = speaks_ros2(worker.options.source)
+        self._link = SharedMap(worker.arena, worker.options.slam)
+        self._images: Subscription[Frame] | None = None
+        self._clock = StampClock()
+        self._moved: tuple[int, np.ndarray] | None = None  # the last stamp and T_odom_base
+        self._next_path_s = self._next_points_s = 0.0
+        each, newest = Qos(10), Qos(1)
+        self._odometry = node.publisher("odom", "nav_msgs/msg/Odometry", each)
+        self._pose = node.publisher("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", each)
+        self._path = node.publisher("path", "nav_msgs/msg/Path", newest)
+        self._points = node.publisher(
+            "points", "sensor_msgs/msg/PointCloud2", Qos(5, is_reliable=False)
+        )
+        self._transforms: RosPublisher | None = None
+        if worker.options.ros2_tf:
+            self._transforms = node.publisher("/tf", "tf2_msgs/msg/TFMessage", Qos(100))
+            static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
+            camera = (BASE, CAMERA, self._frames.T_base_cam)
+            static.put(messages.transforms(time.time_ns(), [camera]))
+
+    def tell(self, pose: Pose) -> None:
+        """Publish a pose, and what is due of the rest."""
+        is_again = self._moved is not None and self._moved[0] == self._stamp_ns(pose)
+        if pose.status == "lost" or is_again:
+            return
+        self._clock.learn(pose.source_stamp_ns, self._stamp_ns(pose))
+        with self._worker.timed("ros2"):
+            self._tell_pose(pose)
+            now_s = time.monotonic()
+            if now_s >= self._next_path_s and self._path.has_subscribers():
+                self._next_path_s = now_s + _PATH_S
+                self._tell_path(pose)
+            if now_s >= self._next_points_s and self._points.has_subscribers():
+                self._tell_points(pose, now_s)
+
+    def _tell_pose(self, pose: Pose) -> None:
+        stamp_ns, make = self._stamp_ns(pose), self._messages
+        T_world_cam = transform(np.array(pose.t), np.array(pose.q))
+        T_odom_cam = pose_matrix(pose.odometry) if pose.odometry else T_world_cam
+        T_map_base = self._frames.base_pose(T_world_cam)
+        T_odom_base = self._frames.base_pose(T_odom_cam)
+        T_map_odom = T_map_base @ inverse(T_odom_base)
+        if self._transforms is not None:
+            chain = [(MAP, ODOM, T_map_odom), (ODOM, BASE, T_odom_base)]
+            self._transforms.put(make.transforms(stamp_ns, chain))
+        known = covariance_matrix(pose.covariance)
+        covariance = None if known is None else self._frames.base_covariance(known, T_world_cam)
+        self._pose.put(make.pose(stamp_ns, MAP, T_map_base, covariance))
+        twist, seconds = self._twist(stamp_ns, T_odom_base)
+        in_odom = None if covariance is None else turned(covariance, T_map_odom[:3, :3].T)
+        in_base = None if covariance is None else turned(covariance, T_map_base[:3, :3].T)
+        self._odometry.put(
+            make.odometry(
+                stamp_ns,
+                (BASE, ODOM),
+                T_odom_base,
+                in_odom,
+                twist,
+                None if in_base is None or not seconds else 2 / seconds**2 * in_base,
+            )
+        )
+        self._worker.count("poses")
+
+    def _twist(self, stamp_ns: int, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
+        """[6] since the pose before, in axes of the base, and the time since; 0 for the first."""
+        before, self._moved = self._moved, (stamp_ns, T_odom_base)
+        seconds = 0.0 if before is None else 1e-9 * (stamp_ns - before[0])
+        if before is None or seconds <= 0:
+            return np.zeros(6), 0.0
+        return velocity(before[1], T_odom_base, seconds), seconds
+
+    def _tell_path(self, pose: Pose) -> None:
+        """The keyframes as they are placed now, thinned evenly."""
+        store = self._link.store()
+        if store is None or store.count == 0:
+            return
+        poses = store.poses()
+        own_ns = store.stamps_ns()[: len(poses)]
+        step = -(-len(poses) // _MOST_PATH_POSES)
+        ros_ns = self._clock.ros_ns(own_ns[::step]).tolist()
+        placed = np.stack([self._frames.base_pose(T) for T in poses[::step]])
+        message = self._messages.path(self._stamp_ns(pose), MAP, ros_ns, placed)
+        self._path.put(message)
+
+    def _tell_points(self, pose: Pose, now_s: float) -> None:
+        """What the frame of this pose shows, in the camera's frame: layers of a costmap clear along the rays
+        from the origin of that frame."""
+        if self._images is None:  # images cost something: only from the first subscriber on
+            self._images = self._worker.bus.subscribe(topics.FRAME, _FRAMES)
+        of_pose = pose.index, pose.stamp_ns
+        images = {(image.index, image.stamp_ns): image for image in self._images.drain()}
+        message = images.get(of_pose)
+        if message is None:
+            return
+        self._next_points_s = now_s + _POINTS_S
+        points, colors = depth_points(frame_from_message(message), _MOST_POINTS)
+        self._points.put(self._messages.cloud(self._stamp_ns(pose), CAMERA, points, colors))
+
+    def _stamp_ns(self, pose: Pose) -> int:
+        """The time of the image, on the clock of ROS."""
+        return pose.source_stamp_ns if self._has_ros_stamps else pose.stamp_ns
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""A node of ROS 2 in a session of zenoh: it publishes, and the graph of ROS shows it."""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.ros2.messages import Kind, RosMessages
+from hsslam_services.ros2.names import NodeName, Qos, TopicName, attachment, gid
+
+_HEARTBEAT_S = 0.5  # after a message that was kept for late subscribers
+_NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}  # ROS nodes have none by default
+
+
+class RosNode:
+    """A client of the router of ROS nodes; a context, whose end takes the node out of the graph.
+
+    Raises:
+        UserError: no router at `endpoint`.
+    """
+
+    def __init__(
+        self, endpoint: str, domain: int, namespace: str, name: str, messages: RosMessages
+    ) -> None:
+        self._messages = messages
+        self._session = open_client(endpoint, settings=_NO_SHARED_MEMORY)
+        zid = str(self._session.info.zid())
+        self._node = NodeName(domain, zid, name, namespace)
+        self._token = self._session.liveliness().declare_token(self._node.token())
+        self._publishers: list[RosPublisher] = []
+
+    def publisher(self, topic: str, kind: Kind, qos: Qos) -> "RosPublisher":
+        """Of an absolute topic, `/tf`, or one below the node's namespace, `odom`."""
+        absolute = topic if topic.startswith("/") else f"{self._node.namespace}/{topic}"
+        name = TopicName(absolute, kind, self._messages.type_hash(kind))
+        number = len(self._publishers) + 1
+        made = RosPublisher(self._session, self._node, number, name, qos, self._messages)
+        self._publishers.append(made)
+        return made
+
+    @property
+    def publishers(self) -> Sequence["RosPublisher"]:
+        """All that were made here."""
+        return tuple(self._publishers)
+
+    def close(self) -> None:
+        """Withdraw tokens and publishers."""
+        for publisher in self._publishers:
+            publisher.close()
+        self._token.undeclare()
+        self._session.close()
+
+    def __enter__(self) -> "RosNode":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class RosPublisher:
+    """Of one topic; `RosNode.publisher` makes it."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        node: NodeName,
+        number: int,
+        name: TopicName,
+        qos: Qos,
+        messages: RosMessages,
+    ) -> None:
+        self.name = name
+        self.sent = 0
+        self._messages = messages
+        self._publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher
+        token = node.publisher_token(number, name, qos)
+        self._gid = gid(token)
+        reliability = (
+            zenoh.Reliability.RELIABLE if qos.is_reliable else zenoh.Reliability.BEST_EFFORT
+        )
+        key = name.key(node.domain)
+        if qos.is_latched:
+            self._publisher = zenoh.ext.declare_advanced_publisher(
+                session,
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                reliability=reliability,
+                cache=zenoh.ext.CacheConfig(qos.depth),
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=None, sporadic_heartbeat=_HEARTBEAT_S
+                ),
+                publisher_detection=True,
+            )
+        else:
+            self._publisher = session.declare_publisher(
+                key, congestion_control=zenoh.CongestionControl.DROP, reliability=reliability
+            )
+        self._token = session.liveliness().declare_token(token)
+
+    def has_subscribers(self) -> bool:
+        """Whether anything subscribes now, or may later ask for what is kept."""
+        if not isinstance(self._publisher, zenoh.Publisher):
+            return True
+        status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
+        return bool(getattr(status, "matching", status))
+
+    def put(self, message: Any) -> None:
+        """Send a message of the topic's type."""
+        self.sent += 1
+        beside = attachment(self.sent, time.time_ns(), self._gid)
+        self._publisher.put(self._messages.encoded(message), attachment=beside)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._token.undeclare()
+        self._publisher.undeclare()

@@ -1,0 +1,46 @@
+"""Definitions of the messages, by the package rosbags, and those that it lacks."""
+
+import importlib.util
+from typing import TYPE_CHECKING
+
+from hsslam_node.errors import UserError
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+_REMEDY = "pip install 'hsslam-node[ros2]'"
+# of Isaac ROS nvblox, https://github.com/NVIDIA-ISAAC-ROS/isaac_ros_nvblox
+_MORE = {
+    "nvblox_msgs/msg/DistanceMapSlice": """\
+std_msgs/Header header
+float32 resolution
+uint32 width
+uint32 height
+geometry_msgs/Point origin
+float32 unknown_value
+float32[] data
+""",
+}
+
+
+def expect_packages(who: str) -> None:
+    """UserError if what `who` needs to send to ROS 2 is not installed."""
+    for package in ("rosbags", "xxhash"):
+        if importlib.util.find_spec(package) is None:
+            raise UserError(f"{who}: package {package} is not there: {_REMEDY}")
+
+
+def open_type_store(who: str) -> "Typestore":
+    """The messages of ROS 2 Jazzy.
+
+    Raises:
+        UserError: rosbags is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise UserError(f"{who}: package rosbags is not there: {_REMEDY}") from None
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _MORE.items():
+        store.register(get_types_from_msg(text, name))
+    return store

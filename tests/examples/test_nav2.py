@@ -1,0 +1,49 @@
+"""The files for Nav2 name the topics and frames that a run publishes."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+
+from hsslam_services.processes import ros2_out
+from tests.repository import ROOT
+
+_FOLDER = ROOT / "examples/nav2"
+_TOPICS = {
+    line.split("`")[1]
+    for line in (ROOT / "docs/ros2.md").read_text().splitlines()
+    if line.startswith("| `/")
+}
+
+
+def _values(tree: Any, key: str) -> Iterator[str]:
+    if isinstance(tree, dict):
+        for name, value in tree.items():
+            if name == key:
+                yield value
+            yield from _values(value, key)
+
+
+def test_the_parameters_name_what_a_run_publishes():
+    parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    topics = {*_values(parameters, "topic"), *_values(parameters, "odom_topic")}
+    assert topics == {"/hsslam/odom", "/hsslam/points"} and topics <= _TOPICS
+    assert {*_values(parameters, "global_frame")} == {ros2_out.MAP, ros2_out.ODOM}
+    assert {*_values(parameters, "robot_base_frame")} == {ros2_out.BASE}
+    assert {*_values(parameters, "sensor_frame")} == {ros2_out.CAMERA}
+
+
+def test_the_topics_of_the_page_are_those_of_the_code():
+    code = (ROOT / "services/hsslam_services/processes/ros2_out.py").read_text()
+    names = re.findall(r'node\.publisher\(\s*"([^"]+)"', code)
+    assert {name if name.startswith("/") else f"/hsslam/{name}" for name in names} == _TOPICS
+
+
+def test_the_launch_file_starts_nav2_without_localisation():
+    launch = ElementTree.parse(_FOLDER / "navigation.launch.xml").getroot()
+    include = launch.find("include")
+    assert include is not None and include.get("file", "").endswith("/navigation_launch.py")
+    environment = launch.find("set_env")
+    assert environment is not None and environment.get("value") == "rmw_zenoh_cpp"

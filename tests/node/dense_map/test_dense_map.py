@@ -1,0 +1,149 @@
+"""What the map of the small room says of places, rays and bodies, against the room's true surface."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.shapes import Spheres
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.mesh.mesh_metrics import distances
+from hsslam_node.geometry.projection import world_points
+from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
+
+
+@cache
+def _map() -> DenseMap:
+    room = mapped_room()
+    params = room.parameters.published()[1]
+    keyframes = keyframes_of_store(room.store)
+    return DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
+
+
+def _true_distance_m(points: np.ndarray) -> np.ndarray:
+    truth = open_ground_truth("synth:room", OPTIONS)
+    mesh = truth.mesh() if truth else None
+    assert truth is not None and mesh is not None
+    T = truth.T_world_cam[0]
+    return distances(points @ T[:3, :3].T + T[:3, 3], mesh.vertices, mesh.faces)
+
+
+def _measured(k: int) -> np.ndarray:
+    """Points [N, 3] m that frame k measured."""
+    frame = room_frames()[k]
+    return world_points(frame.depth_m(), frame.camera, room_poses()[k], 4)
+
+
+def test_distance_is_zero_at_what_a_frame_measured_and_grows_towards_the_camera():
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    ray = surface - eye
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    at, before = _map().query(surface), _map().query(surface - 0.04 * ray)
+    assert at.known.mean() > 0.98 and before.known.mean() > 0.98
+    assert np.nanmedian(np.abs(at.distance_m)) < 0.01
+    assert (before.distance_m > at.distance_m).mean() > 0.95
+    true = _true_distance_m(surface - 0.04 * ray)
+    assert np.nanmedian(np.abs(before.distance_m - true)) < 0.01
+
+
+def test_gradient_is_of_unit_length_and_the_way_from_the_surface():
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    ray = surface - eye
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    points = surface - 0.02 * ray
+    found = _map().query(points)
+    length = np.linalg.norm(found.gradient, axis=1)
+    np.testing.assert_allclose(length[length > 0], 1.0, atol=1e-5)
+    assert (length > 0).mean() > 0.9
+    step_m = 0.01
+    farther = _true_distance_m(points + step_m * found.gradient) - _true_distance_m(points)
+    assert np.median(farther[length > 0]) > 0.9 * step_m  # 26 degrees
+
+
+def test_far_from_surfaces_the_distance_is_the_truncation_without_a_direction():
+    eye = room_poses()[0][:3, 3]
+    (found,) = (_map().query(eye[None] + [[0.0, 0.0, 0.5]]),)
+    truncation_m = SMALL.field.truncation_m
+    assert found.known.all()
+    assert found.distance_m[0] == pytest.approx(truncation_m, rel=0.05)
+    assert not found.gradient.any()
+
+
+def test_nothing_is_known_behind_walls_and_beyond_the_map():
+    surface, eye = _measured(0), room_poses()[0][:3, 3]
+    ray = (surface - eye) / np.linalg.norm(surface - eye, axis=1, keepdims=True)
+    behind = _map().query(surface + 0.5 * ray)
+    assert behind.known.mean() < 0.1
+    assert not behind.certainty[~behind.known].any()
+    np.testing.assert_array_equal(np.isnan(behind.distance_m), ~behind.known)
+    beyond = _map().query(np.array([[0.0, 0.0, 500.0], [1e6, 0.0, 0.0]]))
+    assert not beyond.known.any() and not beyond.gradient.any()
+
+
+def test_rays_end_where_the_frame_measured():
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    directions = 3.0 * (surface - eye)
+    hits = _map().raycast(np.broadcast_to(eye, surface.shape), directions, 20.0)
+    true = np.linalg.norm(surface - eye, axis=1)
+    assert hits.hit.mean() > 0.95
+    assert np.median(np.abs(hits.distance_m - true)[hits.hit]) < 0.01
+    assert np.isinf(hits.distance_m[~hits.hit]).all()
+    short = _map().raycast(np.broadcast_to(eye, surface.shape), directions, 0.5)
+    assert (short.hit == (hits.distance_m <= 0.5)).mean() > 0.99
+    assert not short.hit.all()
+
+
+def test_no_sphere_that_is_free_touches_the_room():
+    rng = np.random.default_rng(0)
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    share = rng.uniform(0.3, 1.0, (len(surface), 1))
+    centres = (eye + share * (surface - eye))[:300]
+    free = _map().is_free(Spheres(centres, 0.1))
+    gap_m = _true_distance_m(centres) - 0.1
+    assert not free[gap_m < -0.01].any()
+    known = _map().query(centres).known
+    assert free[(gap_m > 0.04) & known].mean() > 0.5
+    assert free.any() and not free.all()
+
+
+def test_a_view_is_what_the_camera_saw():
+    frame, pose = room_frames()[6], room_poses()[6]
+    color, depth_m = _map().render(pose)
+    true_m = frame.depth_m()
+    both = (depth_m > 0) & (true_m > 0)
+    assert both.mean() > 0.9
+    assert np.median(np.abs(depth_m - true_m)[both]) < 0.01
+    assert color.dtype == np.uint8 and color.shape == frame.color.shape
+    difference = np.abs(color.astype(int) - frame.color)[both]
+    assert np.median(difference) < 25
+
+
+def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframes():
+    mesh = _map().mesh(0.05)
+    assert len(mesh.faces) > 1000
+    assert np.median(_true_distance_m(np.asarray(mesh.vertices))) < 0.01
+    trajectory = _map().trajectory()
+    np.testing.assert_array_equal(trajectory.T_world_cam, room_poses()[::4])
+    assert list(trajectory.stamps_ns) == [f.stamp_ns for f in room_frames()[::4]]
+
+
+@pytest.mark.parametrize(
+    ("ask", "text"),
+    [
+        (lambda m: m.query([1.0, 2.0, 3.0]), r"points \[1.0, 2.0, 3.0\]: expected finite numbers"),
+        (lambda m: m.query([[0, np.nan, 0]]), "points .*nan.*: expected finite numbers"),
+        (lambda m: m.raycast([[0, 0, 0]], [[0, 0, 0]]), "directions .*none of length 0"),
+        (lambda m: m.raycast([[0, 0, 0]], np.ones((2, 3))), "expected one for each of 1 origins"),
+    ],
+)
+def test_bad_points_are_one_line(ask, text):
+    with pytest.raises(UserError, match=text):
+        ask(_map())
+
+
+def test_no_points_have_no_answers():
+    found = _map().query(np.zeros((0, 3)))
+    assert [len(part) for part in found] == [0, 0, 0, 0]

@@ -1,0 +1,112 @@
+"""Cells that keyframes saw, in an analytic room: a sphere on the floor of a box."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.dense_map.seen_space import SeenSpace, certainty_of
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import se3_exp
+
+REACH_M, CELL_M = 0.06, 0.05
+CAMERA = Camera(80, 60, 50.0, 50.0, 39.5, 29.5)
+BOUND = Bound((-2.0, -2.0, -1.0), (2.0, 2.0, 4.0))
+
+
+def _wall(z_m: float, T_world_cam: np.ndarray | None = None, k: int = 0) -> MapKeyframes:
+    """One keyframe that sees a wall straight ahead."""
+    pose = np.eye(4) if T_world_cam is None else T_world_cam
+    depth = np.full((60, 80), z_m, np.float32)
+    depth[:, :8] = 0.0  # nothing measured at the left
+    return MapKeyframes(CAMERA, np.array([k]), np.zeros(1, np.int64), pose[None], lambda _: depth)
+
+
+def _joined(*parts: MapKeyframes) -> MapKeyframes:
+    return MapKeyframes(
+        CAMERA,
+        np.concatenate([part.ids for part in parts]),
+        np.concatenate([part.stamps_ns for part in parts]),
+        np.concatenate([part.T_world_cam for part in parts]),
+        lambda k: parts[k].depth_m(0),
+    )
+
+
+def test_seen_is_what_lies_in_view_before_the_wall_or_just_behind_its_front():
+    seen = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0), BOUND)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(BOUND.low, BOUND.high, (20000, 3))
+    x, y, z = points.T
+    u, v = x / z * 50 + 39.5, y / z * 50 + 29.5
+    margin_px, cell = 50 * CELL_M / np.maximum(np.abs(z), 0.1), CELL_M
+    deep = (z > 0.1 + cell) & (z < 2.0 + REACH_M - cell)
+    inside = deep & (u > 7.5 + margin_px) & (u < 79.5 - margin_px)
+    inside &= (v > -0.5 + margin_px) & (v < 59.5 - margin_px)
+    outside = (z < 0.1 - cell) | (z > 2.0 + REACH_M + cell) | (u < 7.5 - margin_px)
+    outside |= (u > 79.5 + margin_px) | (v < -0.5 - margin_px) | (v > 59.5 + margin_px)
+    known = seen.known(points)
+    assert inside.sum() > 1000 and known[inside].all()
+    assert outside.sum() > 1000 and not known[outside].any()
+    assert not seen.known(np.array([[0.0, 0.0, 99.0], [0.0, 0.0, -99.0]])).any()
+
+
+def test_a_camera_that_looks_almost_along_the_cells_sees_as_one_that_does():
+    exact = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0), BOUND)
+    turned = se3_exp(np.array([0.0, 0.0, 0.0, 1e-17, 1e-16, -1e-15]))
+    turned[0, 1], turned[2, 0] = 1e-30, -1e-300  # a border of the view is all but parallel to a row
+    almost = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0, turned), BOUND)
+    differ = (exact.information > 0) != (almost.information > 0)
+    assert differ.mean() < 1e-3
+
+
+def test_more_and_nearer_looks_make_a_place_more_certain():
+    near, far = np.array([[0.1, 0.1, 1.0]]), np.array([[0.1, 0.1, 2.0]])
+
+    def certainty(keyframes: MapKeyframes, point: np.ndarray) -> float:
+        seen = SeenSpace(REACH_M, CELL_M).follow(keyframes, BOUND)
+        index = tuple(seen.grid.indices(point)[0])
+        return float(certainty_of(seen.information[index]))
+
+    once = _wall(3.0)
+    twice = _joined(_wall(3.0), _wall(3.0, k=1))
+    assert 0 < certainty(once, far) < certainty(twice, far) < certainty(once, near) < 1
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "looks", "expected"),
+    [(1.0, 1, 0.97), (2.0, 1, 0.66), (4.0, 1, 0.11), (4.0, 10, 0.55), (2.0, 10, 0.95)],
+)
+def test_certainty_is_what_its_docstring_says(depth_m, looks, expected):
+    information = np.float32(looks / (1.8e-3 * depth_m**2) ** 2)
+    assert certainty_of(information) == pytest.approx(expected, abs=0.005)
+
+
+def test_new_keyframes_are_added_and_only_they_are_looked_at():
+    looked: list[int] = []
+    both = _joined(_wall(2.0), _wall(3.0, k=5))
+    told = replace(both, depth_m=lambda k: looked.append(k) or both.depth_m(k))
+    space = SeenSpace(REACH_M, CELL_M)
+    space.follow(_wall(2.0), BOUND)
+    by_and_by = space.follow(told, BOUND)
+    assert looked == [1]
+    at_once = SeenSpace(REACH_M, CELL_M).follow(both, BOUND)
+    assert by_and_by.grid == at_once.grid
+    np.testing.assert_allclose(by_and_by.information, at_once.information, rtol=1e-5)
+    space.follow(_wall(3.0, k=5), BOUND)  # the first has retired; what it saw stays
+    np.testing.assert_allclose(space.follow(both, BOUND).information, at_once.information)
+
+
+def test_marks_follow_corrected_poses_and_a_bound_that_grows():
+    space = SeenSpace(REACH_M, CELL_M)
+    space.follow(_wall(2.0), BOUND)
+    turned = se3_exp(np.array([0.1, 0.0, 0.0, 0.0, 0.5, 0.0]))
+    wide = Bound((-9.0, -2.0, -1.0), (2.0, 2.0, 4.0))
+    for keyframes, bound in ((_wall(2.0, turned), BOUND), (_wall(2.0, turned), wide)):
+        followed = space.follow(keyframes, bound)
+        afresh = SeenSpace(REACH_M, CELL_M).follow(keyframes, bound)
+        assert (followed.grid.low <= bound.low).all() and (followed.grid.high >= bound.high).all()
+        rng = np.random.default_rng(1)
+        points = rng.uniform(bound.low, bound.high, (5000, 3))
+        np.testing.assert_array_equal(followed.known(points), afresh.known(points))

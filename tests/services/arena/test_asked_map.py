@@ -1,0 +1,56 @@
+"""Questions of places, answered from the map as it is published."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.errors import UserError
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_proto.point_codec import answers_of, question_message
+from hsslam_proto.request_messages import PointAnswers, Refusal
+from hsslam_services.arena.asked_map import AskedMap
+from hsslam_services.arena.map_state import MapState
+from tests.small_room import SMALL, mapped_room
+
+POINTS = np.random.default_rng(0).uniform((-1, -1, 0.5), (1, 1, 3), (500, 3)).astype(np.float32)
+
+
+@pytest.fixture
+def mode(tmp_path) -> MapState:
+    return MapState.create(tmp_path, localise_only=False)
+
+
+def test_the_answer_is_that_of_the_newest_map(mode):
+    room = mapped_room()
+    asked = AskedMap(room.arrays, SMALL, mode)
+    mode.map_epoch = 3
+    versions = []
+    for _ in range(2):
+        told = asked.answer(question_message(POINTS))
+        assert isinstance(told, PointAnswers) and told.map_epoch == 3
+        versions.append(told.map_version)
+        params = room.parameters.published()[1]
+        keyframes = keyframes_of_store(room.store)
+        of_library = DenseMap(room.parameters.layout, params, keyframes, SMALL.sampling)
+        for ours, theirs in zip(answers_of(told), of_library.query(POINTS), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+        room.parameters.params[:] += 0.01
+        room.parameters.mark_stepped(
+            np.arange(len(room.parameters.stepped_at)), room.parameters.count_step()
+        )
+        room.parameters.publish()
+    assert versions == [1, 2]
+
+
+def test_before_a_map_is_published_it_is_refused(mode):
+    asked = AskedMap(MemoryAllocator(), SMALL, mode)
+    told = asked.answer(question_message(POINTS))
+    assert isinstance(told, Refusal) and told.reason == "not_now"
+    assert told.text == "query: there is no map yet: expected keyframes"
+
+
+def test_points_that_are_not_finite_are_bad_input(mode):
+    asked = AskedMap(mapped_room().arrays, SMALL, mode)
+    with pytest.raises(UserError, match=r"points .*nan.*: expected finite numbers"):
+        asked.answer(question_message(np.array([[0.0, np.nan, 0.0]])))

@@ -1,0 +1,109 @@
+"""The path without jumps: corrections, gaps, resets and restarts of the tracker."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hsslam_node.geometry.se3 import inverse, se3_exp
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.odometry import Odometry
+from tests.small_room import displaced, room_frames
+
+_STEP = se3_exp(np.array([0.02, 0.0, 0.01, 0.0, 0.03, 0.0]))
+_FRAME_NS = 33_000_000
+
+
+class _Run:
+    """A camera that moves by `_STEP` a frame; every fourth frame is a keyframe."""
+
+    def __init__(self) -> None:
+        arrays, self._frame = MemoryAllocator(), room_frames()[0]
+        camera, units = self._frame.camera, self._frame.depth_units_per_m
+        self.store = KeyframeStore.create(arrays, camera, units, 64)
+        self.log = PoseLog(arrays)
+        self.restart()
+        self.T_world_cam = np.eye(4)
+        self._frames = 0
+
+    def restart(self) -> None:
+        self._odometry = Odometry(self.log, longest_gap_s=0.5)
+
+    def track(self, status: int = TRACKED, map_epoch: int = 0, gap: int = 1) -> np.ndarray:
+        """T_odom_cam of the next frame."""
+        n = self._frames
+        self._frames += gap
+        if n:
+            self.T_world_cam = self.T_world_cam @ _STEP
+        if n % 4 == 0:
+            self.store.append(self._frame, self.T_world_cam)
+        k = self.store.count - 1
+        row = pose_row(
+            index=n, source_stamp_ns=n * _FRAME_NS, stamp_ns=n, publish_ns=n, status=status,
+            keyframe=k, T_world_cam=self.T_world_cam,
+            T_keyframe_cam=inverse(self.store.pose(k)) @ self.T_world_cam, quality=1.0,
+            map_version=1, map_epoch=map_epoch,
+        )  # fmt: skip
+        self._odometry.add(row, self.store)
+        self.log.append(row)
+        return row["T_odom_cam"].copy()
+
+    def correct(self) -> None:
+        """Move the newest keyframe by 5 cm and 2 degrees, and the camera with it."""
+        k = self.store.count - 1
+        moved = displaced(self.store.pose(k), 0.05, 2.0)
+        self.T_world_cam = moved @ inverse(self.store.pose(k)) @ self.T_world_cam
+        self.store.correct_poses(np.array([k]), moved[None])
+
+
+@pytest.fixture
+def run() -> _Run:
+    return _Run()
+
+
+def _steps(poses: list[np.ndarray]) -> np.ndarray:
+    return np.stack([inverse(a) @ b for a, b in pairwise(poses)])
+
+
+def test_without_corrections_it_is_the_path_in_the_world(run):
+    for _ in range(10):
+        np.testing.assert_allclose(run.track(), run.T_world_cam, atol=1e-12)
+
+
+def test_corrections_make_no_jump(run):
+    poses = []
+    for n in range(20):
+        poses.append(run.track())
+        if n in (5, 7, 12):
+            run.correct()
+    np.testing.assert_allclose(_steps(poses), [_STEP] * 19, atol=1e-9)
+    assert np.abs(poses[-1] - run.T_world_cam).max() > 0.05
+
+
+def test_a_restarted_tracker_goes_on_with_it(run):
+    poses = [run.track() for _ in range(6)]
+    run.correct()
+    run.restart()
+    poses += [run.track() for _ in range(6)]
+    np.testing.assert_allclose(_steps(poses), [_STEP] * 11, atol=1e-9)
+
+
+def test_it_stands_still_where_the_motion_is_not_known(run):
+    before = [run.track() for _ in range(3)][-1]
+    np.testing.assert_array_equal(run.track(status=LOST, gap=20), before)
+    np.testing.assert_array_equal(run.track(), before)
+    np.testing.assert_allclose(run.track(), before @ _STEP, atol=1e-12)
+
+
+def test_a_short_loss_is_bridged(run):
+    before = [run.track() for _ in range(3)][-1]
+    run.track(status=LOST)
+    np.testing.assert_allclose(run.track(), before @ _STEP @ _STEP, atol=1e-12)
+
+
+def test_it_goes_on_in_another_map(run):
+    before = [run.track() for _ in range(3)][-1]
+    run.T_world_cam = np.eye(4)
+    np.testing.assert_array_equal(run.track(map_epoch=1), before)

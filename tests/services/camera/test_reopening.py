@@ -1,0 +1,60 @@
+"""A live camera that goes away for a while is opened again, and goes on where it was."""
+
+import itertools
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
+from hsslam_services.camera import ros2_source
+from hsslam_services.camera.reopening import live_frames, open_with_patience
+from hsslam_services.launch.worker import Worker
+from hsslam_services.run.run_info import RunInfo
+from tests.services.camera.ros_camera import RosCamera
+
+_ROOM = SourceOptions(frames=6, synth=SynthOptions(width_px=160, height_px=120))
+
+
+@pytest.fixture
+def room() -> list[Frame]:
+    return [
+        frame for frame in open_source("synth:room", _ROOM).frames() if isinstance(frame, Frame)
+    ]
+
+
+def test_a_driver_that_is_restarted_with_another_lens_goes_on(
+    make_run: Callable[..., RunInfo], endpoint: str, room: list[Frame], monkeypatch
+):
+    monkeypatch.setattr(ros2_source, "_SILENCE_S", 0.2)
+    ros2 = Ros2Options(connect=endpoint, timeout_s=5.0)
+    run = make_run(source="ros2:/camera", ros2=ros2, start=3, frames=20)
+    first = RosCamera(endpoint)
+    first.start(room)
+    second = RosCamera(endpoint)
+    taken: list[Frame | BadFrame] = []
+    try:
+        with Worker("camera", replace(run, supervisor_pid=os.getppid())) as worker:
+            source = open_with_patience(worker, had_frames=False)
+            assert source is not None
+            frames = live_frames(worker, source, 0)
+            taken += itertools.islice(frames, 5)
+            first.close()
+            other_lens = replace(room[0].camera, fx=99.0)
+            restart = threading.Timer(1.5, second.start, [room], {"camera": other_lens})
+            restart.start()
+            taken += frames
+            assert worker.counters["reopened"] == 1
+    finally:
+        first.close()
+        second.close()
+    assert [item.index for item in taken] == list(range(20))  # `--frames`, and `--start` once
+    good = [item for item in taken if isinstance(item, Frame)]
+    assert good[0].camera.fx != 99.0 and good[-1].camera.fx == 99.0
+    lost = [item.reason for item in taken if isinstance(item, BadFrame)]
+    assert len(lost) == 3 and all(reason.startswith("nothing for 0.2 s") for reason in lost)

@@ -1,0 +1,43 @@
+"""A reader of standard error that leaves, or stands still, holds nothing up."""
+
+import os
+import time
+from typing import TextIO, cast
+
+from rich.console import Console
+
+from hsslam_services.health.resilient_stream import ResilientStream
+from hsslam_services.health.status_line import StatusLine
+
+
+def test_lines_come_through_until_the_reader_leaves_and_then_harm_nothing():
+    read, write = os.pipe()
+    with os.fdopen(write, "w", encoding="utf-8") as stream:
+        resilient = ResilientStream(stream)
+        with StatusLine(Console(file=cast(TextIO, resilient))) as line:
+            line.say("heard")
+            assert os.read(read, 100) == b"heard\n"
+            os.close(read)
+            for _ in range(3):
+                line.say("not heard")
+        resilient.drain(10)
+        stream.write("nor is this")
+
+
+def test_a_reader_that_stands_still_costs_lines_and_no_time():
+    read, write = os.pipe()
+    with os.fdopen(write, "w", encoding="utf-8") as stream:
+        resilient = ResilientStream(stream)
+        start_s = time.monotonic()
+        for number in range(2000):
+            resilient.write(f"{number} {'x' * 1000}\n")
+        assert time.monotonic() - start_s < 1.0
+        resilient.drain(0.05)  # in vain
+        heard = ""
+        while "left out" not in heard:
+            heard += os.read(read, 2**16).decode()
+        resilient.write("again\n")
+        while not heard.endswith("again\n"):
+            heard += os.read(read, 2**16).decode()
+        assert heard.startswith("0 x") and "1999 x" not in heard
+    os.close(read)

@@ -1,0 +1,149 @@
+"""What ROS 2 hears of a real run, beside the poses in the log of the run."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_proto.messages import Pose
+from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
+from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.log.poses import logged_poses
+from tests.services.ros2.ros_listener import Heard, RosListener, gid_of
+from tests.services.serve_process import SMALL_ROOM
+
+_FRAMES = 45
+_MOUNT = (0.2, 0.05, 0.4, -0.5, 0.5, -0.5, 0.5)  # 20 cm ahead of base_link, looking ahead
+_ROBOT = RobotFrames.mounted(_MOUNT)
+_QOS = {
+    "/hsslam/odom": "::,10:,:,:,,",
+    "/hsslam/path": "::,1:,:,:,,",
+    "/hsslam/points": "2::,5:,:,:,,",
+    "/hsslam/pose": "::,10:,:,:,,",
+    "/tf": "::,100:,:,:,,",
+    "/tf_static": ":1:,1:,:,:,,",
+}
+
+
+@pytest.mark.e2e
+def test_a_run_is_told_to_ros(serve):
+    endpoint = free_endpoint()
+    listener = RosListener(endpoint)  # before there is a router
+    for topic in _QOS:
+        if topic != "/tf_static":
+            listener.hear(topic)
+    try:
+        run = serve(
+            *SMALL_ROOM, "--frames", str(_FRAMES), "--finish-s", "1",
+            "--zenoh-port", endpoint.rpartition(":")[2], "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
+            "--base-T-camera", *map(str, _MOUNT),
+        )  # fmt: skip
+        listener.wait_until(lambda: listener.alive() == len(_QOS) + 1, 240)
+        tokens = listener.tokens()
+        listener.hear_latched("/tf_static")  # after it was sent
+        assert run.finish() == 0, run.stderr
+        listener.wait_until(lambda: listener.alive() == 0)
+    finally:
+        listener.close()
+    heard = {topic: listener.heard(topic) for topic in _QOS}
+    logged = {pose.stamp_ns: pose for pose in logged_poses([run.out / "run.mcap"]).poses}
+    _expect_graph(heard, tokens)
+    _expect_poses(heard, logged)
+    _expect_mount(heard["/tf_static"])
+    _expect_path(heard["/hsslam/path"], logged)
+    _expect_points(heard["/hsslam/points"], logged)
+    assert run.summary()["processes"]["ros2_out"]["restarts"] == 0
+
+
+def _expect_graph(heard: dict[str, list[Heard]], tokens: set[str]) -> None:
+    """Node and publishers, their QoS; messages are numbered and name their publisher."""
+    (node,) = (token for token in tokens if "/NN/" in token)
+    assert node.split("/")[6:] == ["%", "%hsslam", "slam"]
+    for topic, qos in _QOS.items():
+        (token,) = (t for t in tokens if f"/{topic.replace('/', '%')}/" in t)
+        assert token.endswith(f"/{qos}")
+        numbers = [one.sequence for one in heard[topic]]
+        assert numbers == sorted(set(numbers)), topic  # a busy machine drops some
+        assert {one.gid for one in heard[topic]} == {gid_of(topic, tokens)}
+
+
+def _expect_poses(heard: dict[str, list[Heard]], logged: dict[int, Pose]) -> None:
+    """Pose, odometry and transforms of a frame are those of the log, all three with the image's stamp."""
+    poses, odometry, tf = (_by_stamp(heard[t]) for t in ("/hsslam/pose", "/hsslam/odom", "/tf"))
+    all_three = sorted(poses.keys() & odometry.keys() & tf.keys())
+    assert len(all_three) > _FRAMES // 3
+    before: tuple[int, np.ndarray] | None = None
+    for stamp_ns in all_three:
+        pose, ours = poses[stamp_ns], logged[stamp_ns]
+        T_world_cam = transform(np.array(ours.t), np.array(ours.q))
+        T_map_base = _ROBOT.base_pose(T_world_cam)
+        T_odom_base = _ROBOT.base_pose(pose_matrix(ours.odometry))
+        assert pose.header.frame_id == "map"
+        np.testing.assert_allclose(_matrix(pose.pose.pose), T_map_base, atol=1e-9)
+        map_odom, odom_base = tf[stamp_ns].transforms
+        assert (map_odom.header.frame_id, map_odom.child_frame_id) == ("map", "odom")
+        assert (odom_base.header.frame_id, odom_base.child_frame_id) == ("odom", "base_link")
+        np.testing.assert_allclose(_matrix(odom_base.transform), T_odom_base, atol=1e-9)
+        chain = _matrix(map_odom.transform) @ _matrix(odom_base.transform)
+        np.testing.assert_allclose(chain, T_map_base, atol=1e-9)
+        told = odometry[stamp_ns]
+        assert (told.header.frame_id, told.child_frame_id) == ("odom", "base_link")
+        np.testing.assert_allclose(_matrix(told.pose.pose), T_odom_base, atol=1e-9)
+        covariance = covariance_matrix(ours.covariance)
+        assert covariance is not None
+        np.testing.assert_allclose(
+            np.reshape(pose.pose.covariance, (6, 6)),
+            _ROBOT.base_covariance(covariance, T_world_cam) + 1e-8 * np.eye(6),
+            atol=1e-12,
+        )
+        if before is not None and ours.index == before[0] + 1:
+            speed = np.array([told.twist.twist.linear.x, told.twist.twist.linear.y])
+            assert np.linalg.norm(speed) < 3.0 and np.any(told.twist.covariance)
+            assert np.linalg.norm((inverse(before[1]) @ T_odom_base)[:3, 3]) < 0.2  # no jump
+        before = ours.index, T_odom_base
+
+
+def _expect_mount(heard: list[Heard]) -> None:
+    (mount,) = heard[-1].by_rosbags.transforms
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "camera_optical_frame")
+    np.testing.assert_allclose(_matrix(mount.transform), _ROBOT.T_base_cam, atol=1e-12)
+    ahead = _ROBOT.T_base_cam @ [0, 0, 1, 1]  # a metre in front of the camera
+    np.testing.assert_allclose(ahead, [1.2, 0.05, 0.4, 1], atol=1e-12)
+
+
+def _expect_path(heard: list[Heard], logged: dict[int, Pose]) -> None:
+    path = heard[-1].by_rosbags
+    assert path.header.frame_id == "map" and len(path.poses) >= 2
+    stamps = np.array(sorted(logged))
+    for stamped in path.poses:
+        nearest = int(stamps[np.abs(stamps - _stamp_ns(stamped)).argmin()])
+        pose = logged[nearest]
+        T_map_base = _ROBOT.base_pose(transform(np.array(pose.t), np.array(pose.q)))
+        assert np.linalg.norm(_matrix(stamped.pose)[:3, 3] - T_map_base[:3, 3]) < 0.1
+
+
+def _expect_points(heard: list[Heard], logged: dict[int, Pose]) -> None:
+    cloud = heard[-1].by_rosbags
+    assert cloud.header.frame_id == "camera_optical_frame" and _stamp_ns(cloud) in logged
+    points = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(-1, 4)
+    assert 5000 < len(points) <= 20_000 and 0.2 < points[:, 2].min() < points[:, 2].max() < 10
+
+
+def _by_stamp(heard: list[Heard]) -> dict[int, object]:
+    return {_stamp_ns(_stamped(one.by_rosbags)): one.by_rosbags for one in heard}
+
+
+def _stamped(message):
+    return message if hasattr(message, "header") else message.transforms[0]
+
+
+def _stamp_ns(message) -> int:
+    stamp = message.header.stamp
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def _matrix(pose) -> np.ndarray:
+    """[4, 4] of a `Pose` or a `Transform`."""
+    t = pose.position if hasattr(pose, "position") else pose.translation
+    q = pose.orientation if hasattr(pose, "orientation") else pose.rotation
+    return transform(np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w]))

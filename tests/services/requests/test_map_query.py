@@ -1,0 +1,105 @@
+"""Questions of places from a client by way of the gateway to the process that has the map, and back."""
+
+import re
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.answers import MapAnswers
+from hsslam_node.errors import UserError
+from hsslam_proto.point_codec import answers_message, answers_of, question_message, question_points
+from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
+from hsslam_proto.requests import QUERY
+from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
+from hsslam_services.bus.bus import Bus
+from hsslam_services.requests.map_query import PassedOnQueries
+from tests.repository import ROOT
+
+POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
+
+
+def _answer(question: QueryMap) -> PointAnswers:
+    """Distances that are the points' x."""
+    points = question_points(question)
+    if (points < 0).any():
+        raise UserError("points below 0: expected others")
+    n = len(points)
+    known = np.ones(n, np.bool_)
+    return answers_message(MapAnswers(points[:, 0], 2 * points, known, points[:, 1]), 7, 1)
+
+
+@pytest.fixture
+def gateway(endpoint) -> Iterator[str]:
+    """A gateway that takes requests until the test ends; returns where."""
+    with Bus(endpoint, "r", "supervisor") as bus:
+        requests, queries = bus.requests(), PassedOnQueries(bus)
+        is_over = threading.Event()
+
+        def turn() -> None:
+            while not is_over.wait(0.005):
+                if (asked := requests.poll()) is not None:
+                    queries.ask(asked)
+
+        loop = threading.Thread(target=turn)
+        loop.start()
+        yield endpoint
+        is_over.set()
+        loop.join()
+
+
+def _ask(endpoint: str, points: np.ndarray) -> PointAnswers:
+    while True:
+        try:
+            return ask(endpoint, "r", QUERY, question_message(points))
+        except NoServiceError:  # the router knows the gateway a moment later
+            continue
+
+
+def test_the_answer_comes_from_the_process_that_has_the_map(gateway):
+    with Bus(gateway, "r", "mesher") as mesher:
+        mesher.answer(QUERY, _answer)
+        told = _ask(gateway, POINTS)
+        many = _ask(gateway, np.ones((100_000, 3)))
+    assert (told.count, told.map_version, told.map_epoch) == (4, 7, 1)
+    found = answers_of(told)
+    np.testing.assert_array_equal(found.distance_m, POINTS[:, 0])
+    np.testing.assert_array_equal(found.gradient, 2 * POINTS)
+    np.testing.assert_array_equal(found.certainty, POINTS[:, 1])
+    assert found.known.all() and many.count == 100_000
+
+
+def test_without_that_process_it_is_refused_at_once(gateway):
+    with pytest.raises(RefusedError, match="query: the process that answers it is not there"):
+        _ask(gateway, POINTS)
+
+
+def test_the_client_of_the_document_is_answered(gateway, capsys):
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "docs/wire.md").read_text(), re.M | re.S
+    )
+    code = block.replace("tcp/127.0.0.1:7447", gateway).replace("hsslam/robot/", "hsslam/r/")
+    assert code.count(gateway) == 1 and code.count("hsslam/r/") == 1
+    told = question_message(np.abs(POINTS))
+    with Bus(gateway, "r", "mesher") as mesher:
+        mesher.answer(QUERY, lambda question: _answer(told))
+        _ask(gateway, POINTS)  # the router knows all by now
+        exec(compile(code, "docs/wire.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("7 [0. 3. 6. 9.] [[ 0.  2.  4.]")
+
+
+@pytest.mark.parametrize(
+    ("points", "text"),
+    [(-POINTS, "query: points below 0: expected others"), (POINTS + 99, "query: out of luck")],
+)
+def test_what_goes_wrong_there_is_told(gateway, points, text):
+    def answer(question: QueryMap) -> PointAnswers | Refusal:
+        if question_points(question)[0, 0] > 50:
+            raise RuntimeError("out of luck")
+        return _answer(question)
+
+    with Bus(gateway, "r", "mesher") as mesher:
+        mesher.answer(QUERY, answer)
+        with pytest.raises(RefusedError, match=text):
+            _ask(gateway, points)

@@ -1,0 +1,43 @@
+"""Options of what goes out to ROS 2: wrong ones are one line, before a run begins."""
+
+import importlib.util
+
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.ros2.type_store import expect_packages
+from hsslam_services.run.options import ServeOptions
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"ros2_out": "hsslam"}, "--ros2-out 'hsslam': expected a namespace as /hsslam"),
+        ({"ros2_out": "/1"}, "expected a namespace as /hsslam"),
+        ({"base_T_camera": (0.0,) * 7}, "--base-T-camera .* norm 0: expected a unit quaternion"),
+    ],
+)
+def test_wrong_options(fields, words):
+    with pytest.raises(UserError, match=words):
+        ServeOptions(**fields)
+
+
+def test_the_router_is_open_for_the_domain_of_ros():
+    options = ServeOptions(ros2_out="/hsslam")
+    assert options.ros_domain == 0 and options.outside_place
+    assert ServeOptions().ros_domain is None
+
+
+def test_the_process_is_there_if_it_is_asked_for():
+    (spec,) = (spec for spec in PROCESSES if spec.name == "ros2_out")
+    assert spec.exists(has_camera=True, has_ros2_out=True)
+    assert not spec.exists(has_camera=True, has_ros2_out=False)
+    assert not spec.is_needed("realtime") and not spec.is_needed("lockstep")
+
+
+def test_what_is_missing_is_named_with_its_remedy(monkeypatch):
+    expect_packages("--ros2-out /hsslam")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UserError, match=r"package rosbags is not there: pip install 'hsslam-node"):
+        expect_packages("--ros2-out /hsslam")

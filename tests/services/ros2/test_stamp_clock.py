@@ -1,0 +1,22 @@
+"""Stamps of a recording that waited for the first map, on another clock."""
+
+import numpy as np
+
+from hsslam_services.ros2.stamp_clock import StampClock
+
+_START_NS = 1_700_000_000_000_000_000
+
+
+def test_each_stamp_has_the_offset_of_its_time():
+    clock = StampClock()
+    source_ns = np.arange(10) * 33_333_333
+    np.testing.assert_array_equal(clock.ros_ns(source_ns), source_ns)
+    wait_ns = np.where(source_ns > 3 * 33_333_333, 700_000_000, 0)
+    ros_ns = source_ns + _START_NS + wait_ns
+    for pair in zip(source_ns.tolist(), ros_ns.tolist(), strict=True):
+        clock.learn(*pair)
+    np.testing.assert_array_equal(clock.ros_ns(source_ns), ros_ns)
+    outside = np.array([-(10**9), 10**10])
+    np.testing.assert_array_equal(
+        clock.ros_ns(outside), outside + _START_NS + np.array([0, 700_000_000])
+    )
