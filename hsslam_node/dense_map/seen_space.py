@@ -98,7 +98,7 @@ def _nothing_seen(low: np.ndarray, high: np.ndarray, cell_m: float) -> SeenCells
 def _mark(
     cells: SeenCells, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, reach_m: float
 ) -> None:
-    """Add what a keyframe tells of the cells that it saw."""
+    """Add the information that a keyframe's depth gives of the cells that it saw."""
     T_cam_world, grid = inverse(T_world_cam), cells.grid
     T_cam_index = T_cam_world.copy()
     T_cam_index[:3, :3] *= grid.voxel_m

@@ -26,7 +26,7 @@ _ICP_ENOUGH = 1e-6  # relative change of inliers and of their error: those of Op
 
 @dataclass(frozen=True)
 class CullingCameras:
-    """Cameras that decide which part of a mesh counts, each by its own image of that mesh."""
+    """Cameras that cull a mesh: a point counts if one of them sees it in its own image of that mesh."""
 
     camera: Camera  # pinhole, no distortion
     given: np.ndarray  # [V, 4, 4] T_world_cam of the sequence

@@ -3,7 +3,6 @@
 `python -m hsslam_bench.scripts.covariance_run SOURCE SEED [--noise kinect] [--frames N]`
 """
 
-import argparse
 import json
 from dataclasses import asdict
 from typing import Any
@@ -11,13 +10,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from hsslam_bench.scripts.source_with_truth import source_with_truth, with_poor_first_map
+from hsslam_bench.scripts.sequence_arguments import sequence_arguments
+from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.trajectory.calibration import calibration
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options import SourceOptions
 
@@ -25,18 +24,7 @@ _QUICK_FRAMES = 20
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="covariance_run", description=__doc__)
-    parser.add_argument("source")
-    parser.add_argument("seed", type=int)
-    parser.add_argument("--noise", choices=("none", "kinect"), default="none")
-    parser.add_argument("--frames", type=int, help="of the sequence, the first")
-    parser.add_argument("--quick", action="store_true", help="few frames, a poor first map")
-    arguments = parser.parse_args()
-    config, frames = PRESETS["realtime"], arguments.frames
-    if arguments.quick:
-        config, frames = with_poor_first_map(config), _QUICK_FRAMES
-    options = SourceOptions(noise=arguments.noise, seed=arguments.seed, frames=frames)
-    print(json.dumps(covariance_run(config, arguments.source, options)))
+    print(json.dumps(covariance_run(*sequence_arguments("covariance_run", __doc__, _QUICK_FRAMES))))
 
 
 def covariance_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:

@@ -1,20 +1,19 @@
-"""A camera whose frames are missing now and then, in one process, as JSON on stdout.
+"""A camera whose frames are missing now and then, as JSON on stdout: a process of its own.
 
 `python -m hsslam_bench.scripts.gap_run SOURCE SEED [--noise kinect] [--frames N]`: stretches of 8 to
 15 frames with gaps of 4 to 30 between them.
 """
 
-import argparse
 import json
 from dataclasses import asdict
 from typing import Any
 
 import torch
 
-from hsslam_bench.scripts.source_with_truth import published, source_with_truth, with_poor_first_map
+from hsslam_bench.scripts.sequence_arguments import sequence_arguments
+from hsslam_bench.scripts.source_with_truth import published, source_with_truth
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.trajectory.gaps import gap_plan, gap_score
-from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options import SourceOptions
 
@@ -22,18 +21,7 @@ _QUICK_FRAMES = 60
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="gap_run", description=__doc__)
-    parser.add_argument("source")
-    parser.add_argument("seed", type=int)
-    parser.add_argument("--noise", choices=("none", "kinect"), default="none")
-    parser.add_argument("--frames", type=int, help="of the sequence, the first")
-    parser.add_argument("--quick", action="store_true", help="few frames, a poor first map")
-    arguments = parser.parse_args()
-    config, frames = PRESETS["realtime"], arguments.frames
-    if arguments.quick:
-        config, frames = with_poor_first_map(config), _QUICK_FRAMES
-    options = SourceOptions(noise=arguments.noise, seed=arguments.seed, frames=frames)
-    print(json.dumps(gap_run(config, arguments.source, options)))
+    print(json.dumps(gap_run(*sequence_arguments("gap_run", __doc__, _QUICK_FRAMES))))
 
 
 def gap_run(config: SlamConfig, spec: str, options: SourceOptions) -> dict[str, Any]:

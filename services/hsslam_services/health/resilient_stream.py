@@ -1,4 +1,4 @@
-"""Standard error that holds nobody up: a reader that stands still or leaves costs lines, not the run."""
+"""Standard error, written by a thread: a reader that stands still or leaves costs lines, not the run."""
 
 import io
 import os

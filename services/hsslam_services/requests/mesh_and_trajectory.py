@@ -1,11 +1,8 @@
 """Requests for the newest mesh and for the trajectory so far."""
 
-import queue
-import threading
 from pathlib import Path
 
 import numpy as np
-import zenoh
 
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
@@ -19,8 +16,7 @@ from hsslam_proto.request_messages import TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
-
-_MOST_WAITING = 16
+from hsslam_services.requests.waiting_requests import WaitingRequests
 
 
 class NewestMesh:
@@ -29,31 +25,15 @@ class NewestMesh:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._map_epoch = 0
-        self._waiting: queue.Queue[PendingRequest] = queue.Queue(_MOST_WAITING)
-        self._thread: threading.Thread | None = None
+        self._waiting = WaitingRequests("meshes", self._answer)
 
     def ask(self, asked: PendingRequest) -> None:
         """Answer as soon as the mesher has; refused if many wait already."""
-        try:
-            self._waiting.put_nowait(asked)
-        except queue.Full:
-            asked.refuse("busy", f"mesh: {_MOST_WAITING} clients wait for it: expected fewer")
-            return
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._answer_all, name="meshes", daemon=True)
-            self._thread.start()
+        self._waiting.add(asked)
 
     def forget(self, map_epoch: int) -> None:
         """The map was thrown away: answer with meshes of the next map epoch only."""
         self._map_epoch = map_epoch
-
-    def _answer_all(self) -> None:
-        while True:
-            asked = self._waiting.get()
-            try:
-                self._answer(asked)
-            except (zenoh.ZError, MemoryError) as error:
-                asked.refuse("failed", f"mesh: {error}")
 
     def _answer(self, asked: PendingRequest) -> None:
         live = AssembledMesh()

@@ -1,0 +1,41 @@
+"""Requests that another process answers wait here, one after the other, in a thread of their own."""
+
+import queue
+import threading
+from collections.abc import Callable
+
+from hsslam_services.bus.requests import PendingRequest
+
+_MOST_WAITING = 16  # of a megabyte each
+
+
+class WaitingRequests:
+    """Calls `answer` for each request in turn; one whose answer fails is refused, and costs no other.
+
+    The thread starts with the first request.
+    """
+
+    def __init__(self, name: str, answer: Callable[[PendingRequest], None]) -> None:
+        self._name = name
+        self._answer = answer
+        self._waiting: queue.Queue[PendingRequest] = queue.Queue(_MOST_WAITING)
+        self._thread: threading.Thread | None = None
+
+    def add(self, asked: PendingRequest) -> None:
+        """Answer it soon; refused if many wait already. Never blocks."""
+        try:
+            self._waiting.put_nowait(asked)
+        except queue.Full:
+            asked.refuse("busy", f"{asked.request.name}: {_MOST_WAITING} wait already")
+            return
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name=self._name, daemon=True)
+            self._thread.start()
+
+    def _work(self) -> None:
+        while True:
+            asked = self._waiting.get()
+            try:
+                self._answer(asked)
+            except Exception as error:  # whatever it is: the client waits for an answer
+                asked.refuse("failed", f"{asked.request.name}: {error}")
