@@ -81,7 +81,7 @@ class Slam:
         self._mapper: Mapper | None = None
         self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
-        self.pose_log = PoseLog(self._arrays)
+        self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
         self._seen = SeenSpace(config.field.truncation_m)
         self._asked: tuple[tuple[int, int, int], DenseMap] | None = None
         if saved_map is not None:

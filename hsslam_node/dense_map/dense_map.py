@@ -10,10 +10,11 @@ from hsslam_node.dense_map.answers import MapAnswers, RayHits
 from hsslam_node.dense_map.free_space import are_free
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
-from hsslam_node.dense_map.measuring import answers_of_field
+from hsslam_node.dense_map.measuring import TRUSTED, answers_at
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
 from hsslam_node.dense_map.shapes import Shapes, finite_rows
 from hsslam_node.device.device import CPU, Device
+from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
@@ -79,15 +80,18 @@ class DenseMap:
     def query(self, points: ArrayLike) -> MapAnswers:
         """Distance, gradient, known and certainty at points [N, 3].
 
-        The first call looks through the depth of all keyframes (10 ms each), later ones through that of
-        new keyframes.
+        Near surfaces the field says the distance, else `distances` does, 2 m at most. The first call looks
+        through the depth of all keyframes (40 ms each), later ones through that of new keyframes.
 
         Raises:
             UserError: the points are not [N, 3], or not finite.
         """
         rows = np.ascontiguousarray(finite_rows("points", points, 3), np.float32)
-        field = self._queries.sdf_and_gradient(rows)
-        return answers_of_field(rows, field, self._truncation_m, self._seen_cells())
+        return answers_at(rows, self._queries, self._truncation_m, self._seen_cells())
+
+    def distances(self) -> DistanceMap:
+        """What is free, occupied and unknown by the keyframes, and the distance to what is occupied."""
+        return self._seen_cells().distances
 
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
@@ -107,7 +111,7 @@ class DenseMap:
             )
         along = along / lengths
         distance_m = self._rays.distances(start, along, max_m)
-        hit = (distance_m > 0) & self._seen_cells().known(start + distance_m[:, None] * along)
+        hit = (distance_m > 0) & self._seen_cells().saw(start + distance_m[:, None] * along)
         return RayHits(np.where(hit, distance_m, np.inf), hit)
 
     def is_free(self, shapes: Shapes) -> np.ndarray:
@@ -115,12 +119,15 @@ class DenseMap:
 
         What lies 1 cm outside may count as within.
         """
-        nearest_m = _TRUSTED * self._truncation_m
+        seen = self._seen_cells()
+        near_m, slack_m = TRUSTED * self._truncation_m, seen.grid.voxel_m
 
-        def distance_m(points: np.ndarray) -> np.ndarray:
-            return np.minimum(self.query(points).distance_m, nearest_m)
+        def ask(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            distance_m, _, known, _ = self.query(points)
+            at_least_m = np.maximum(np.minimum(distance_m, near_m), distance_m - slack_m)
+            return at_least_m, known
 
-        return are_free(shapes, distance_m, self._seen_cells())
+        return are_free(shapes, ask)
 
     def render(
         self, T_world_cam: np.ndarray, camera: Camera | None = None
@@ -158,4 +165,4 @@ class DenseMap:
         return MapRenderer(self._layout, self._params, self._sampling)
 
     def _seen_cells(self) -> SeenCells:
-        return self._seen.follow(self._keyframes, self.bound)
+        return self._seen.follow(self._keyframes)

@@ -86,7 +86,7 @@ def _measured_depth(checkpoint: MapCheckpoint, path: Path, camera: Camera) -> De
 
     def depth_m(k: int) -> np.ndarray:
         try:
-            depth_raw = images.pixels(k)[1]
+            depth_raw = images.depth_raw(k)
         except ValueError as error:
             raise UserError(f"{path}: damaged map: {error}") from None
         if depth_raw.shape != (camera.height_px, camera.width_px):

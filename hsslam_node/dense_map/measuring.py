@@ -1,59 +1,95 @@
-"""Measures places: the field's distance in metres, and what keyframes know of the place."""
+"""Measures places: by the field near surfaces, by what keyframes saw away from them."""
 
 import numpy as np
 from numba import njit
 
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.seen_space import PRIOR_INFORMATION, SeenCells
-from hsslam_node.meshing.field_answers import FieldAnswers
+from hsslam_node.meshing.map_queries import Queries
 
 _LEAST_SLOPE = 1.0  # m/m, of a distance: where the field is flatter it saturates
-_FARTHEST = 0.95  # of the truncation: what lies farther away has no distance in the field
+_ALONE, TRUSTED, _FARTHEST = 0.3, 0.6, 0.95  # of the truncation; what they bound: see `answers_at`
+_SAME_M = 0.03  # distances that differ by less are of one surface
+_NEAR_M = 0.1  # beyond the truncation; the field is not asked farther from what keyframes measured
 
 
-def answers_of_field(
-    points: np.ndarray, field: FieldAnswers, truncation_m: float, seen: SeenCells
+def answers_at(
+    points: np.ndarray, queries: Queries, truncation_m: float, seen: SeenCells
 ) -> MapAnswers:
-    """Answers at points [N, 3] float32 m; takes the arrays of `field` over.
+    """Answers at points [N, 3] float32 m; the field is asked of those near surfaces.
 
-    Near a surface the distance is the SDF over its slope, to first order the way to the surface; a slope
-    below 1 counts as 1, or distances would be too large where the field saturates. Farther away the
-    distance is the truncation, and has no gradient.
+    The field's distance is the SDF over its slope, to first order the way to the surface; a slope below 1
+    counts as 1, or distances would be too large where the field saturates. Up to 0.3 truncations it counts
+    alone. To 0.6 it passes over to the distance to the surfaces that keyframes measured, unless that is
+    of a surface farther away. Where keyframes have none, as just behind a surface, it counts to 0.95.
+
+    Gradients are those of the distance to what keyframes measured, which are smoother than the field's.
+    They are the field's if the two distances are not of one surface.
     """
-    distance_m, gradient = field.sdf, field.gradient
-    known, certainty = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
-    _look_up(points, *_lattice(seen), known, certainty)
-    _measure(distance_m, gradient, known, np.float32(truncation_m))
-    return MapAnswers(distance_m, gradient, known, certainty)
-
-
-def _lattice(seen: SeenCells) -> tuple[np.ndarray, np.ndarray, float]:
-    return seen.information, np.array(seen.grid.first, np.float64), 1 / seen.grid.voxel_m
-
-
-@njit(cache=True, fastmath={"contract", "arcp", "reassoc"}, nogil=True, error_model="numpy")
-def _measure(sdf, gradient, known, truncation_m):
-    """SDF [N] in truncations to metres, gradient [N, 3] (T/m) to unit length, in place."""
-    for k in range(sdf.shape[0]):
-        if not known[k]:
-            sdf[k] = np.float32(np.nan)
-            gradient[k] = np.float32(0.0)
-            continue
-        x, y, z = gradient[k, 0], gradient[k, 1], gradient[k, 2]
-        length = np.sqrt(x * x + y * y + z * z)
-        slope = length * truncation_m  # m/m
-        scale = np.float32(0.0)
-        if abs(sdf[k]) > np.float32(_FARTHEST):
-            sdf[k] *= truncation_m
-        else:
-            sdf[k] *= truncation_m / max(slope, np.float32(_LEAST_SLOPE))
-            if length > np.float32(0.0):
-                scale = np.float32(1.0) / length
-        gradient[k, 0], gradient[k, 1], gradient[k, 2] = x * scale, y * scale, z * scale
+    n, found = len(points), seen.distances.query(points)
+    certainty, is_near = np.empty(n, np.float32), np.empty(n, np.bool_)
+    first, per_m = np.array(seen.grid.first, np.float64), 1 / seen.grid.voxel_m
+    _look_up(points, seen.information, first, per_m, certainty)
+    _judge(*found, certainty, np.float32(truncation_m + _NEAR_M), is_near)
+    near = np.flatnonzero(is_near)
+    field = queries.sdf_and_gradient(points[near])
+    _add_field(*field, near, *found, certainty, np.float32(truncation_m))
+    return MapAnswers(*found, certainty)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_up(points, information, first, per_m, known, certainty):
+def _judge(distance, gradient, known, certainty, near_m, is_near):
+    """Write which of N points are known, unknown, or for the field to say; gradients get unit length.
+
+    Known is what some keyframe saw, and has a distance to what they measured. Where it is seen without
+    one, as just behind a surface, or not farther than `near_m`, the field is asked.
+    """
+    for k in range(distance.shape[0]):
+        known[k] = known[k] and certainty[k] > 0 and not np.isnan(distance[k])
+        is_near[k] = certainty[k] > 0 and not (known[k] and distance[k] > near_m)
+        x, y, z = gradient[k, 0], gradient[k, 1], gradient[k, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = np.float32(1.0) / length if known[k] and length > 0 else np.float32(0.0)
+        gradient[k, 0], gradient[k, 1], gradient[k, 2] = x * scale, y * scale, z * scale
+        if not known[k]:
+            distance[k] = np.float32(np.nan)
+            if not is_near[k]:
+                certainty[k] = np.float32(0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_field(sdf, slope, near, distance, gradient, known, certainty, truncation_m):
+    """Let the field say distance [N] m and gradient [N, 3] at points `near` [M], or a share of them.
+
+    Args:
+        sdf: [M], in truncations.
+        slope: [M, 3] T/m, its derivative.
+    """
+    one, zero = np.float32(1.0), np.float32(0.0)
+    for m in range(near.shape[0]):
+        k, s = near[m], abs(sdf[m])
+        is_measured = known[k]
+        if s >= np.float32(TRUSTED if is_measured else _FARTHEST):
+            if not is_measured:
+                certainty[k] = zero
+            continue
+        x, y, z = slope[m, 0], slope[m, 1], slope[m, 2]
+        length = np.sqrt(x * x + y * y + z * z)  # T/m
+        own_m = sdf[m] * truncation_m / max(length * truncation_m, np.float32(_LEAST_SLOPE))
+        beyond_m = distance[k] - own_m  # nan if it is not measured
+        share = one
+        if beyond_m < np.float32(_SAME_M) and s > np.float32(_ALONE):
+            share = (np.float32(TRUSTED) - s) / np.float32(TRUSTED - _ALONE)
+        distance[k] = own_m if share == one else distance[k] + share * (own_m - distance[k])
+        known[k] = True
+        if not abs(beyond_m) < np.float32(_SAME_M):
+            scale = one / length if length > 0 else zero
+            gradient[k, 0], gradient[k, 1], gradient[k, 2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look_up(points, information, first, per_m, certainty):
+    """Write the certainty [N] of the cells of points [N, 3]."""
     nx, ny, nz = information.shape
     for k in range(points.shape[0]):
         i = np.floor(points[k, 0] * per_m) - first[0]
@@ -62,5 +98,4 @@ def _look_up(points, information, first, per_m, known, certainty):
         told = np.float32(0.0)
         if i >= 0 and j >= 0 and l >= 0 and i < nx and j < ny and l < nz:
             told = information[int(i), int(j), int(l)]
-        known[k] = told > 0
         certainty[k] = told / (told + PRIOR_INFORMATION)

@@ -1,4 +1,4 @@
-"""Which places keyframes saw, and how well: the information that their depth gives of each cell of space."""
+"""What keyframes saw: how well each cell of space is known, and how far it is to the nearest surface."""
 
 from typing import NamedTuple
 
@@ -6,14 +6,19 @@ import numpy as np
 from numba import njit
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.distance_meter import DistanceMeter
+from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.meshing.observed_space import surface_shift_m
 
-_MARGIN_M = 1.0  # around what is asked for: a map that grows does not need another grid each time
+_MARGIN_M = 0.5  # around what was seen: a map that grows does not need another grid each time
 _NEAREST_M = 0.1  # in front of a camera
+_EXTENT_PX = 8  # step between the pixels that say how far a keyframe sees
 _NOISE = 1.8e-3  # 1/m, of a Kinect: deviation of its depth z is this times z^2
 PRIOR_INFORMATION = np.float32(0.01**-2)  # 1/m^2, of a place known to 1 cm, for the certainty
 
@@ -23,17 +28,19 @@ class SeenCells(NamedTuple):
 
     `information` [X, Y, Z] float32 1/m^2, x fastest, is the sum over the keyframes that saw a cell of
     1 / deviation^2, the deviation being that of a depth measured there; 0: no keyframe saw it.
+    `distances`: to the surfaces that keyframes measured and did not see through later, of the same grid.
     """
 
     grid: VoxelGrid
     information: np.ndarray
+    distances: DistanceMap
 
-    def known(self, points: np.ndarray) -> np.ndarray:
-        """Mask [N] of the points [N, 3] m that a keyframe saw."""
+    def saw(self, points: np.ndarray) -> np.ndarray:
+        """Mask [N] of the points [N, 3] m that a keyframe saw, just behind its surface too."""
         indices = self.grid.indices(points)
-        known = self.grid.holds(indices)
-        known[known] = self.information[tuple(indices[known].T)] > 0
-        return known
+        seen = self.grid.holds(indices)
+        seen[seen] = self.information[tuple(indices[seen].T)] > 0
+        return seen
 
 
 def certainty_of(information: np.ndarray) -> np.ndarray:
@@ -46,7 +53,7 @@ def certainty_of(information: np.ndarray) -> np.ndarray:
 
 
 class SeenSpace:
-    """Marks the cells that keyframes saw: those in front of the depth that they measured, and at it.
+    """Follows keyframes: marks the cells in front of the depth that they measured, and at it.
 
     Args:
         reach_m: how far behind a surface still counts as seen, m.
@@ -58,55 +65,76 @@ class SeenSpace:
         self._cell_m = cell_m
         self._ids = np.zeros(0, np.int64)  # of the marked keyframes
         self._marked_at = np.zeros((0, 4, 4))  # their T_world_cam then
+        self._information = np.zeros((0, 0, 0), np.float32)
+        self._occupancy: Occupancy | None = None
+        self._meter = DistanceMeter()
         self._cells: SeenCells | None = None
 
-    def follow(self, keyframes: MapKeyframes, bound: Bound) -> SeenCells:
-        """Mark what is new; all anew if keyframes have moved by a cell, or stand beyond the grid.
+    def follow(self, keyframes: MapKeyframes) -> SeenCells:
+        """Mark what is new; all anew if keyframes have moved by a cell, or see beyond the grid.
 
-        Keyframes that are retired stay marked. What lies neither in the bound nor around a camera is not
-        marked.
+        Keyframes that are retired stay marked.
         """
-        positions = keyframes.T_world_cam[:, :3, 3]
-        low = np.minimum(bound.low, positions.min(axis=0, initial=np.inf))
-        high = np.maximum(bound.high, positions.max(axis=0, initial=-np.inf))
-        cells = self._cells
-        if cells is None or not _covers(cells.grid, low, high) or self._moved(keyframes):
-            cells = self._cells = _nothing_seen(low, high, self._cell_m)
-            self._ids, self._marked_at = self._ids[:0], self._marked_at[:0]
-        for k in np.flatnonzero(~np.isin(keyframes.ids, self._ids)):
+        new = np.flatnonzero(~np.isin(keyframes.ids, self._ids))
+        occupancy = self._occupancy
+        if occupancy is None or self._moved(keyframes) or not self._covers(keyframes, new):
+            occupancy, new = self._begin(keyframes), np.arange(len(keyframes))
+        for k in new:
             depth_m, T_world_cam = keyframes.views[int(k)]
-            _mark(cells, depth_m, keyframes.camera, T_world_cam, self._reach_m)
+            occupancy.observe(depth_m, keyframes.camera, T_world_cam)
+            self._mark(depth_m, keyframes.camera, T_world_cam)
             self._ids = np.append(self._ids, keyframes.ids[k])
             self._marked_at = np.concatenate([self._marked_at, T_world_cam[None]])
-        return cells
+            self._cells = None
+        if self._cells is None:
+            distances = self._meter.measure(occupancy)
+            self._cells = SeenCells(occupancy.grid, self._information, distances)
+        return self._cells
 
     def _moved(self, keyframes: MapKeyframes) -> bool:
         _, now, then = np.intersect1d(keyframes.ids, self._ids, return_indices=True)
         shift_m = surface_shift_m(self._marked_at[then], keyframes.T_world_cam[now])
         return shift_m > self._cell_m
 
+    def _covers(self, keyframes: MapKeyframes, new: np.ndarray) -> bool:
+        """Whether the grid has room for what new keyframes saw."""
+        if len(new) == 0 or self._occupancy is None:
+            return True
+        grid = self._occupancy.grid
+        low, high = _extent(keyframes, new)
+        return bool((grid.low <= low).all() and (high <= grid.high).all())
 
-def _covers(grid: VoxelGrid, low: np.ndarray, high: np.ndarray) -> bool:
-    return bool((grid.low <= low).all() and (high <= grid.high).all())
+    def _begin(self, keyframes: MapKeyframes) -> Occupancy:
+        """Nothing is seen, in a grid over all that the keyframes saw."""
+        low, high = _extent(keyframes, np.arange(len(keyframes)))
+        grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
+        self._occupancy = Occupancy(grid)
+        self._information = np.zeros(grid.shape, np.float32, order="F")
+        self._ids, self._marked_at, self._cells = self._ids[:0], self._marked_at[:0], None
+        return self._occupancy
+
+    def _mark(self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> None:
+        """Add the information that a keyframe's depth gives of the cells that it saw."""
+        assert self._occupancy is not None
+        T_cam_world, grid = inverse(T_world_cam), self._occupancy.grid
+        T_cam_index = T_cam_world.copy()
+        T_cam_index[:3, :3] *= grid.voxel_m
+        T_cam_index[:3, 3] += T_cam_world[:3, :3] @ grid.centres(np.zeros(3))
+        intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        depth_m = np.ascontiguousarray(depth_m, np.float32)
+        far_m = float(depth_m.max(initial=0.0)) + self._reach_m
+        _see(depth_m, intrinsics, T_cam_index, self._reach_m, far_m, self._information)
 
 
-def _nothing_seen(low: np.ndarray, high: np.ndarray, cell_m: float) -> SeenCells:
-    grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), cell_m)
-    return SeenCells(grid, np.zeros(grid.shape, np.float32, order="F"))
-
-
-def _mark(
-    cells: SeenCells, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, reach_m: float
-) -> None:
-    """Add the information that a keyframe's depth gives of the cells that it saw."""
-    T_cam_world, grid = inverse(T_world_cam), cells.grid
-    T_cam_index = T_cam_world.copy()
-    T_cam_index[:3, :3] *= grid.voxel_m
-    T_cam_index[:3, 3] += T_cam_world[:3, :3] @ grid.centres(np.zeros(3))
-    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    depth_m = np.ascontiguousarray(depth_m, np.float32)
-    far_m = float(depth_m.max(initial=0.0)) + reach_m
-    _see(depth_m, intrinsics, T_cam_index, reach_m, far_m, cells.information)
+def _extent(keyframes: MapKeyframes, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners [3] m of a box around these keyframes and what they measured."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in which:
+        depth_m, T_world_cam = keyframes.views[int(k)]
+        points = world_points(depth_m, keyframes.camera, T_world_cam, _EXTENT_PX)
+        points = np.concatenate([points, T_world_cam[None, :3, 3]])
+        low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return low, high
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

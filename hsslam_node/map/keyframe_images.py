@@ -68,11 +68,23 @@ class KeyframeImages:
         Raises:
             ValueError: they cannot be decoded.
         """
-        color = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR)
-        depth = _decoded(self.depth, self.depth_end, k, cv2.IMREAD_UNCHANGED)
-        if depth.dtype != np.uint16 or depth.shape != color.shape[:2]:
-            raise ValueError(f"keyframe {k}: depth is {depth.dtype}{list(depth.shape)}")
+        color, depth = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR), self.depth_raw(k)
+        if depth.shape != color.shape[:2]:
+            raise ValueError(
+                f"keyframe {k}: depth is {list(depth.shape)}, colour {list(color.shape)}"
+            )
         return cv2.cvtColor(color, cv2.COLOR_BGR2RGB), depth
+
+    def depth_raw(self, k: int) -> np.ndarray:
+        """Raw depth [H, W] uint16 of keyframe k alone.
+
+        Raises:
+            ValueError: it cannot be decoded.
+        """
+        depth = _decoded(self.depth, self.depth_end, k, cv2.IMREAD_UNCHANGED)
+        if depth.dtype != np.uint16 or depth.ndim != 2:
+            raise ValueError(f"keyframe {k}: depth is {depth.dtype}{list(depth.shape)}")
+        return depth
 
 
 def _joined(images: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What docs/maps.md says of asking a map, run as it is printed, on a map of the small room."""
+"""What docs/maps.md says of asking a map and of robots, run as it is printed, on a map of the small room."""
 
 import re
 import shlex
@@ -14,36 +14,58 @@ from hsslam_services.commands.maps.command import main
 from tests.repository import ROOT
 from tests.small_room import SMALL, mapped_room
 
-_SECTION = re.compile(r"^## Ask a map for distances\n(.*?)^## ", re.M | re.S)
+_SECTIONS = dict(
+    re.findall(r"^## ([^\n]*)\n(.*?)(?=^## )", (ROOT / "docs/maps.md").read_text(), re.M | re.S)
+)
+_ASK, _ROBOTS = _SECTIONS["Ask a map for distances"], _SECTIONS["Write a map for robots"]
 
 
-@pytest.fixture
-def section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The text, in a folder that has what it names."""
+@pytest.fixture(autouse=True)
+def in_a_folder_with_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that the page names is there."""
     room = mapped_room()
     checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
     save_checkpoint(tmp_path / "map.safetensors", checkpoint)
     np.savetxt(tmp_path / "places.txt", [[0.0, -0.1, 0.5]])
     monkeypatch.chdir(tmp_path)
-    (found,) = _SECTION.findall((ROOT / "docs/maps.md").read_text())
-    return found
 
 
-def test_the_commands(section, capsys):
-    commands = re.findall(r"^\$ hsslam-map (.*)$", section, re.M)
-    assert len(commands) == 2
-    for command in commands:
+def _run(section: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Run the commands of a section; the lines that they print."""
+    for command in re.findall(r"^\$ hsslam-map (.*)$", section, re.M):
         assert main(shlex.split(command)) == 0
-    told, printed = (text.splitlines() for text in (capsys.readouterr().out, section))
-    head = next(line for line in printed if "distance, m" in line)
+    return capsys.readouterr().out.splitlines()
+
+
+def _execute(section: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """Run the Python of a section; the lines that it prints."""
+    (block,) = re.findall(r"^```python\n(.*?)^```", section, re.M | re.S)
+    exec(compile(block, "docs/maps.md", "exec"), {})
+    return capsys.readouterr().out.splitlines()
+
+
+def test_a_map_is_asked(capsys):
+    told = _run(_ASK, capsys)
+    head = next(line for line in _ASK.splitlines() if "distance, m" in line)
     assert told[0].split() == head.split()
 
 
-def test_the_python_example(section, capsys):
-    (block,) = re.findall(r"^```python\n(.*?)^```", section, re.M | re.S)
-    exec(compile(block, "docs/maps.md", "exec"), {})
-    hits, sphere, box = capsys.readouterr().out.splitlines()
+def test_a_map_is_asked_in_python(capsys):
+    hits, sphere, box = _execute(_ASK, capsys)
     assert hits.endswith("[ True]")
     assert (sphere, box) == ("[ True]", "[ True]")
     mesh = trimesh.load_mesh("room.ply")
     assert len(mesh.faces) > 1000
+
+
+def test_a_map_is_written_for_robots(capsys):
+    told = _run(_ROBOTS, capsys)
+    printed = [
+        line for line in _ROBOTS.splitlines() if re.match(r"up is|map\.yaml, |esdf\.npz: ", line)
+    ]
+    assert len(told) == len(printed) == 4
+    for ours, theirs in zip(told, printed, strict=True):  # the same words with other numbers
+        assert re.sub(r"-?[\d.]+", "N", ours) == re.sub(r"-?[\d.]+", "N", theirs)
+    assert Path("map.pgm").read_bytes().startswith(b"P5")
+    (distance_m,) = _execute(_ROBOTS, capsys)
+    assert 0.1 < float(distance_m) < 2.0

@@ -13,6 +13,7 @@ _NAME = re.compile(r"`((?:kernels|gpu_kernels|reference|rendering)/[\w/]+\.py)`"
 _WITHOUT_TWIN = {
     "kernels/simd.py": "what other kernels are built of",
     "kernels/simd_pairs.py": "what other kernels are built of",
+    "kernels/simd_keys.py": "what the distance transform is built of",
     "kernels/tracking/depth_points.py": "points of a frame are made on the CPU in every configuration",
     "gpu_kernels/trial_kernel.py": "shows that Triton works",
 }

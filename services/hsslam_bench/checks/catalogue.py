@@ -8,6 +8,7 @@ from hsslam_bench.checks.faults import fault_checks
 from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
+from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.quota import quota_checks
@@ -47,6 +48,7 @@ def catalogue() -> list[Check]:
         *map_term_checks(),
         *covariance_checks(),
         *field_error_checks(),
+        *distance_checks(),
         *query_checks(),
         *peer_checks(),
         *fault_checks(),

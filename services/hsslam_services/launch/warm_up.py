@@ -143,13 +143,22 @@ def _compile_the_rest() -> Iterator[str]:
     live.probe(plane, lambda: True)
     live.refresh(plane, queries.color, lambda: True)
 
+    yield "distances"
+    from hsslam_node.distance.distance_meter import DistanceMeter
+    from hsslam_node.distance.floor_plane import FloorPlane
+    from hsslam_node.distance.whole_map import whole_map
+
+    floor = FloorPlane((0.0, -1.0, 0.0), -1.0, "camera poses")
+    distances = DistanceMeter().measure(whole_map(keyframes, first.camera, floor, 0.1))
+    distances.query(np.zeros((1, 3)))
+
     yield "queries"
     from hsslam_node.dense_map.dense_map import DenseMap
     from hsslam_node.dense_map.keyframes import keyframes_of_store
 
-    of_store = keyframes_of_store(store)
-    dense_map = DenseMap(parameters.layout, parameters.params, of_store, config.sampling)
-    dense_map.query(np.zeros((1, 3)))
+    tracked = keyframes_of_store(store)
+    asked = DenseMap(parameters.layout, parameters.params, tracked, config.sampling)
+    asked.query(np.zeros((1, 3)))
 
     yield "evaluation"
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes

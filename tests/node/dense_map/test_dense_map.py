@@ -63,13 +63,31 @@ def test_gradient_is_of_unit_length_and_the_way_from_the_surface():
     assert np.median(farther[length > 0]) > 0.9 * step_m  # 26 degrees
 
 
-def test_far_from_surfaces_the_distance_is_the_truncation_without_a_direction():
+def test_far_from_surfaces_the_distance_is_to_what_keyframes_measured():
+    rng = np.random.default_rng(0)
     eye = room_poses()[0][:3, 3]
-    (found,) = (_map().query(eye[None] + [[0.0, 0.0, 0.5]]),)
-    truncation_m = SMALL.field.truncation_m
-    assert found.known.all()
-    assert found.distance_m[0] == pytest.approx(truncation_m, rel=0.05)
-    assert not found.gradient.any()
+    points = eye + rng.uniform((-0.4, -0.4, 0.3), (0.4, 0.4, 1.2), (400, 3))
+    found, true = _map().query(points), _true_distance_m(points)
+    far = found.known & (true > 0.15) & (found.distance_m < 2.0)
+    assert far.sum() > 100
+    error_m = found.distance_m[far] - true[far]
+    assert np.median(np.abs(error_m)) < 0.04
+    length = np.linalg.norm(found.gradient[far], axis=1)
+    np.testing.assert_allclose(length, 1.0, atol=1e-5)
+    step_m = 0.02
+    ahead = _true_distance_m(points + step_m * found.gradient)
+    assert np.median((ahead - true)[far]) > 0.9 * step_m
+
+
+def test_distances_pass_over_from_field_to_keyframes_without_a_step():
+    surface, eye = _measured(6), room_poses()[6][:3, 3]
+    ray = (eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True)
+    steps = np.arange(0.0, 0.2, 0.002)
+    along = (surface[::40, None] + steps[:, None] * ray[::40, None]).reshape(-1, 3)
+    distance_m = _map().query(along).distance_m.reshape(-1, len(steps))
+    jump_m = np.abs(np.diff(distance_m, axis=1))
+    assert np.nanquantile(jump_m, 0.99) < 0.02
+    assert np.nanmean(distance_m[:, -1]) > 0.1
 
 
 def test_nothing_is_known_behind_walls_and_beyond_the_map():

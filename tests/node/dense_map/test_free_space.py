@@ -1,12 +1,9 @@
 """Bodies in an analytic room: free where, and only where, no surface is in them."""
 
 import numpy as np
-import pytest
 
 from hsslam_node.dense_map.free_space import are_free
-from hsslam_node.dense_map.seen_space import SeenCells
 from hsslam_node.dense_map.shapes import Boxes, Spheres
-from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.se3 import se3_exp
 
@@ -20,20 +17,17 @@ def _distance_m(points: np.ndarray) -> np.ndarray:
     return np.minimum(np.linalg.norm(points, axis=1) - BALL_M, _TOLD_M)
 
 
-@pytest.fixture(scope="module")
-def seen() -> SeenCells:
+def _ask(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All of the room was seen but what lies beyond x = 0.8."""
-    grid = VoxelGrid.over(ROOM, 0.05)
-    information = np.ones(grid.shape, np.float32, order="F")
-    information[36:] = 0.0
-    return SeenCells(grid, information)
+    known = ROOM.contains(points) & (points[:, 0] < 0.8)
+    return _distance_m(points), known
 
 
-def test_a_sphere_is_free_if_the_surface_is_farther_than_its_radius(seen):
+def test_a_sphere_is_free_if_the_surface_is_farther_than_its_radius():
     rng = np.random.default_rng(0)
     centres = rng.uniform(-0.7, 0.55, (600, 3))
     radii = rng.uniform(0.01, 0.2, 600)
-    free = are_free(Spheres(centres, radii), _distance_m, seen)
+    free = are_free(Spheres(centres, radii), _ask)
     gap_m = np.linalg.norm(centres, axis=1) - BALL_M - radii
     known = centres[:, 0] + radii < 0.8 - _SLACK_M
     assert free[(gap_m > _SLACK_M) & known].all()
@@ -41,24 +35,24 @@ def test_a_sphere_is_free_if_the_surface_is_farther_than_its_radius(seen):
     assert 100 < free.sum() < 580
 
 
-def test_a_body_that_reaches_into_the_unseen_is_not_free(seen):
+def test_a_body_that_reaches_into_the_unseen_is_not_free():
     x = np.array([0.6, 0.69, 0.72, 0.75, 0.9, 5.0])
     centres = np.stack([x, np.full(6, -0.6), np.full(6, 0.5)], axis=1)
-    free = are_free(Spheres(centres, 0.1), _distance_m, seen)
+    free = are_free(Spheres(centres, 0.1), _ask)
     assert free[:1].all() and not free[2:].any()
 
 
-def test_a_box_is_free_however_it_is_turned(seen):
+def test_a_box_is_free_however_it_is_turned():
     rng = np.random.default_rng(1)
     twists = rng.uniform(-1, 1, (200, 6)) * [0.5, 0.5, 0.5, 2.0, 2.0, 2.0]
     T = np.stack([se3_exp(twist) for twist in twists])
     T[:, :3, 3] = twists[:, :3]
     boxes = Boxes(T, np.array([0.1, 0.3, 0.2]))
-    free = are_free(boxes, _distance_m, seen)
+    free = are_free(boxes, _ask)
     gap_m = boxes.distance_m(np.zeros((200, 3)), np.arange(200)) - BALL_M
     assert free[gap_m > _SLACK_M].all() and not free[gap_m <= 0].any()
     assert 20 < free.sum() < 180
 
 
-def test_no_bodies_are_no_answer(seen):
-    assert are_free(Spheres(np.zeros((0, 3)), 0.1), _distance_m, seen).shape == (0,)
+def test_no_bodies_are_no_answer():
+    assert are_free(Spheres(np.zeros((0, 3)), 0.1), _ask).shape == (0,)

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
-from hsslam_node.dense_map.seen_space import SeenSpace, certainty_of
-from hsslam_node.geometry.bound import Bound
+from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace, certainty_of
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
 
 REACH_M, CELL_M = 0.06, 0.05
 CAMERA = Camera(80, 60, 50.0, 50.0, 39.5, 29.5)
-BOUND = Bound((-2.0, -2.0, -1.0), (2.0, 2.0, 4.0))
 
 
 def _wall(z_m: float, T_world_cam: np.ndarray | None = None, k: int = 0) -> MapKeyframes:
@@ -34,10 +32,15 @@ def _joined(*parts: MapKeyframes) -> MapKeyframes:
     )
 
 
+def _information(seen: SeenCells, points: np.ndarray) -> np.ndarray:
+    """Of the cells that hold the points [N, 3], which are of the grid."""
+    return seen.information[tuple(seen.grid.indices(points).T)]
+
+
 def test_seen_is_what_lies_in_view_before_the_wall_or_just_behind_its_front():
-    seen = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0), BOUND)
+    seen = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0))
     rng = np.random.default_rng(0)
-    points = rng.uniform(BOUND.low, BOUND.high, (20000, 3))
+    points = rng.uniform((-2, -2, -1), (2, 2, 4), (20000, 3))
     x, y, z = points.T
     u, v = x / z * 50 + 39.5, y / z * 50 + 29.5
     margin_px, cell = 50 * CELL_M / np.maximum(np.abs(z), 0.1), CELL_M
@@ -46,17 +49,17 @@ def test_seen_is_what_lies_in_view_before_the_wall_or_just_behind_its_front():
     inside &= (v > -0.5 + margin_px) & (v < 59.5 - margin_px)
     outside = (z < 0.1 - cell) | (z > 2.0 + REACH_M + cell) | (u < 7.5 - margin_px)
     outside |= (u > 79.5 + margin_px) | (v < -0.5 - margin_px) | (v > 59.5 + margin_px)
-    known = seen.known(points)
+    known = seen.saw(points)
     assert inside.sum() > 1000 and known[inside].all()
     assert outside.sum() > 1000 and not known[outside].any()
-    assert not seen.known(np.array([[0.0, 0.0, 99.0], [0.0, 0.0, -99.0]])).any()
+    assert not seen.saw(np.array([[0.0, 0.0, 99.0], [0.0, 0.0, -99.0]])).any()
 
 
 def test_a_camera_that_looks_almost_along_the_cells_sees_as_one_that_does():
-    exact = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0), BOUND)
+    exact = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0))
     turned = se3_exp(np.array([0.0, 0.0, 0.0, 1e-17, 1e-16, -1e-15]))
     turned[0, 1], turned[2, 0] = 1e-30, -1e-300  # a border of the view is all but parallel to a row
-    almost = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0, turned), BOUND)
+    almost = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0, turned))
     differ = (exact.information > 0) != (almost.information > 0)
     assert differ.mean() < 1e-3
 
@@ -65,7 +68,7 @@ def test_more_and_nearer_looks_make_a_place_more_certain():
     near, far = np.array([[0.1, 0.1, 1.0]]), np.array([[0.1, 0.1, 2.0]])
 
     def certainty(keyframes: MapKeyframes, point: np.ndarray) -> float:
-        seen = SeenSpace(REACH_M, CELL_M).follow(keyframes, BOUND)
+        seen = SeenSpace(REACH_M, CELL_M).follow(keyframes)
         index = tuple(seen.grid.indices(point)[0])
         return float(certainty_of(seen.information[index]))
 
@@ -85,28 +88,36 @@ def test_certainty_is_what_its_docstring_says(depth_m, looks, expected):
 
 def test_new_keyframes_are_added_and_only_they_are_looked_at():
     looked: list[int] = []
-    both = _joined(_wall(2.0), _wall(3.0, k=5))
+    both = _joined(_wall(2.0), _wall(2.3, k=5))
     told = replace(both, depth_m=lambda k: looked.append(k) or both.depth_m(k))
     space = SeenSpace(REACH_M, CELL_M)
-    space.follow(_wall(2.0), BOUND)
-    by_and_by = space.follow(told, BOUND)
-    assert looked == [1]
-    at_once = SeenSpace(REACH_M, CELL_M).follow(both, BOUND)
-    assert by_and_by.grid == at_once.grid
-    np.testing.assert_allclose(by_and_by.information, at_once.information, rtol=1e-5)
-    space.follow(_wall(3.0, k=5), BOUND)  # the first has retired; what it saw stays
-    np.testing.assert_allclose(space.follow(both, BOUND).information, at_once.information)
+    space.follow(_wall(2.0))
+    by_and_by = space.follow(told)
+    assert set(looked) == {1}
+    at_once = SeenSpace(REACH_M, CELL_M).follow(both)
+    points = np.random.default_rng(0).uniform((-1, -1, 0.2), (1, 1, 2.2), (4000, 3))
+    expected = _information(at_once, points)
+    assert (expected > 0).mean() > 0.3
+    assert np.isclose(_information(by_and_by, points), expected).mean() > 0.99  # border: rounding
+    space.follow(_wall(2.3, k=5))  # the first has retired; what it saw stays
+    assert np.isclose(_information(space.follow(both), points), expected).mean() > 0.99
 
 
-def test_marks_follow_corrected_poses_and_a_bound_that_grows():
+def test_marks_follow_corrected_poses_and_keyframes_that_see_farther():
     space = SeenSpace(REACH_M, CELL_M)
-    space.follow(_wall(2.0), BOUND)
-    turned = se3_exp(np.array([0.1, 0.0, 0.0, 0.0, 0.5, 0.0]))
-    wide = Bound((-9.0, -2.0, -1.0), (2.0, 2.0, 4.0))
-    for keyframes, bound in ((_wall(2.0, turned), BOUND), (_wall(2.0, turned), wide)):
-        followed = space.follow(keyframes, bound)
-        afresh = SeenSpace(REACH_M, CELL_M).follow(keyframes, bound)
-        assert (followed.grid.low <= bound.low).all() and (followed.grid.high >= bound.high).all()
-        rng = np.random.default_rng(1)
-        points = rng.uniform(bound.low, bound.high, (5000, 3))
-        np.testing.assert_array_equal(followed.known(points), afresh.known(points))
+    space.follow(_wall(2.0))
+    turned = _wall(2.0, se3_exp(np.array([0.1, 0.0, 0.0, 0.0, 0.5, 0.0])))
+    elsewhere = _wall(2.0, se3_exp(np.array([5.0, 1.0, 0.0, 0.0, 0.0, 0.0])), k=1)
+    for keyframes in (turned, _joined(turned, elsewhere)):
+        followed, afresh = space.follow(keyframes), SeenSpace(REACH_M, CELL_M).follow(keyframes)
+        points = np.random.default_rng(1).uniform((-3, -3, -1), (8, 3, 4), (8000, 3))
+        np.testing.assert_array_equal(followed.saw(points), afresh.saw(points))
+        assert followed.saw(points).mean() > 0.01
+    assert afresh.saw(np.array([[5.0, 1.0, 1.0]])).all()
+
+
+def test_the_distance_is_to_what_keyframes_measured():
+    distances = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0)).distances
+    found = distances.query(np.array([[0.1, 0.1, 1.0], [0.1, 0.1, 1.7], [0.1, 0.1, 3.0]]))
+    np.testing.assert_allclose(found.distance_m[:2], [1.0, 0.3], atol=0.03)
+    assert list(found.known) == [True, True, False]

@@ -141,7 +141,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     (told,) = json.loads(_expect("query", "--json", "0", "-0.1", "0.5", *me))
     assert told["point"] == [0.0, -0.1, 0.5] and told["known"] and told["certainty"] > 0.5
     assert told["distance_m"] > 0.05
-    assert re.search(r"0\s+-0.1\s+0.5\s+0.0\d+ .*yes", _expect("query", "0", "-0.1", "0.5", *me))
+    assert re.search(r"0\s+-0.1\s+0.5\s+1.\d+ .*yes", _expect("query", "0", "-0.1", "0.5", *me))
 
     assert _expect("set-mode", "localise-only", *me) == "localise-only\n"
     assert _expect("set-mode", "localise-only", *me) == "was localise-only already\n"

@@ -1,1 +1,1 @@
-"""What the map is worth to tracking, and to who asks it: rows that are measured only by name."""
+"""What the map is worth to tracking, to who asks it and to planners: rows that are measured only by name."""

@@ -1,4 +1,4 @@
-"""`hsslam-map query`: asks a saved map; alone, as each subcommand is a module beside it."""
+"""`hsslam-map query|grid|esdf`: asks a saved map, and writes it for robots."""
 
 import sys
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 
 _PROG = "hsslam-map"
-_PURPOSE = "Asks a saved map, without the service."
+_PURPOSE = "Asks a saved map, and writes it for robots, without the service."
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -21,8 +21,22 @@ def _query(args: Sequence[str]) -> None:
     query_map(parse_options(QueryOptions, f"{_PROG} query", args))
 
 
+def _grid(args: Sequence[str]) -> None:
+    from hsslam_services.commands.maps.grid import GridOptions, write_grid
+
+    write_grid(parse_options(GridOptions, f"{_PROG} grid", args))
+
+
+def _esdf(args: Sequence[str]) -> None:
+    from hsslam_services.commands.maps.esdf import EsdfOptions, write_distances
+
+    write_distances(parse_options(EsdfOptions, f"{_PROG} esdf", args))
+
+
 _COMMANDS: dict[str, tuple[Subcommand, str]] = {
-    "query": (_query, "distance, gradient and certainty of places"),
+    "query": (_query, "prints distance, gradient and certainty of places"),
+    "grid": (_grid, "writes the floor for Nav2: map.yaml, map.pgm"),
+    "esdf": (_esdf, "writes the distances of all voxels: esdf.npz"),
 }
 
 

@@ -6,7 +6,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
+from hsslam_services.commands.maps.whole_space import map_file
 from hsslam_services.commands.point_table import print_answers
 
 
@@ -19,9 +21,9 @@ class QueryOptions:
       hsslam-map query map.safetensors --point 0.5 -0.2 2
       hsslam-map query map.safetensors --points places.txt --json
 
-    Places are metres in the world frame of the map. The distance is negative behind a surface. Farther from
-    surfaces than the truncation (0.06 m) it is the truncation, and has no gradient. It is - (in JSON null) if
-    no keyframe saw the place.
+    Places are metres in the world frame of the map. The distance is negative behind a surface. Near a surface
+    the field says it, else the depth of the keyframes does, in voxels of 5 cm, 2 m at most. It is - (in JSON
+    null) if no keyframe saw the place.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -31,7 +33,7 @@ class QueryOptions:
     VALUES: ClassVar = {"map": "MAP", "point": "X Y Z..."}
 
     map: str = ""
-    """File of a saved map, such as map.safetensors of a run."""
+    """File of a saved map, or the folder of a run that left one."""
     point: tuple[float, ...] = ()
     """Places, m: three numbers each."""
     points: Path | None = None
@@ -63,12 +65,9 @@ class QueryOptions:
 
 def query_map(options: QueryOptions) -> None:
     """Run the command."""
-    if not options.map:
-        raise UserError("query: no map: expected hsslam-map query MAP, as map.safetensors")
+    path = map_file(options.map, "query")
     places = options.places()
-    from hsslam_node.dense_map.saved_map import SavedMap
-
-    saved = SavedMap.open(options.map, options.device)
+    saved = SavedMap.open(path, options.device)
     print_answers(places, saved.query(places), as_json=options.json)
 
 

@@ -1,0 +1,66 @@
+"""Map a source, then ask the map: how far surfaces are, where rays end, and where a body fits.
+
+    python examples/ask_distances.py [synth:room [60 [map.safetensors]]]
+
+The number is that of frames. If a file is named, the map is kept there, and `SavedMap.open` of it answers the
+same.
+"""
+
+import sys
+
+import numpy as np
+
+from hsslam_node.dense_map.shapes import Boxes, Spheres
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.presets import PRESETS
+from hsslam_node.slam import Slam
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import SourceOptions
+
+
+def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
+    """Map the first frames, and print what the map says along the camera's view."""
+    slam = Slam(PRESETS["realtime"])
+    for frame in open_source(spec, SourceOptions(frames=int(frames))).frames():
+        if isinstance(frame, Frame):
+            slam.process(frame)
+    slam.finish()
+    ask(slam)
+    if out:
+        slam.save(out)
+        print(f"{out}: {len(slam.map.keyframes)} keyframes")
+
+
+def ask(slam: Slam) -> None:
+    """Ask along the axis of the last camera."""
+    T_world_cam = slam.trajectory().T_world_cam[-1]
+    eye, ahead = T_world_cam[:3, 3], T_world_cam[:3, 2]
+
+    hits = slam.raycast(eye[None], ahead[None], max_m=8.0)
+    print(f"ahead there is a surface after {hits.distance_m[0]:.2f} m")
+
+    along_m = np.linspace(0.2, 1.0, 5) * min(hits.distance_m[0], 8.0)
+    points = eye + along_m[:, None] * ahead
+    distance_m, gradient, known, certainty = slam.query(points)
+    for k, metres in enumerate(along_m):
+        if known[k]:
+            away = " ".join(f"{part:+.2f}" for part in gradient[k])
+            found = f"{distance_m[k]:.3f} m to the nearest surface, away from it {away}"
+            print(f"  at {metres:.2f} m: {found}, certainty {certainty[k]:.2f}")
+        else:
+            print(f"  at {metres:.2f} m: no keyframe saw this place")
+
+    balls = slam.is_free(Spheres(points, radius_m=0.1))
+    crates = slam.is_free(Boxes.between(points - 0.15, points + 0.15))
+    print(f"a ball of 20 cm fits at {along_m[balls].round(2)} m")
+    print(f"a crate of 30 cm fits at {along_m[crates].round(2)} m")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 4:
+        sys.exit(__doc__)
+    try:
+        main(*sys.argv[1:])
+    except UserError as error:
+        sys.exit(f"error: {error}")

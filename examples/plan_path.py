@@ -1,0 +1,95 @@
+"""Plan a path for a robot of 20 cm radius in a saved map, and draw it.
+
+    python examples/plan_path.py map.safetensors [path.png [FROM_M TO_M]]
+
+The robot keeps its height. It reaches from FROM_M to TO_M above the first camera: a drone from -0.1 to 0.1,
+which is the default, a robot on wheels below a camera at 1.2 m from -1.1 to -0.6. It starts where it has most
+room, and goes to the farthest place that it can reach. What no keyframe saw counts as blocked.
+"""
+
+import sys
+
+import cv2
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from skimage.graph import MCP_Geometric
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.view_from_above import looking_down, mean_up
+
+CELL_M, RADIUS_M, REACH_M = 0.05, 0.2, 6.0
+PIXELS = 5  # of the picture, a cell
+
+
+def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: str = "0.1") -> None:
+    """Plan, print and draw."""
+    saved = SavedMap.open(map_file)
+    points, clearance_m = clearance(saved, float(from_m), float(to_m))
+    path = plan(clearance_m)
+    draw(clearance_m, path, picture)
+    way = points[tuple(path.T)]  # [P, 3] m, world
+    length_m = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+    narrowest_m = clearance_m[tuple(path.T)].min()
+    print(f"from {way[0].round(2)} to {way[-1].round(2)} m: {length_m:.2f} m, {len(way)} cells")
+    print(f"with {narrowest_m:.2f} m of room at the narrowest place; {picture}")
+
+
+def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, n, 3] m of a level grid around the first camera, and the room [n, n] m around each.
+
+    The room is the least distance, over the robot's heights, to a surface or to what no keyframe saw.
+    """
+    poses = saved.trajectory().T_world_cam
+    right, down, _ = looking_down(mean_up(poses), np.pi / 2).T  # of a picture from above
+    steps = np.arange(-REACH_M, REACH_M + CELL_M / 2, CELL_M)
+    points = poses[0, :3, 3] + steps[:, None, None] * down + steps[:, None] * right
+    clearance_m = np.full(points.shape[:2], np.inf)
+    known = np.ones(points.shape[:2], np.bool_)
+    for height_m in np.linspace(from_m, to_m, 5):
+        found = saved.query((points + height_m * mean_up(poses)).reshape(-1, 3))
+        clearance_m = np.fmin(clearance_m, found.distance_m.reshape(known.shape))
+        known &= found.known.reshape(known.shape)
+    to_unknown_m = CELL_M * np.asarray(distance_transform_edt(known))
+    return points, np.minimum(clearance_m, to_unknown_m)
+
+
+def plan(clearance_m: np.ndarray) -> np.ndarray:
+    """The cheapest way [P, 2] (rows, columns) from where there is most room to what costs most to reach.
+
+    Cells near walls cost more. Cells with less room than the robot's radius are closed.
+    """
+    start = np.unravel_index(np.argmax(clearance_m), clearance_m.shape)
+    if clearance_m[start] < RADIUS_M:
+        raise UserError(
+            f"{clearance_m[start]:.2f} m is the most room: expected {RADIUS_M} m; another height may have it"
+        )
+    room_m = np.maximum(clearance_m - RADIUS_M, 0.0)
+    costs = np.where(clearance_m < RADIUS_M, np.inf, 1.0 + np.exp(-room_m / 0.2))
+    search = MCP_Geometric(costs)
+    reached, _ = search.find_costs([start])
+    goal = np.unravel_index(np.argmax(np.where(np.isfinite(reached), reached, -1.0)), reached.shape)
+    return np.array(search.traceback(goal))
+
+
+def draw(clearance_m: np.ndarray, path: np.ndarray, picture: str) -> None:
+    """From above: the lighter, the more room; what is closed is dark red, the way blue."""
+    grey = np.clip(255 * clearance_m, 0, 255).astype(np.uint8)  # white: a metre
+    image = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    image[clearance_m < RADIUS_M] = (40, 20, 80)
+    image = np.kron(image, np.ones((PIXELS, PIXELS, 1), np.uint8))
+    line = PIXELS * path[:, ::-1] + PIXELS // 2
+    cv2.polylines(image, [line.astype(np.int32)], False, (230, 120, 20), 2, cv2.LINE_AA)
+    rows, columns = (PIXELS * np.nonzero((clearance_m > 0).any(axis=a))[0] for a in (1, 0))
+    image = image[rows[0] : rows[-1] + PIXELS, columns[0] : columns[-1] + PIXELS]
+    if not cv2.imwrite(picture, image):
+        raise UserError(f"{picture}: cannot be written: expected a .png in a folder that exists")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3, 5):
+        sys.exit(__doc__)
+    try:
+        main(*sys.argv[1:])
+    except UserError as error:
+        sys.exit(f"error: {error}")

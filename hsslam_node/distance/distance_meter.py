@@ -1,0 +1,87 @@
+"""From occupied, free and unknown voxels to the distance at every known one."""
+
+import math
+
+import numpy as np
+
+from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.kernels.distance_transform import (
+    nearest_sites,
+    no_site,
+    padded_width,
+    site_bits,
+)
+from hsslam_node.distance.kernels.surface_sites import (
+    Sites,
+    known_box,
+    mark_near_known,
+    number_sites,
+    signed_distances,
+)
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.errors import UserError
+
+FAR_M = 2.0
+
+
+class DistanceMeter:
+    """Measures distances again and again, in the same memory.
+
+    Args:
+        far_m: larger distances are not measured.
+    """
+
+    def __init__(self, far_m: float = FAR_M) -> None:
+        if not far_m > 0:
+            raise UserError(f"far_m = {far_m}: expected metres above 0")
+        self._far_m = far_m
+        self._keys, self._needed = np.empty(0, np.uint32), np.empty(0, np.uint8)
+
+    def measure(self, occupancy: Occupancy) -> DistanceMap:
+        """Distances of what is known now; the map stays as it is when the occupancy changes.
+
+        Raises:
+            UserError: there are too many occupied voxels for this reach.
+        """
+        grid = occupancy.grid
+        states, surface = occupancy.states().T, occupancy.surfaces().T
+        distance_m = np.full(states.shape, np.nan, np.float32)
+        box = np.empty((2, 3), np.int64)
+        count = known_box(states, box)
+        (z, y, x), (z_end, y_end, x_end) = box
+        known = np.ascontiguousarray(states[z:z_end, y:y_end, x:x_end])
+        if known.size:
+            self._fill(known, count, surface, box[0], grid.voxel_m, distance_m)
+        return DistanceMap(grid, distance_m.T, states.T, occupancy.T_grid_world)
+
+    def _fill(
+        self,
+        states: np.ndarray,
+        count: int,
+        surface: np.ndarray,
+        low: np.ndarray,
+        voxel_m: float,
+        distance_m: np.ndarray,
+    ) -> None:
+        """Write the distances of a box of states, which begins at `low` (z, y, x) and has `count` sites."""
+        nz, ny, nx = states.shape
+        far = max(int(np.ceil(self._far_m / voxel_m)), 1)
+        bits = site_bits(count, far)
+        if bits == 0:
+            raise UserError(
+                f"{count} occupied voxels with distances up to {far} voxels: expected fewer; a larger "
+                "voxel_m or a smaller reach helps"
+            )
+        keys, needed = self._room((nz, ny, padded_width(nx)))
+        sites = Sites(np.empty((count, 3), np.float32), np.empty((count, 3), np.float32))
+        number_sites(states, surface, low, no_site(far, bits), keys, *sites)
+        mark_near_known(states, needed)
+        nearest_sites(keys, needed, far, bits)
+        signed_distances(keys, bits, far, states, *sites, voxel_m, low, distance_m)
+
+    def _room(self, shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Keys and marks of this shape, in the memory of earlier ones."""
+        size = math.prod(shape)
+        if len(self._keys) < size:
+            self._keys, self._needed = np.empty(size, np.uint32), np.empty(size, np.uint8)
+        return self._keys[:size].reshape(shape), self._needed[:size].reshape(shape)

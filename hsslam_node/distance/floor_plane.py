@@ -1,0 +1,169 @@
+"""Which way is up, and how high the floor lies: from the floor that cameras saw, else from their poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.view_from_above import mean_up
+
+UpSource = Literal["gravity", "--up", "floor plane", "camera poses"]
+_MOST_VIEWS = 40
+_ROWS_PX = 90  # of the image that is looked at
+_CONES_DEG = (
+    40.0,
+    25.0,
+    15.0,
+    8.0,
+)  # about the direction so far: of normals that count for the next
+_BIN_M = 0.02
+_PEAK_SHARE = 0.25  # of the points at the best supported height: a lower floor has at least this
+_THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
+_FEWEST = 300  # points of a floor
+_FLOOR_SHARE = 0.03  # of all points
+_BELOW_M = 0.15  # the cameras
+
+
+@dataclass(frozen=True)
+class FloorPlane:
+    """A horizontal plane in the world, and what it was found by."""
+
+    up: tuple[float, float, float]  # unit length, world
+    height_m: float  # along `up`, of the floor over the world's origin; negative below it
+    source: UpSource
+
+    def __post_init__(self) -> None:
+        if not np.isclose(np.linalg.norm(self.up), 1.0, atol=1e-6):
+            raise ValueError(f"up {self.up} is no direction")
+
+    @property
+    def T_floor_world(self) -> np.ndarray:
+        """World to a frame with z up whose origin lies on the floor, under that of the world, [4, 4].
+
+        Its x points the way that the first camera looked, as far as that is horizontal.
+        """
+        up = np.asarray(self.up)
+        ahead = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
+        x = ahead - (ahead @ up) * up
+        x /= np.linalg.norm(x)
+        T = np.eye(4)
+        T[:3, :3] = np.stack([x, np.cross(up, x), up])
+        T[2, 3] = -self.height_m
+        return T
+
+
+def find_floor(
+    views: Sequence[tuple[np.ndarray, np.ndarray]],
+    camera: Camera,
+    up: np.ndarray | None = None,
+    up_source: Literal["gravity", "--up"] = "--up",
+) -> FloorPlane:
+    """The floor of what cameras saw.
+
+    Normals of the depth images that lie near the cameras' mean up agree on a direction. The floor is the
+    lowest height at which many such points lie; it is fitted by least squares. Without a floor, up is
+    the cameras' mean up, and the floor the lowest that was seen.
+
+    Args:
+        views: depth [H, W] float32 m and T_world_cam [4, 4] of each.
+        camera: of all views, undistorted.
+        up: direction against gravity [3], world, if it is known; then only the height is searched for.
+        up_source: where that comes from.
+
+    Raises:
+        UserError: there is no view with depth, or `up` is no direction.
+    """
+    chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), _MOST_VIEWS)).astype(int))
+    parts = [_points_and_normals(views[n][0], views[n][1], camera) for n in chosen]
+    points = np.concatenate([p for p, _ in parts] or [np.empty((0, 3))])
+    normals = np.concatenate([n for _, n in parts] or [np.empty((0, 3))])
+    if len(points) == 0:
+        raise UserError("floor: no view has depth: expected some")
+    poses = np.stack([views[n][1] for n in chosen])
+    if up is not None:
+        return _below(points, normals, poses, _direction(up), up_source)
+    start = mean_up(poses)
+    direction = start
+    for cone_deg in _CONES_DEG:
+        near = normals @ direction > np.cos(np.deg2rad(cone_deg))
+        if near.sum() < _FEWEST:
+            return _below(points, normals, poses, start, "camera poses")
+        direction = _direction(normals[near].mean(axis=0))
+    on_floor = _floor_points(points, normals, poses, direction)
+    if on_floor is None:
+        return _below(points, normals, poses, start, "camera poses")
+    direction = _fitted_normal(points[on_floor], direction)
+    return FloorPlane(
+        _triple(direction), float(np.median(points[on_floor] @ direction)), "floor plane"
+    )
+
+
+def _points_and_normals(
+    depth_m: np.ndarray, T_world_cam: np.ndarray, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points [N, 3] m of a view and the normals of the surface about them, towards the camera; world."""
+    step = max(depth_m.shape[0] // _ROWS_PX, 1)
+    z = depth_m[::step, ::step].astype(np.float64)
+    u = (np.arange(z.shape[1]) * step - camera.cx) / camera.fx
+    v = (np.arange(z.shape[0]) * step - camera.cy) / camera.fy
+    grid = np.stack([u[None] * z, v[:, None] * z, z], axis=-1)
+    right, below = grid[1:-1, 2:] - grid[1:-1, :-2], grid[2:, 1:-1] - grid[:-2, 1:-1]
+    normal = np.cross(below, right)  # towards the camera, as y points down
+    around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1]])
+    middle = z[1:-1, 1:-1]
+    is_surface = (middle > 0) & (np.abs(around - middle) < 0.05 * middle).all(axis=0)
+    normal = normal[is_surface]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-20
+    R = T_world_cam[:3, :3]
+    return grid[1:-1, 1:-1][is_surface] @ R.T + T_world_cam[:3, 3], normal @ R.T
+
+
+def _floor_points(
+    points: np.ndarray, normals: np.ndarray, poses: np.ndarray, up: np.ndarray
+) -> np.ndarray | None:
+    """Mask [N] of the points on the lowest level that is well supported; None if there is no such."""
+    height = points @ up
+    level = normals @ up > np.cos(np.deg2rad(_CONES_DEG[-2]))
+    level &= height < np.median(poses[:, :3, 3] @ up) - _BELOW_M
+    if level.sum() < _FEWEST:
+        return None
+    low = height[level].min()
+    counts = np.bincount(((height[level] - low) / _BIN_M).astype(np.int64))
+    window = np.convolve(counts, np.ones(5), mode="same")
+    lowest = int(np.argmax(window >= _PEAK_SHARE * window.max()))
+    peak = lowest + int(np.argmax(window[lowest : lowest + 6]))
+    on_floor = level & (np.abs(height - low - (peak + 0.5) * _BIN_M) < _THICKNESS_M)
+    enough = max(_FEWEST, _FLOOR_SHARE * len(points))
+    return on_floor if on_floor.sum() >= enough else None
+
+
+def _fitted_normal(points: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Normal [3] of the plane through points, on the side of `up`."""
+    centred = points - points.mean(axis=0)
+    normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
+    return normal if normal @ up > 0 else -normal
+
+
+def _below(
+    points: np.ndarray, normals: np.ndarray, poses: np.ndarray, up: np.ndarray, source: UpSource
+) -> FloorPlane:
+    """The floor for a direction that is settled."""
+    on_floor = _floor_points(points, normals, poses, up)
+    if on_floor is not None:
+        return FloorPlane(_triple(up), float(np.median(points[on_floor] @ up)), source)
+    return FloorPlane(_triple(up), float(np.quantile(points @ up, 0.01)), source)
+
+
+def _direction(vector: np.ndarray) -> np.ndarray:
+    length = float(np.linalg.norm(vector))
+    if not (np.isfinite(length) and length > 1e-9):
+        raise UserError(f"--up {np.asarray(vector).tolist()}: expected a direction, three numbers")
+    return np.asarray(vector, np.float64) / length
+
+
+def _triple(direction: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in direction)
+    return x, y, z

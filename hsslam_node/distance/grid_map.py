@@ -1,0 +1,87 @@
+"""Free, occupied and unknown cells of the floor, as `nav_msgs/OccupancyGrid` has them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.states import FREE, OCCUPIED
+from hsslam_node.errors import UserError
+
+CELL_UNKNOWN, CELL_FREE, CELL_OCCUPIED = -1, 0, 100
+_FREE_SHARE = 1 / 3  # of the voxels over a cell
+
+
+@dataclass(frozen=True)
+class GridMap:
+    """Cells of a horizontal grid. Row 0 is the one with the least y, column 0 the one with the least x."""
+
+    cells: np.ndarray  # [height, width] int8: -1 unknown, 0 free, 100 occupied
+    resolution_m: float
+    origin_m: tuple[
+        float, float
+    ]  # corner of cell (0, 0) with the least x and y, in the frame of the floor
+    T_floor_world: np.ndarray  # [4, 4]; the floor's frame has z up and the floor at z = 0
+
+    def __post_init__(self) -> None:
+        if self.cells.ndim != 2 or self.cells.dtype != np.int8:
+            raise ValueError(f"cells are {self.cells.dtype}{self.cells.shape}, not int8 rows")
+        self.cells.flags.writeable = False
+
+    @property
+    def T_floor_grid(self) -> np.ndarray:
+        """From the grid's own frame, whose origin is the corner of cell (0, 0), to the floor's, [4, 4]."""
+        T = np.eye(4)
+        T[:2, 3] = self.origin_m
+        return T
+
+    def cells_at(self, points: np.ndarray) -> np.ndarray:
+        """Values [N] int8 of the cells that hold points [N, 2] m of the floor; outside: unknown."""
+        column, row = np.floor((points - self.origin_m) / self.resolution_m).astype(np.int64).T
+        height, width = self.cells.shape
+        inside = (row >= 0) & (column >= 0) & (row < height) & (column < width)
+        values = np.full(len(points), CELL_UNKNOWN, np.int8)
+        values[inside] = self.cells[row[inside], column[inside]]
+        return values
+
+    def distances_m(self, far_m: float = 2.0) -> np.ndarray:
+        """Distance [height, width] float32 m from the middle of each cell to the nearest occupied one.
+
+        0 in occupied cells, at most `far_m`, nan in unknown cells.
+        """
+        occupied = self.cells == CELL_OCCUPIED
+        if not occupied.any():
+            distance = np.full(self.cells.shape, far_m, np.float32)
+        else:
+            distance = np.asarray(distance_transform_edt(~occupied)) * self.resolution_m
+        distance = np.minimum(distance, far_m).astype(np.float32)
+        distance[self.cells == CELL_UNKNOWN] = np.nan
+        return distance
+
+
+def grid_map(distances: DistanceMap, low_m: float = 0.15, high_m: float = 1.6) -> GridMap:
+    """The cells of a map whose grid has z up and the floor at z = 0.
+
+    A cell is occupied if a voxel over it is, from `low_m` to `high_m` above the floor; it is free if no
+    voxel is occupied and a third or more are known to be free. Cells are as wide as voxels.
+
+    Raises:
+        UserError: no voxel lies between the two heights.
+    """
+    grid = distances.grid
+    first, end = (round(z / grid.voxel_m) - grid.first[2] for z in (low_m, high_m))
+    first, end = max(first, 0), min(end, grid.shape[2])
+    if not (low_m < high_m and first < end):
+        raise UserError(
+            f"heights {low_m} to {high_m} m: expected two that rise, within the map's "
+            f"{grid.low[2]:.2f} to {grid.high[2]:.2f} m above the floor"
+        )
+    over = distances.states.T[first:end]  # [layers, ny, nx]
+    is_occupied = (over == OCCUPIED).any(axis=0)
+    is_free = (over == FREE).sum(axis=0, dtype=np.int32) >= _FREE_SHARE * len(over)
+    cells = np.full(is_free.shape, CELL_UNKNOWN, np.int8)
+    cells[is_free] = CELL_FREE
+    cells[is_occupied] = CELL_OCCUPIED
+    x, y = grid.low[:2]
+    return GridMap(cells, grid.voxel_m, (float(x), float(y)), distances.T_grid_world)

@@ -1,0 +1,1 @@
+"""Compiled parts of the distances: depth images into voxels, voxels into distances."""

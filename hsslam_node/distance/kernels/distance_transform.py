@@ -1,0 +1,157 @@
+"""The nearest occupied voxel of every voxel, exactly, up to a distance.
+
+Three passes, along y, x and z, over keys: the squared distance in voxels above the number of a site.
+The least key belongs to the nearest site, so its number comes with its distance. The second and third
+pass compare a voxel with its neighbours along a line until none farther can be nearer (Saito and
+Toriwaki 1994), 16 voxels at a time.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.kernels.simd import WIDTH
+from hsslam_node.kernels.simd_keys import (
+    add_keys,
+    largest_key,
+    least_keys,
+    load_keys,
+    spread_key,
+    store_keys,
+    where_less,
+    where_set,
+)
+
+_AT_ONCE = 4  # neighbours to each side that are compared before the next look at what is left
+
+
+def site_bits(sites: int, far: int) -> int:
+    """Bits of a key for the number of a site; 0: keys of 32 bits do not hold both."""
+    bits = max(int(sites) - 1, 1).bit_length()
+    largest = far * far + 1 + (far + _AT_ONCE) ** 2  # that is compared
+    return bits if (largest + 1) << bits < 1 << 32 else 0
+
+
+def padded_width(nx: int) -> int:
+    """Length of the rows of keys and masks: whole vectors."""
+    return WIDTH * math.ceil(nx / WIDTH)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_sites(keys, needed, far, bits):
+    """Fill in, in place, the keys of the voxels that are needed, up to `far` voxels from a site.
+
+    The keys of voxels that are not needed, and of those farther from all sites, end as `no_site`.
+
+    Args:
+        keys: [nz, ny, width] uint32; a site has its number, another voxel `no_site`.
+        needed: [nz, ny, width] uint8.
+        far: voxels.
+        bits: of the number of a site.
+    """
+    nz, ny, width = keys.shape
+    _sweep_y(keys, far, bits)
+    none = no_site(far, bits)
+    reach = min(far, nz - 1)
+    column = np.full((nz + 2 * (reach + _AT_ONCE), WIDTH), none, np.uint32)
+    margin = far + _AT_ONCE
+    line = np.full(width + 2 * margin, none, np.uint32)
+    limit = np.empty(width // WIDTH, np.uint32)
+    for j in range(ny):
+        _limits(keys, needed, j, limit)
+        for k in range(nz):
+            line[margin : margin + width] = keys[k, j]
+            _along_x(line, limit, far, bits, keys[k, j])
+        for group in range(len(limit)):
+            if limit[group] > 0:
+                _along_z(keys, needed, j, group * WIDTH, column, none, reach, bits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _limits(keys, needed, j, limit):
+    """One more than the largest key that is needed in each 16 columns (j, i), 0 if none is."""
+    nz, ny, width = keys.shape
+    zero, one = spread_key(np.uint32(0)), spread_key(np.uint32(1))
+    for group in range(len(limit)):
+        most = zero
+        for k in range(nz):
+            at = (k * ny + j) * width + group * WIDTH
+            key = where_set(needed, at, add_keys(load_keys(keys, at), one), zero)
+            most = where_less(most, key, key, most)
+        limit[group] = largest_key(most)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def no_site(far, bits):
+    """The key of a voxel that has no site within `far` voxels."""
+    return np.uint32((far * far + 1) << bits)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sweep_y(keys, far, bits):
+    """Nearest sites along y, by a sweep to and fro."""
+    nz, ny, width = keys.shape
+    none, zero = spread_key(no_site(far, bits)), spread_key(np.uint32(0))
+    one, two = spread_key(np.uint32(1 << bits)), spread_key(np.uint32(2 << bits))
+    for k in range(nz):
+        for start in range(0, width, WIDTH):
+            for sweep in range(2):
+                last, square, odd = zero, none, none
+                for step in range(ny):
+                    j = step if sweep == 0 else ny - 1 - step
+                    at = (k * ny + j) * width + start
+                    key = load_keys(keys, at)
+                    last = where_less(key, one, key, last)
+                    square = where_less(key, one, zero, least_keys(add_keys(square, odd), none))
+                    odd = where_less(key, one, one, least_keys(add_keys(odd, two), none))
+                    store_keys(keys, at, least_keys(key, least_keys(add_keys(last, square), none)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _along_x(line, limit, far, bits, out):
+    """Nearest sites among those of a line, [width]; none that is farther than the limit of its 16 columns."""
+    none = spread_key(no_site(far, bits))
+    for group in range(len(limit)):
+        start = group * WIDTH
+        if limit[group] == 0:
+            store_keys(out, start, none)
+            continue
+        at = far + _AT_ONCE + start
+        best = load_keys(line, at)
+        most = min(limit[group], largest_key(best))
+        for first in range(1, far + 1, _AT_ONCE):
+            if np.uint32((first * first) << bits) > most:
+                break
+            for d in range(first, first + _AT_ONCE):
+                nearer = least_keys(load_keys(line, at - d), load_keys(line, at + d))
+                best = least_keys(best, add_keys(nearer, spread_key(np.uint32((d * d) << bits))))
+            most = min(most, largest_key(best))
+        store_keys(out, start, best)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _along_z(keys, needed, j, start, column, no_key, reach, bits):
+    """Nearest sites among those of the columns (j, start) to (j, start + 15), in place.
+
+    `column` [nz + 2 (reach + 4), 16]: room for a copy, between rows of `no_key`.
+    """
+    nz, ny, width = keys.shape
+    zero, none = spread_key(np.uint32(0)), spread_key(no_key)
+    margin = reach + _AT_ONCE
+    for k in range(nz):
+        store_keys(column, (margin + k) * WIDTH, load_keys(keys, (k * ny + j) * width + start))
+    for k in range(nz):
+        place, at = (k * ny + j) * width + start, (margin + k) * WIDTH
+        best = where_set(needed, place, load_keys(column, at), zero)
+        most = largest_key(best)
+        for first in range(1, reach + 1, _AT_ONCE):
+            if np.uint32((first * first) << bits) > most:
+                break
+            for d in range(first, first + _AT_ONCE):
+                nearer = least_keys(
+                    load_keys(column, at - d * WIDTH), load_keys(column, at + d * WIDTH)
+                )
+                best = least_keys(best, add_keys(nearer, spread_key(np.uint32((d * d) << bits))))
+            most = min(most, largest_key(best))
+        store_keys(keys, place, least_keys(where_set(needed, place, best, none), none))

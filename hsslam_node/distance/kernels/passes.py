@@ -1,0 +1,145 @@
+"""Voxels that a depth image saw through: in front of what its pixels measured."""
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.distance.kernels.depth_extremes import REACHES_PX, TILE_PX
+from hsslam_node.distance.kernels.hits import LEAST
+
+_BLOCK = 8  # voxels along a side; a block that is not seen through as a whole is cut once
+_PART = 4
+_NEAREST_M = 0.1
+_SIDE_SAMPLES = 2  # pixels looked at to each side of an occupied voxel's middle
+_THROUGH = 0.8  # share of them that clears it
+_OUTSIDE, _BEHIND, _MIXED, _THROUGHOUT = range(4)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
+    """Take one from the evidence of voxels that were seen through.
+
+    Args:
+        image: `DepthExtremes`.
+        T_cam_index: [3, 4], fractional indices (x, y, z) of voxels to camera, m.
+        voxel_m: side of a voxel, m.
+        far_m: farther voxels are left as they are.
+        slot: [nz, ny, nx] int32, not 0 where the image hit a surface.
+        evidence: [nz, ny, nx] int8.
+    """
+    nz, ny, nx = evidence.shape
+    A = T_cam_index
+    for k in range(0, nz, _BLOCK):
+        for j in range(0, ny, _BLOCK):
+            for i in range(0, nx, _BLOCK):
+                word = _word_of_block(image, A, i, j, k, _BLOCK, voxel_m, far_m)
+                if word == _THROUGHOUT:
+                    _pass_block(i, j, k, _BLOCK, evidence)
+                elif word == _MIXED:
+                    for part in range(8):
+                        a, b, c = (
+                            i + part % 2 * _PART,
+                            j + part // 2 % 2 * _PART,
+                            k + part // 4 * _PART,
+                        )
+                        if a >= nx or b >= ny or c >= nz:
+                            continue
+                        word = _word_of_block(image, A, a, b, c, _PART, voxel_m, far_m)
+                        if word == _THROUGHOUT:
+                            _pass_block(a, b, c, _PART, evidence)
+                        elif word == _MIXED:
+                            _pass_voxels(image, A, a, b, c, voxel_m, far_m, slot, evidence)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _word_of_block(image, A, i, j, k, side, voxel_m, far_m):
+    """What the image says of a block of voxels as a whole, from a box about it along the camera's axes."""
+    height, width = image.depth.shape
+    half = 0.5 * (side - 1)
+    x = A[0, 0] * (i + half) + A[0, 1] * (j + half) + A[0, 2] * (k + half) + A[0, 3]
+    y = A[1, 0] * (i + half) + A[1, 1] * (j + half) + A[1, 2] * (k + half) + A[1, 3]
+    z = A[2, 0] * (i + half) + A[2, 1] * (j + half) + A[2, 2] * (k + half) + A[2, 3]
+    reach = 0.5 * side
+    reach_x = reach * (abs(A[0, 0]) + abs(A[0, 1]) + abs(A[0, 2]))
+    reach_y = reach * (abs(A[1, 0]) + abs(A[1, 1]) + abs(A[1, 2]))
+    reach_z = reach * (abs(A[2, 0]) + abs(A[2, 1]) + abs(A[2, 2]))
+    if z + reach_z < _NEAREST_M or z - reach_z > far_m:
+        return _OUTSIDE
+    if z - reach_z < _NEAREST_M:
+        return _MIXED
+    per_near, per_far = 1.0 / (z - reach_z), 1.0 / (z + reach_z)
+    u_low = (x - reach_x) * (per_near if x < reach_x else per_far)
+    u_high = (x + reach_x) * (per_near if x > -reach_x else per_far)
+    v_low = (y - reach_y) * (per_near if y < reach_y else per_far)
+    v_high = (y + reach_y) * (per_near if y > -reach_y else per_far)
+    u0, u1 = u_low * image.fx + image.cx + 0.5, u_high * image.fx + image.cx + 0.5
+    v0, v1 = v_low * image.fy + image.cy + 0.5, v_high * image.fy + image.cy + 0.5
+    if u1 < 0 or v1 < 0 or u0 >= width or v0 >= height:
+        return _OUTSIDE
+    is_whole = u0 >= 0 and v0 >= 0 and u1 < width and v1 < height and z + reach_z <= far_m
+    nearest, farthest = np.float32(np.inf), np.float32(0.0)
+    for r in range(max(int(v0), 0) // TILE_PX, min(int(v1), height - 1) // TILE_PX + 1):
+        for c in range(max(int(u0), 0) // TILE_PX, min(int(u1), width - 1) // TILE_PX + 1):
+            nearest = min(nearest, image.tile_nearest[r, c])
+            farthest = max(farthest, image.tile_farthest[r, c])
+    if farthest < z - reach_z:
+        return _BEHIND
+    if is_whole and nearest > z + reach_z:
+        return _THROUGHOUT
+    return _MIXED
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pass_block(i, j, k, side, evidence):
+    nz, ny, nx = evidence.shape
+    for c in range(k, min(k + side, nz)):
+        for b in range(j, min(j + side, ny)):
+            row = evidence[c, b]
+            for a in range(i, min(i + side, nx)):
+                row[a] = max(row[a] - 1, LEAST)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pass_voxels(image, A, i, j, k, voxel_m, far_m, slot, evidence):
+    """The voxels of a part one by one."""
+    nz, ny, nx = evidence.shape
+    height, width = image.depth.shape
+    half_px = 0.5 * voxel_m * max(image.fx, image.fy)  # of a voxel 1 m away
+    u_step, v_step, z_step = A[0, 0] * image.fx, A[1, 0] * image.fy, A[2, 0]
+    for c in range(k, min(k + _PART, nz)):
+        for b in range(j, min(j + _PART, ny)):
+            u_row = (A[0, 1] * b + A[0, 2] * c + A[0, 3]) * image.fx
+            v_row = (A[1, 1] * b + A[1, 2] * c + A[1, 3]) * image.fy
+            z_row = A[2, 1] * b + A[2, 2] * c + A[2, 3]
+            here = evidence[c, b]
+            for a in range(i, min(i + _PART, nx)):
+                if here[a] == LEAST:
+                    continue
+                z = z_row + z_step * a
+                if z < _NEAREST_M or z > far_m:
+                    continue
+                per_z = 1.0 / z
+                right = (u_row + u_step * a) * per_z + image.cx + 0.5
+                down = (v_row + v_step * a) * per_z + image.cy + 0.5
+                if right < 0 or down < 0 or right >= width or down >= height:
+                    continue
+                u, v, through = int(right), int(down), z + 0.5 * voxel_m
+                level = (half_px > REACHES_PX[0] * z) + (half_px > REACHES_PX[1] * z)
+                is_through = image.nearest[level, v, u] > through
+                if not is_through and here[a] > 0:
+                    is_through = _most_see_through(image, u, v, half_px * per_z, through)
+                if is_through and slot[c, b, a] == 0:
+                    here[a] = max(here[a] - 1, LEAST)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _most_see_through(image, u, v, half_px, through):
+    """Whether most pixels up to `half_px` from (u, v) saw farther than `through`."""
+    height, width = image.depth.shape
+    reach = int(half_px + 0.5)
+    step = reach // _SIDE_SAMPLES + 1
+    total = beyond = 0
+    for row in range(max(v - reach, 0), min(v + reach + 1, height), step):
+        for column in range(max(u - reach, 0), min(u + reach + 1, width), step):
+            total += 1
+            beyond += image.depth[row, column] > through
+    return beyond >= _THROUGH * total

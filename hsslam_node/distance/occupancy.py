@@ -1,0 +1,118 @@
+"""Which voxels are free, which occupied, from the depth images that saw them."""
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.distance.kernels.depth_extremes import depth_extremes
+from hsslam_node.distance.kernels.hits import (
+    OCCUPIED_FROM,
+    Touched,
+    add_hits,
+    forget_hits,
+    gather_hits,
+    touched,
+)
+from hsslam_node.distance.kernels.passes import add_passes
+from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+
+_SLACK = 8  # a window moves when its wanted middle is this share of its side away
+_RECORD_BYTES = 8
+
+
+class Occupancy:
+    """Evidence for every voxel of a grid: images that saw a surface in it, and images that saw through it.
+
+    Evidence is bounded, so what is carried away is free after at most six images that see through it.
+    Memory is 13 bytes a voxel.
+
+    Args:
+        grid: of a frame of its own.
+        T_grid_world: that of poses to that of the grid, [4, 4]; None: they are the same.
+        far_m: farther measurements say that the way up to there is free, and nothing else.
+    """
+
+    def __init__(
+        self, grid: VoxelGrid, T_grid_world: np.ndarray | None = None, far_m: float = 4.0
+    ) -> None:
+        if not far_m > 0:
+            raise UserError(f"far_m = {far_m}: expected metres above 0")
+        self.grid = grid
+        self.T_grid_world = np.eye(4) if T_grid_world is None else np.array(T_grid_world)
+        self._far_m = far_m
+        self._evidence = np.zeros(grid.shape[::-1], np.int8)  # [nz, ny, nx]
+        self._surface = np.zeros((*grid.shape[::-1], _RECORD_BYTES), np.int8)
+        self._touched: Touched | None = None
+
+    def observe(
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 1
+    ) -> None:
+        """Take in one depth image.
+
+        Args:
+            depth_m: [H, W] float32, planar, 0 = no measurement.
+            camera: undistorted.
+            T_world_cam: [4, 4].
+            stride_px: step between the pixels that are looked at, both ways; it should leave a voxel that
+                is `far_m` away two pixels or more.
+        """
+        image = depth_extremes(depth_m, camera, stride_px)
+        if self._touched is None or len(self._touched.voxel) <= image.depth.size:
+            self._touched = touched(self._evidence.shape, image.depth.size)
+        marks, voxel_m, far_m = self._touched, self.grid.voxel_m, self._far_m
+        T = self.grid.T_index_frame() @ self.T_grid_world @ T_world_cam
+        T_index_cam, T_cam_index = T[:3].copy(), np.linalg.inv(T)[:3].copy()
+        used = gather_hits(image, T_index_cam, far_m, marks)
+        add_hits(image, T_index_cam, voxel_m, far_m, marks, used, self._evidence, self._surface)
+        add_passes(image, T_cam_index, voxel_m, far_m, marks.slot, self._evidence)
+        forget_hits(marks, used)
+
+    def move_to(self, centre: np.ndarray) -> bool:
+        """Let the window follow a point [3] m, world; True if it moved.
+
+        It moves once the point is an eighth of its side away from the middle. What it holds stays where it
+        is in the world; what it leaves is forgotten.
+        """
+        point = self.T_grid_world[:3, :3] @ centre + self.T_grid_world[:3, 3]
+        shape = np.asarray(self.grid.shape)
+        steps = np.rint(point / self.grid.voxel_m - self.grid.first - shape / 2).astype(np.int64)
+        steps[np.abs(steps) * _SLACK < shape] = 0
+        if not steps.any():
+            return False
+        self.grid = self.grid.moved(steps)
+        for array in (self._evidence, self._surface):
+            _shift(array, steps[::-1])
+        return True
+
+    def states(self) -> np.ndarray:
+        """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8."""
+        states = np.empty(self._evidence.shape, np.uint8)
+        _write_states(self._evidence.reshape(-1), states.reshape(-1))
+        return states.T
+
+    def surfaces(self) -> np.ndarray:
+        """What occupied voxels keep of their surface, [8, nx, ny, nz] int8 (`surface_record.py`)."""
+        return self._surface.T
+
+
+def _shift(array: np.ndarray, steps: np.ndarray) -> None:
+    """Move the content of an array by `steps` towards its start along the first axes; zeros follow."""
+    if (np.abs(steps) >= array.shape[: len(steps)]).any():
+        array[:] = 0
+        return
+    there = tuple(
+        slice(max(-s, 0), n - max(s, 0)) for s, n in zip(steps, array.shape, strict=False)
+    )
+    here = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(steps, array.shape, strict=False))
+    kept = array[here].copy()
+    array[:] = 0
+    array[there] = kept
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _write_states(evidence, states):
+    for n in range(len(evidence)):
+        e = evidence[n]
+        states[n] = OCCUPIED if e >= OCCUPIED_FROM else FREE if e < 0 else UNKNOWN

@@ -1,0 +1,79 @@
+"""Distances by the field near surfaces, by the distance transform elsewhere."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hsslam_node.distance.distance_map import DistanceMap, Distances
+from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.sdf_query import query_sdf
+from hsslam_node.map.layout import FieldLayout
+
+QuerySdf = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""points [N, 3] float32 m, world -> signed distance [N] and its gradient [N, 3] per m, in truncations."""
+
+_NEAR, _FAR = (
+    0.5,
+    1.0,
+)  # truncations from the surface: up to there the field alone, from there no field
+_SURE, _SATURATED = 0.75, 0.95  # of the field's largest value, where it stops to be a distance
+_STEEP, _FLAT = 0.6, 0.3  # m/m, slopes of a distance and of what is none
+
+
+class RefinedDistances:
+    """Answers as `DistanceMap.query` does, with the field's own distance where there is surface nearby.
+
+    The field's distance is its value over its slope. It counts less the farther the surface, the
+    larger the field's value and the flatter its slope, so distances have no step where it ends.
+
+    Args:
+        distances: of the same world as the field.
+        query: the field.
+        truncation_m: of the field, m.
+    """
+
+    def __init__(self, distances: DistanceMap, query: QuerySdf, truncation_m: float) -> None:
+        self.distances = distances
+        self._query = query
+        self._truncation_m = truncation_m
+
+    def query(self, points: np.ndarray) -> Distances:
+        """Distances and gradients at points [N, 3] m, world."""
+        points = np.ascontiguousarray(points, np.float32)
+        found = self.distances.query(points)
+        near = np.flatnonzero(np.abs(found.distance_m) < _FAR * self._truncation_m)
+        if len(near) == 0:
+            return found
+        sdf, gradient = self._query(points[near])
+        gradient_m = gradient * np.float32(self._truncation_m)  # m/m
+        slope = np.linalg.norm(gradient_m, axis=1)
+        share = _fading(np.abs(found.distance_m[near]) / self._truncation_m, _NEAR, _FAR)
+        share *= _fading(np.abs(sdf), _SURE, _SATURATED) * _fading(-slope, -_STEEP, -_FLAT)
+        slope = np.maximum(slope, _FLAT)
+        own_m = sdf * self._truncation_m / slope
+        rest = 1 - share
+        found.distance_m[near] = share * own_m + rest * found.distance_m[near]
+        found.gradient[near] = (
+            share[:, None] * gradient_m / slope[:, None] + rest[:, None] * found.gradient[near]
+        )
+        return found
+
+
+def field_query(layout: FieldLayout, params: np.ndarray) -> QuerySdf:
+    """The field of a map; `params` [P] are read in place. Outside its bound the value is 1, without slope."""
+    flat = kernel_layout(layout)
+
+    def query(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n = len(points)
+        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
+        gradient = np.empty((n, 3), np.float32)
+        points = np.ascontiguousarray(points, np.float32)
+        query_sdf(params, flat, points, sdf, inside, gradient, True)
+        return sdf, gradient
+
+    return query
+
+
+def _fading(value: np.ndarray, full: float, none: float) -> np.ndarray:
+    """1 up to `full`, 0 from `none` on, linear between."""
+    return np.clip((none - value) / (none - full), 0, 1).astype(np.float32)

@@ -1,0 +1,117 @@
+"""Distances in free space, and the time of their updates: rows measured only by name."""
+
+import json
+from statistics import fmean
+
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.free_space.distance_errors import DistanceErrors
+from hsslam_bench.runs.session import Session
+
+_SEQUENCES = ("house-kinect", "room-kinect", "house", "room")
+_HELD = "house-kinect"
+_MEAN_M, _WITHIN, _OPTIMISTIC, _GRADIENT_DEG = 0.02, 0.99, 0.001, 3.0
+_UPDATE_MS, _POINTS_PER_S = 12.0, 1e7
+
+
+def distance_checks() -> list[Check]:
+    """One check for each sequence, one for the time of an update, one for the speed of queries."""
+    time = "rolling window of 10 x 10 x 2.5 m, 5 cm, house-kinect, 10 Hz, one thread"
+    return [
+        *(_errors_check(sequence) for sequence in _SEQUENCES),
+        Check(
+            "distances:update",
+            f"{time}: process time of an update (occupancy, distances, grid), mean; greatest of 99 %",
+            f"{_UPDATE_MS:g} ms",
+            _update,
+            by_name_only=True,
+        ),
+        Check(
+            "distances:query",
+            f"{time}: points asked a second for distance and gradient, of process time",
+            f"{_POINTS_PER_S:.0e}",
+            _query,
+            by_name_only=True,
+        ),
+    ]
+
+
+def _errors_check(sequence: str) -> Check:
+    place, *changes = sequence.split("-")
+    noise = ("--noise", "kinect") if "kinect" in changes else ()
+
+    def measure(session: Session) -> Measured:
+        module = "hsslam_bench.free_space.run"
+        found = [
+            json.loads(session.python(module, session.source(place), str(seed), *noise))
+            for seed in session.seeds
+        ]
+        errors = {
+            name: _mean([DistanceErrors(**one[name]) for one in found])
+            for name in ("certain", "refined", "all")
+        }
+        ours = errors["certain"]
+        met = (
+            ours.mean_m <= _MEAN_M
+            and ours.within_5cm >= _WITHIN
+            and ours.optimistic_5cm <= _OPTIMISTIC
+            and ours.gradient_deg <= _GRADIENT_DEG
+        )
+        return Measured(
+            "; ".join(f"{name} {_text(its)}" for name, its in errors.items()),
+            met if sequence == _HELD else None,
+            {str(seed): one for seed, one in zip(session.seeds, found, strict=True)},
+            ours.mean_m,
+            "lower",
+        )
+
+    bound = (
+        f"{100 * _MEAN_M:g} cm, {_WITHIN:.0%}, {_OPTIMISTIC:.1%}, {_GRADIENT_DEG:g} degrees"
+        if sequence == _HELD
+        else ""
+    )
+    what = (
+        f"{sequence}, lockstep, tracked poses, voxels of 5 cm: distances at points of free space against the "
+        "true mesh: mean error; within 5 cm; too large by more; median angle of the gradient. Certain: "
+        "points where all nearer space was seen; refined: these, by the field near surfaces; all: all points"
+    )
+    return Check(f"distances:{sequence}", what, bound, measure, by_name_only=True)
+
+
+def _text(errors: DistanceErrors) -> str:
+    return (
+        f"{100 * errors.mean_m:.2f} cm, {errors.within_5cm:.2%}, {errors.optimistic_5cm:.3%}, "
+        f"{errors.gradient_deg:.1f} degrees"
+    )
+
+
+def _mean(found: list[DistanceErrors]) -> DistanceErrors:
+    names = ("mean_m", "within_5cm", "optimistic_5cm", "pessimistic_5cm", "gradient_deg")
+    return DistanceErrors(
+        sum(one.points for one in found),
+        *(fmean(getattr(one, name) for one in found) for name in names),
+    )
+
+
+def _update(session: Session) -> Measured:
+    found = _window(session)
+    parts = ", ".join(
+        f"{name} {found[f'{name}_ms']:.1f}" for name in ("observe", "distances", "grid")
+    )
+    return Measured(
+        f"{found['mean_ms']:.1f} ms ({parts}); {found['p99_ms']:.1f} ms",
+        found["mean_ms"] <= _UPDATE_MS,
+        found,
+        found["mean_ms"],
+        "lower",
+    )
+
+
+def _query(session: Session) -> Measured:
+    found = _window(session)
+    speed = found["points_per_s"]
+    return Measured(f"{speed:.2e} points/s", speed >= _POINTS_PER_S, found, speed, "higher")
+
+
+def _window(session: Session) -> dict[str, float]:
+    module = "hsslam_bench.free_space.update_time"
+    return json.loads(session.python(module, session.source("house"), "--noise", "kinect"))

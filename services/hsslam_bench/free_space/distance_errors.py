@@ -1,0 +1,77 @@
+"""Errors of distances and gradients at points of observed free space, against a true mesh."""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+import trimesh
+
+from hsslam_node.distance.distance_map import DistanceMap, Distances
+from hsslam_node.distance.states import FREE
+from hsslam_node.geometry.se3 import inverse
+
+LARGE_M = 0.05  # errors that planners mind
+_NO_GRADIENT_M = 0.1  # below the reach of the distances: their gradient ends there
+
+
+@dataclass(frozen=True)
+class DistanceErrors:
+    """Of the points of one kind."""
+
+    points: int
+    mean_m: float  # of absolute errors
+    within_5cm: float  # share, 0 to 1
+    optimistic_5cm: float  # share whose distance is too large by more than that
+    pessimistic_5cm: float
+    gradient_deg: float  # median angle
+
+
+@dataclass(frozen=True)
+class TrueDistances:
+    """Of points, to the nearest triangle."""
+
+    distance_m: np.ndarray  # [N]
+    away: np.ndarray  # [N, 3] unit, from the triangle
+
+
+def free_points(distances: DistanceMap, count: int, seed: int) -> np.ndarray:
+    """Points [N, 3] m, world, uniform in the volume of the free voxels."""
+    rng = np.random.default_rng(seed)
+    free = np.argwhere(distances.states == FREE)
+    indices = free[rng.integers(len(free), size=count)] + rng.uniform(-0.5, 0.5, (count, 3))
+    T = inverse(distances.T_grid_world)
+    return distances.grid.centres(indices) @ T[:3, :3].T + T[:3, 3]
+
+
+def true_distances(
+    points: np.ndarray, mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
+) -> TrueDistances:
+    """Of points [N, 3] m, world; exact."""
+    vertices = np.asarray(mesh.vertices) @ T_world_mesh[:3, :3].T + T_world_mesh[:3, 3]
+    faces = np.asarray(mesh.faces, np.int64)
+    tree = igl.AABB()
+    tree.init(vertices, faces)
+    squared, _, nearest = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
+    distance = np.sqrt(squared)
+    away = (points - nearest) / np.maximum(distance, 1e-9)[:, None]
+    return TrueDistances(distance, away)
+
+
+def distance_errors(
+    found: Distances, truth: TrueDistances, far_m: float, mask: np.ndarray
+) -> DistanceErrors:
+    """Of the points of a mask [N]. Beyond `far_m` distances count as that, and gradients do not."""
+    true_m = np.minimum(truth.distance_m, far_m)[mask]
+    error = found.distance_m[mask] - true_m
+    steep = true_m < far_m - _NO_GRADIENT_M
+    gradient = found.gradient[mask][steep]
+    gradient = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
+    cosine = np.einsum("ni,ni->n", gradient, truth.away[mask][steep])
+    return DistanceErrors(
+        int(mask.sum()),
+        float(np.abs(error).mean()),
+        float((np.abs(error) < LARGE_M).mean()),
+        float((error > LARGE_M).mean()),
+        float((error < -LARGE_M).mean()),
+        float(np.rad2deg(np.median(np.arccos(np.clip(cosine, -1, 1))))),
+    )

@@ -1,0 +1,75 @@
+"""`hsslam-map esdf`: the distances in a saved map as a file of arrays."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.esdf_file import write_esdf
+from hsslam_node.distance.states import FREE, OCCUPIED
+from hsslam_node.errors import UserError
+from hsslam_services.commands.maps.whole_space import (
+    expect_out,
+    expect_up,
+    expect_voxel,
+    floor_and_distances,
+    map_file,
+    told_up,
+)
+
+
+@dataclass(frozen=True)
+class EsdfOptions:
+    """Writes the distance to the nearest surface at every voxel of a saved map, as NumPy arrays: esdf.npz.
+
+    Example:
+      hsslam-map esdf runs/desk --out esdf.npz
+
+    Arrays: distance_m [nx, ny, nz] (m, negative inside, nan where nothing is known), states [nx, ny, nz]
+    (0 unknown, 1 free, 2 occupied), voxel_m, first [3] (voxel i, j, k has its middle at voxel_m times
+    first + i, j, k + 0.5), T_grid_world [4, 4] (from the world of the map to a frame with z up and the floor
+    at z = 0), up [3], up_source, floor_height_m.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    POSITIONALS: ClassVar = ("run",)
+    VALUES: ClassVar = {"run": "RUN", "up": "X Y Z"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    run: str = ""
+    """Run folder, or the file of a saved map."""
+    out: Path = Path("esdf.npz")
+    """Output file .npz."""
+    from_height_m: float = -math.inf
+    """Lowest height above the floor that is kept, m (-inf: all)."""
+    to_height_m: float = math.inf
+    """Highest height above the floor that is kept, m (inf: all)."""
+    up: tuple[float, ...] = ()
+    """Direction against gravity in the world frame of the map (none: found)."""
+    voxel: float = 0.05
+    """Side of a voxel, m."""
+
+    def __post_init__(self) -> None:
+        if not self.from_height_m < self.to_height_m:
+            given = f"--from-height-m {self.from_height_m:g} --to-height-m {self.to_height_m:g}"
+            raise UserError(f"{given}: expected the second above the first")
+        expect_up(self.up)
+        expect_voxel(self.voxel)
+
+
+def write_distances(options: EsdfOptions) -> None:
+    """Run the command."""
+    saved = SavedMap.open(map_file(options.run, "esdf"), "cpu")
+    expect_out(options.out, ".npz")
+    floor, whole = floor_and_distances(saved, options.up, options.voxel)
+    distances = whole.between(options.from_height_m, options.to_height_m)
+    write_esdf(options.out, distances, floor)
+    shape = " x ".join(map(str, distances.grid.shape))
+    free, occupied = (np.count_nonzero(distances.states == state) for state in (FREE, OCCUPIED))
+    print(told_up(floor))
+    print(f"{options.out}: {shape} voxels of {options.voxel:g} m, {free} free, {occupied} occupied")

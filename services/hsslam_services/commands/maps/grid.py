@@ -1,0 +1,80 @@
+"""`hsslam-map grid`: the floor of a saved map as Nav2's map server reads it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
+from hsslam_node.distance.nav2_files import write_nav2_files
+from hsslam_node.errors import UserError
+from hsslam_services.commands.maps.whole_space import (
+    expect_out,
+    expect_up,
+    expect_voxel,
+    floor_and_distances,
+    map_file,
+    told_up,
+)
+
+
+@dataclass(frozen=True)
+class GridOptions:
+    """Writes the floor of a saved map for Nav2: free, occupied and unknown cells as map.yaml and map.pgm.
+
+    Example:
+      hsslam-map grid runs/desk --out map.yaml --to-height-m 0.6
+
+    A cell is occupied if the keyframes measured a surface over it, between the two heights above the floor.
+    It is free if none did, and if they saw a third of that height or more. The frame of the map has z up and
+    the floor at z = 0. Up is the normal of the floor that the keyframes saw, else the mean up of their
+    images. The command says which.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    POSITIONALS: ClassVar = ("run",)
+    VALUES: ClassVar = {"run": "RUN", "up": "X Y Z"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    run: str = ""
+    """Run folder, or the file of a saved map."""
+    out: Path = Path("map.yaml")
+    """Output file .yaml; the picture .pgm is written beside it."""
+    from_height_m: float = 0.15
+    """Lowest height above the floor that is looked at, m."""
+    to_height_m: float = 1.6
+    """Highest height above the floor that is looked at, m."""
+    up: tuple[float, ...] = ()
+    """Direction against gravity in the world frame of the map (none: found)."""
+    voxel: float = 0.05
+    """Side of a cell, m."""
+
+    def __post_init__(self) -> None:
+        if not self.from_height_m < self.to_height_m:
+            given = f"--from-height-m {self.from_height_m:g} --to-height-m {self.to_height_m:g}"
+            raise UserError(f"{given}: expected the second above the first")
+        expect_up(self.up)
+        expect_voxel(self.voxel)
+
+
+def write_grid(options: GridOptions) -> None:
+    """Run the command."""
+    saved = SavedMap.open(map_file(options.run, "grid"), "cpu")
+    expect_out(options.out, ".yaml")
+    floor, distances = floor_and_distances(saved, options.up, options.voxel)
+    grid = grid_map(distances, options.from_height_m, options.to_height_m)
+    picture = write_nav2_files(options.out, grid, floor)
+    height, width = grid.cells.shape
+    counts = {
+        name: int(np.count_nonzero(grid.cells == value))
+        for name, value in (("free", CELL_FREE), ("occupied", CELL_OCCUPIED))
+    }
+    cells = ", ".join(f"{count} {name}" for name, count in counts.items())
+    print(told_up(floor))
+    print(
+        f"{options.out}, {picture.name}: {width} x {height} cells of {options.voxel:g} m, {cells}"
+    )

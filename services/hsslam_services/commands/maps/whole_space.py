@@ -1,0 +1,62 @@
+"""The space of a saved map: where its floor lies, and the distances over it; what `grid` and `esdf` share."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.distance_meter import DistanceMeter
+from hsslam_node.distance.floor_plane import FloorPlane, find_floor
+from hsslam_node.distance.whole_map import whole_map
+from hsslam_node.errors import UserError
+
+MAP_NAME = "map.safetensors"
+
+
+def map_file(text: str, command: str) -> Path:
+    """The file of a saved map, which may be given by its run folder.
+
+    Raises:
+        UserError: none is given.
+    """
+    if not text:
+        raise UserError(f"{command}: no map: expected a run folder or {MAP_NAME}")
+    path = Path(text)
+    return path / MAP_NAME if path.is_dir() else path
+
+
+def expect_up(up: tuple[float, ...]) -> None:
+    """UserError unless `--up` is a direction, or not given."""
+    length = math.hypot(*up)
+    if up and not (len(up) == 3 and math.isfinite(length) and length > 0):
+        given = " ".join(f"{number:g}" for number in up)
+        raise UserError(f"--up {given}: expected a direction X Y Z in the world frame of the map")
+
+
+def expect_voxel(voxel_m: float) -> None:
+    """UserError unless `--voxel` is a size that makes sense."""
+    if not (math.isfinite(voxel_m) and 0.01 <= voxel_m <= 0.5):
+        raise UserError(f"--voxel {voxel_m}: expected 0.01 to 0.5 m")
+
+
+def expect_out(path: Path, suffix: str) -> None:
+    """UserError unless `--out` is a file of this kind in a folder that exists."""
+    if path.suffix.lower() != suffix or not path.absolute().parent.is_dir():
+        raise UserError(f"--out {path}: expected a file {suffix} in a folder that exists")
+
+
+def floor_and_distances(
+    saved: SavedMap, up: tuple[float, ...], voxel_m: float
+) -> tuple[FloorPlane, DistanceMap]:
+    """The floor, and the distances in voxels whose frame has z up and the floor at z = 0."""
+    views, camera = saved.keyframes.views, saved.keyframes.camera
+    floor = find_floor(views, camera, np.array(up) if up else None)
+    return floor, DistanceMeter().measure(whole_map(views, camera, floor, voxel_m))
+
+
+def told_up(floor: FloorPlane) -> str:
+    """Which way is up, and by what, in a line."""
+    up = " ".join(f"{part + 0.0:.3f}" for part in floor.up)
+    return f"up is {up} by its {floor.source}, the floor at {floor.height_m:.2f} m along it"

@@ -1,0 +1,83 @@
+"""The example that plans a path: as a user runs it, and whether the robot touches the true room."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.evaluation.mesh.mesh_metrics import distances
+from hsslam_node.map.checkpoint import save_checkpoint
+from tests.repository import ROOT
+from tests.small_room import OPTIONS, SMALL, mapped_room
+
+EXAMPLE = ROOT / "examples/plan_path.py"
+_SLACK_M = 0.05  # a voxel
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory) -> Path:
+    room = mapped_room()
+    path = tmp_path_factory.mktemp("map") / "room.safetensors"
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    return path
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(EXAMPLE), *arguments]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_the_robot_touches_nothing_of_the_true_room(map_file):
+    spec = importlib.util.spec_from_file_location("plan_path", EXAMPLE)
+    assert spec and spec.loader
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    points, clearance_m = example.clearance(SavedMap.open(map_file, "cpu"), -0.1, 0.1)
+    path = example.plan(clearance_m)
+    way = points[tuple(path.T)]
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 1.5 * example.CELL_M
+    assert np.linalg.norm(way[-1] - way[0]) > 0.4
+    truth = open_ground_truth("synth:room", OPTIONS)
+    mesh = truth.mesh() if truth else None
+    assert truth is not None and mesh is not None
+    T = truth.T_world_cam[0]
+    true_m = distances(way @ T[:3, :3].T + T[:3, 3], mesh.vertices, mesh.faces)
+    assert true_m.min() > example.RADIUS_M - _SLACK_M
+
+
+def test_it_draws_the_path(map_file, tmp_path):
+    picture = tmp_path / "path.png"
+    done = _run(str(map_file), str(picture))
+    assert done.returncode == 0, done.stderr
+    assert "m of room at the narrowest place" in done.stdout
+    image = cv2.imread(str(picture))
+    assert image is not None
+    blue, green, red = (image[..., k].astype(int) for k in range(3))
+    assert ((blue > 200) & (red < 60) & (green < 160)).sum() > 50
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((), "plan_path.py"),
+        (("nowhere",), "error: nowhere: no such file"),
+        (("a", "b", "c"), "FROM"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, text):
+    done = _run(*arguments)
+    assert done.returncode == 1
+    assert text in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_height_without_room_is_told(map_file, tmp_path):
+    done = _run(str(map_file), str(tmp_path / "path.png"), "5", "6")
+    assert done.returncode == 1
+    assert "is the most room: expected 0.2 m" in done.stderr and done.stderr.count("\n") == 1

@@ -1,0 +1,122 @@
+"""Grids of the floor, and the files that Nav2 and NumPy read."""
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.esdf_file import read_esdf, write_esdf
+from hsslam_node.distance.floor_plane import FloorPlane
+from hsslam_node.distance.grid_map import grid_map
+from hsslam_node.distance.nav2_files import write_nav2_files
+from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.errors import UserError
+
+GRID = VoxelGrid(0.1, (-20, 5, -3), (40, 30, 25))  # x -2 to 2, y 0.5 to 3.5, z -0.3 to 2.2 m
+FLOOR = FloorPlane((0.0, -1.0, 0.0), -1.2, "floor plane")
+
+
+@pytest.fixture
+def distances():
+    """Free above a floor; a pillar at (1.0, 1.0), a lamp at (0, 3) 2 m up, a rug; x < -1 was not seen."""
+    states = np.full(GRID.shape, FREE, np.uint8)
+    states[:, :, :3] = OCCUPIED
+    _box(states, (0.9, 0.9, 0.0), (1.2, 1.2, 2.0), OCCUPIED)
+    _box(states, (-0.1, 2.9, 1.9), (0.2, 3.2, 2.1), OCCUPIED)
+    _box(states, (-0.5, 2.0, 0.0), (0.5, 2.5, 0.1), OCCUPIED)
+    states[:10] = UNKNOWN
+    distance = np.linspace(0, 1, GRID.count, dtype=np.float32).reshape(GRID.shape)
+    return DistanceMap(GRID, distance, states, FLOOR.T_floor_world)
+
+
+def _box(states, low, high, value):
+    i, j, k = GRID.indices(np.array([low]) + 1e-6)[0]
+    a, b, c = GRID.indices(np.array([high]) - 1e-6)[0] + 1
+    states[i:a, j:b, k:c] = value
+
+
+def test_cells_between_two_heights(distances):
+    grid = grid_map(distances, low_m=0.15, high_m=1.6)
+    assert grid.cells.shape == (30, 40) and grid.origin_m == (-2.0, 0.5)
+    at = grid.cells_at(np.array([(1.05, 1.05), (0, 3.05), (0, 2.2), (-1.5, 2.0), (0, 1.0), (9, 9)]))
+    assert at.tolist() == [100, 0, 0, -1, 0, -1]
+    assert grid_map(distances, 0.15, 2.2).cells_at(np.array([(0.0, 3.05)])).tolist() == [100]
+    assert grid_map(distances, 0.0, 1.6).cells_at(np.array([(0.0, 2.2)])).tolist() == [100]
+
+
+def test_a_cell_of_which_little_was_seen_is_unknown(distances):
+    states = distances.states.copy()
+    states[25, 10, 8:] = UNKNOWN  # free only up to 0.5 m
+    seen = DistanceMap(GRID, distances.distance_m, states)
+    x, y = GRID.centres(np.array([[25, 10, 0]]))[0, :2]
+    assert grid_map(seen, 0.15, 1.6).cells_at(np.array([(x, y)])).tolist() == [-1]
+    assert grid_map(seen, 0.15, 0.9).cells_at(np.array([(x, y)])).tolist() == [0]
+
+
+def test_distances_on_the_floor(distances):
+    grid = grid_map(distances)
+    found = grid.distances_m(far_m=0.8)
+    assert np.isnan(found[grid.cells == -1]).all() and (found[grid.cells == 100] == 0).all()
+    column, row = 30, 4  # beside the pillar's first column, 29
+    assert found[row, 28] == pytest.approx(0.1) and found[row, column] == 0
+    assert np.nanmax(found) == pytest.approx(0.8)
+
+
+def test_the_map_server_reads_what_was_written(distances, tmp_path):
+    """Its rule for mode trinary, from the documentation of nav2_map_server."""
+    grid = grid_map(distances)
+    write_nav2_files(tmp_path / "map.yaml", grid, FLOOR)
+    text = (tmp_path / "map.yaml").read_text()
+    assert "by its floor plane" in text
+    said = yaml.safe_load(text)
+    assert said["mode"] == "trinary" and said["negate"] == 0
+    assert said["origin"] == [-2.0, 0.5, 0] and said["resolution"] == 0.1
+    grey = cv2.imread(str(tmp_path / said["image"]), cv2.IMREAD_UNCHANGED)
+    occupancy = 1 - np.flipud(grey) / 255  # the picture's last row is y's first
+    cells = np.full(grey.shape, -1)
+    cells[occupancy < said["free_thresh"]] = 0
+    cells[occupancy > said["occupied_thresh"]] = 100
+    np.testing.assert_array_equal(cells, grid.cells)
+
+
+def test_distances_come_back_from_the_file(distances, tmp_path):
+    path = tmp_path / "esdf.npz"
+    write_esdf(path, distances, FLOOR)
+    again, floor = read_esdf(path)
+    assert floor == FLOOR and again.grid == GRID
+    np.testing.assert_array_equal(again.distance_m, distances.distance_m)
+    np.testing.assert_array_equal(again.states, distances.states)
+    np.testing.assert_array_equal(again.T_grid_world, distances.T_grid_world)
+    points = np.random.default_rng(0).uniform(-2, 2, (50, 3))
+    np.testing.assert_array_equal(
+        again.query(points).distance_m, distances.query(points).distance_m
+    )
+
+
+@pytest.mark.parametrize("heights", [(1.0, 0.5), (3.0, 4.0), (-2.0, -1.0)])
+def test_heights_without_voxels_are_refused(distances, heights):
+    with pytest.raises(UserError, match="expected two that rise"):
+        grid_map(distances, *heights)
+
+
+def test_names_and_places_that_do_not_work_are_refused(distances, tmp_path):
+    grid = grid_map(distances)
+    with pytest.raises(UserError, match=r"ends in \.yaml"):
+        write_nav2_files(tmp_path / "map.png", grid)
+    with pytest.raises(UserError, match="cannot write the map"):
+        write_nav2_files(tmp_path / "no" / "map.yaml", grid)
+    with pytest.raises(UserError, match=r"ends in \.npz"):
+        write_esdf(tmp_path / "esdf", distances, FLOOR)
+    with pytest.raises(UserError, match="cannot write distances"):
+        write_esdf(tmp_path / "no" / "esdf.npz", distances, FLOOR)
+    with pytest.raises(UserError, match="no such file"):
+        read_esdf(tmp_path / "none.npz")
+    for name, data in (("text.npz", b"hello"), ("other.npz", None)):
+        if data is None:
+            np.savez(tmp_path / name, a=np.zeros(3))
+        else:
+            (tmp_path / name).write_bytes(data)
+        with pytest.raises(UserError, match="not a file of distances"):
+            read_esdf(tmp_path / name)

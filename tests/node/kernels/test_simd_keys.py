@@ -1,0 +1,37 @@
+import numpy as np
+from numba import njit
+
+from hsslam_node.kernels.simd_keys import (
+    add_keys,
+    largest_key,
+    least_keys,
+    load_keys,
+    spread_key,
+    store_keys,
+    where_less,
+    where_set,
+)
+
+RNG = np.random.default_rng(0)
+
+
+@njit
+def _arithmetic(a, b, mask, out):
+    x, y = load_keys(a, 3), load_keys(b, 1)
+    store_keys(out, 0, add_keys(x, y))
+    store_keys(out, 16, least_keys(x, y))
+    store_keys(out, 32, where_less(x, y, spread_key(np.uint32(7)), x))
+    store_keys(out, 48, where_set(mask, 2, x, y))
+    return largest_key(x)
+
+
+def test_arithmetic_at_any_offset():
+    """Keys above 2^31 too, which are negative as signed numbers."""
+    a, b = RNG.integers(0, 1 << 32, (2, 20)).astype(np.uint32)
+    mask = RNG.integers(0, 3, 20).astype(np.uint8)
+    out = np.zeros(64, np.uint32)
+    largest = _arithmetic(a, b, mask, out)
+    x, y = a[3:19], b[1:17]
+    assert largest == x.max() and x.max() > 1 << 31
+    expected = [x + y, np.minimum(x, y), np.where(x < y, 7, x), np.where(mask[2:18], x, y)]
+    np.testing.assert_array_equal(out.reshape(4, 16), expected)

@@ -1,0 +1,94 @@
+"""`hsslam-map grid` and `esdf` on a map of the small room, against what its keyframes saw."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.distance.esdf_file import read_esdf
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.map.checkpoint import save_checkpoint
+from hsslam_services.commands.maps.command import main
+from tests.small_room import OPTIONS, SMALL, mapped_room
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory) -> Path:
+    room = mapped_room()
+    folder = tmp_path_factory.mktemp("run")
+    checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
+    save_checkpoint(folder / "map.safetensors", checkpoint)
+    return folder
+
+
+def _true_up() -> np.ndarray:
+    truth = open_ground_truth("synth:room", OPTIONS)
+    assert truth
+    return truth.T_world_cam[0, :3, :3].T @ [0.0, 0.0, 1.0]
+
+
+def test_the_grid_is_free_where_distances_say_so(run_folder, tmp_path, capsys):
+    yaml, esdf = tmp_path / "map.yaml", tmp_path / "esdf.npz"
+    up = [f"{part:.6f}" for part in _true_up()]
+    heights = ["--from-height-m", "0.3", "--to-height-m", "1.2"]
+    assert main(["grid", str(run_folder), "-o", str(yaml), "--up", *up, *heights]) == 0
+    told, line = capsys.readouterr().out.splitlines()
+    assert told.startswith("up is ") and "by its --up, the floor at " in told
+    assert line.startswith(f"{yaml}, map.pgm: ")
+    assert main(["esdf", str(run_folder), "-o", str(esdf), "--up", *up, *heights]) == 0
+    distances, floor = read_esdf(esdf)
+    np.testing.assert_allclose(floor.up, _true_up(), atol=1e-5)
+    low_m, high_m = distances.grid.low[2], distances.grid.high[2]
+    assert (low_m, high_m) == pytest.approx((0.3, 1.2))
+    picture = np.flipud(cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED))
+    assert picture.T.shape == distances.grid.shape[:2]
+    is_occupied = (distances.states == 2).any(axis=2).T
+    np.testing.assert_array_equal(picture == 0, is_occupied)
+    assert (picture == 254).sum() > 100 and is_occupied.sum() > 50
+
+
+def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
+    path = tmp_path / "esdf.npz"
+    assert main(["esdf", str(run_folder / "map.safetensors"), "--out", str(path)]) == 0
+    distances, _ = read_esdf(path)
+    points = np.random.default_rng(0).uniform((-0.5, -0.5, 0.5), (0.5, 0.5, 1.5), (500, 3))
+    in_file, asked = (
+        distances.query(points),
+        SavedMap.open(run_folder / "map.safetensors").query(points),
+    )
+    both = in_file.known & asked.known & (in_file.distance_m > 0.15)
+    assert both.mean() > 0.5
+    assert np.median(np.abs(in_file.distance_m - asked.distance_m)[both]) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("grid",), "grid: no map: expected a run folder or map.safetensors"),
+        (("esdf", "/nowhere"), "/nowhere: no such file: expected a map"),
+        (("grid", "m", "--up", "0", "0"), "--up 0 0: expected a direction X Y Z"),
+        (("grid", "m", "--up", "0", "0", "0"), "--up 0 0 0: expected a direction X Y Z"),
+        (("esdf", "m", "--voxel", "0"), "--voxel 0.0: expected 0.01 to 0.5 m"),
+        (("grid", "m", "--to-height-m", "0.1"), "--from-height-m 0.15 --to-height-m 0.1: expected"),
+        (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected the second above"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
+    assert main(arguments) == 2
+    told = capsys.readouterr().err
+    assert text in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize(("command", "out"), [("grid", "map.png"), ("esdf", "/nowhere/x.npz")])
+def test_an_output_of_another_kind_is_bad_input(run_folder, command, out, capsys):
+    assert main([command, str(run_folder), "--out", out]) == 2
+    assert f"--out {out}: expected a file ." in capsys.readouterr().err
+
+
+def test_heights_beyond_the_map_are_bad_input(run_folder, tmp_path, capsys):
+    arguments = ["--out", str(tmp_path / "esdf.npz"), "--from-height-m", "50"]
+    assert main(["esdf", str(run_folder), *arguments]) == 2
+    assert "heights 50 to inf m: expected some of" in capsys.readouterr().err
