@@ -138,7 +138,7 @@ def serve(
         error=_last_line(messages) if process.returncode else "",
         summary=read_summary(folder),
         log=read_log(folder / "run.mcap"),
-        view_error=_verify_view(folder / "run.rrd"),
+        view_error=_verify_view(folder),
         usage=usage.samples,
         disk_bytes=_sizes(folder),
         outside=client.found() if client else {},
@@ -181,8 +181,9 @@ def _sizes(folder: Path) -> dict[str, int]:
     return {str(p.relative_to(folder)): p.stat().st_size for p in folder.rglob("*") if p.is_file()}
 
 
-def _verify_view(path: Path) -> str:
-    command = [sys.executable, "-P", "-m", "rerun", "rrd", "verify", str(path)]
+def _verify_view(folder: Path) -> str:
+    files = map(str, sorted(folder.glob("run*.rrd")))
+    command = [sys.executable, "-P", "-m", "rerun", "rrd", "verify", *files]
     result = subprocess.run(command, capture_output=True, text=True)
     return "" if result.returncode == 0 else (result.stderr.strip() or "rrd verify failed")
 

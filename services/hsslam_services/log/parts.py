@@ -29,16 +29,24 @@ def part_number(path: Path) -> int:
 def remove_oldest(run_dir: Path, keep_bytes: int) -> list[Path]:
     """Remove the oldest parts until all are `keep_bytes` or less, but never the newest; returns them.
 
+    The file for rerun of a part (run.1.rrd of run.1.mcap) counts and goes with it.
+
     Raises:
         OSError: a part cannot be removed.
     """
     existing = parts(run_dir)
-    total_bytes = sum(path.stat().st_size for path in existing)
+    total_bytes = sum(map(_part_bytes, existing))
     removed: list[Path] = []
     for path in existing[:-1]:
         if total_bytes <= keep_bytes:
             break
-        total_bytes -= path.stat().st_size
+        total_bytes -= _part_bytes(path)
+        path.with_suffix(".rrd").unlink(missing_ok=True)
         path.unlink()
         removed.append(path)
     return removed
+
+
+def _part_bytes(path: Path) -> int:
+    rrd = path.with_suffix(".rrd")
+    return path.stat().st_size + (rrd.stat().st_size if rrd.exists() else 0)

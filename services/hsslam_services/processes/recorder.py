@@ -209,9 +209,13 @@ class Recorder:
             if self._log.write(topic, payload, received.arrival_ns, publish_ns, sequence):
                 self._recorded.add(key, envelope)
             self._foxglove.add(message, getattr(message, "stamp_ns", received.arrival_ns))
-        if topic.drawn and self._whole_mesh.is_to_draw(message, envelope):
-            is_known = self._whole_mesh.is_repeated(message, envelope)
-            self._view.show(message, in_file=not (is_short or is_known))
+        if topic.drawn:
+            self._view.write_to(self._log.path.with_suffix(".rrd"))
+            self._view.show(
+                message,
+                in_file=not is_short and self._whole_mesh.is_for_file(message, envelope),
+                in_viewer=self._whole_mesh.is_for_viewer(message, envelope),
+            )
 
     def _confirm(self) -> None:
         if self._confirms and self._logged:

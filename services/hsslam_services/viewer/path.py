@@ -68,6 +68,19 @@ class RerunPath:
             self._draw_line(f"world/trajectory/{self._segment}", self._points, self._colors)
         self._is_drawn = True
 
+    def draw_again(self) -> None:
+        """Draw the newest poses once more, for a file that begins here."""
+        long = self._coarse
+        if len(long.points) > 1:
+            self._draw_line(f"world/trajectory/old/{long.number}", long.points, long.colors)
+        for segment in self._fine:
+            if len(segment.points) > 1:
+                self._draw_line(
+                    f"world/trajectory/{segment.number}", segment.points, segment.colors
+                )
+        self._is_drawn = False
+        self.draw()
+
     def _draw_line(self, entity: str, points: list[Vector], colors: list[Color]) -> None:
         strips, strip_colors = colored_strips(points, colors)
         line = rr.LineStrips3D(strips, colors=_packed(strip_colors), radii=rr.Radius.ui_points(1.8))
@@ -193,6 +206,10 @@ class RerunPoses:
             self._stream.set_time("time", timestamp=np.datetime64(pose.stamp_ns, "ns"))
             self._path.add(pose)
         self._path.draw()
+
+    def draw_path_again(self) -> None:
+        """As `RerunPath.draw_again`."""
+        self._path.draw_again()
 
     def begin_path(self) -> None:
         """Draw what waits; the next pose has nothing to do with those before."""

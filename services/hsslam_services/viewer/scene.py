@@ -1,11 +1,10 @@
-"""What the viewer shows of each message: entity tree and default layout (rerun 0.41)."""
+"""What the viewer shows of each message: the entity tree (rerun 0.41)."""
 
 import time
 from collections.abc import Iterable
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from hsslam_node.geometry.se3 import rotation_from_quaternion
 from hsslam_proto import messages
@@ -58,9 +57,7 @@ class RerunScene:
         self._frustum: np.ndarray | None = None
         self._intrinsics: tuple[float, ...] = ()
         self._time: tuple[int, int] | None = None
-        stream.log("world", rr.ViewCoordinates.RDF, static=True)
-        for name in ("latency_ms", "fps", "quality", "loss"):
-            stream.log(f"plots/{name}", rr.SeriesLines(names=name), static=True)
+        self._log_styles()
 
     def draw(self, message: messages.Message) -> None:
         """Log one message at its own time; what has no sensor stamp goes to the newest one."""
@@ -105,10 +102,28 @@ class RerunScene:
         """Draw these blocks of the live mesh when it is time to; may be called by another thread."""
         self._blocks.add(message)
 
+    def end_file(self) -> None:
+        """Draw the poses that wait; blocks that wait belong to the next file."""
+        self._poses.draw()
+
+    def begin_file(self) -> None:
+        """Draw again what a file needs to open alone; the blocks of the mesh come from the mesher."""
+        self._log_styles()
+        self._intrinsics = ()
+        self._restore_time()
+        self._poses.draw_path_again()
+        self._draw_keyframes(self._keyframes)
+        self._draw_loops()
+
     def finish(self) -> None:
         """Draw the poses and blocks that wait."""
         self._poses.draw()
         self._draw_blocks()
+
+    def _log_styles(self) -> None:
+        self._stream.log("world", rr.ViewCoordinates.RDF, static=True)
+        for name in ("latency_ms", "fps", "quality", "loss"):
+            self._stream.log(f"plots/{name}", rr.SeriesLines(names=name), static=True)
 
     def _draw_blocks(self, most: int | None = None) -> None:
         self._restore_time()
@@ -213,43 +228,6 @@ class RerunScene:
     def _restore_time(self) -> None:
         if self._time is not None:
             self._set_time(*self._time)
-
-
-def blueprint() -> rrb.Blueprint:
-    """Default layout: the map in 3D, beside it the camera and the plots."""
-    world = rrb.Spatial3DView(
-        origin="/world",
-        name="Map",
-        background=[25, 25, 30],
-        line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(  # behind and above the first camera, looking its way
-            position=(1.2, -2.2, -3.2), look_target=(0.0, 0.2, 1.5), eye_up=(0.0, -1.0, 0.0)
-        ),
-    )
-    plots = [
-        rrb.TimeSeriesView(origin="/plots", contents=[f"/plots/{name}"], name=title)
-        for name, title in (
-            ("latency_ms", "Latency, ms"),
-            ("fps", "Frames per second"),
-            ("quality", "Quality"),
-            ("loss", "Loss"),
-        )
-    ]
-    side = rrb.Vertical(
-        rrb.Horizontal(
-            rrb.Spatial2DView(origin="/world/camera/image", name="Camera"),
-            rrb.Spatial2DView(origin="/model", name="Map as seen from there"),
-        ),
-        rrb.Tabs(*plots, active_tab=0),
-        rrb.TextLogView(origin="/events", name="Events"),
-        row_shares=[3, 2.5, 1.5],
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(world, side, column_shares=[5, 4]),
-        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-    )
 
 
 def _frustum(frame: messages.Frame) -> np.ndarray:

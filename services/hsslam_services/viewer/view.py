@@ -1,4 +1,4 @@
-"""The drawing end of the recorder: run.rrd and a live viewer; the recorder waits for neither."""
+"""The drawing end of the recorder: run.rrd, run.1.rrd, ... and a live viewer; the recorder waits for none."""
 
 import contextlib
 import threading
@@ -13,8 +13,9 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_services.bus.publisher import Report
+from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.rerun_process import ViewerProcess
-from hsslam_services.viewer.scene import RerunScene, blueprint
+from hsslam_services.viewer.scene import RerunScene
 
 _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
@@ -46,6 +47,7 @@ class RerunView:
     """Draws messages into `rrd` and into the viewer: "none", "spawn", "web" or "connect:URL".
 
     `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.15 GB).
+    `write_to` goes on in another file: rerun keeps a list of all chunks of a file until its end.
     `show` never waits: frames push out older frames. A viewer that is closed or does not take data
     is told once through `tell`; the file goes on.
 
@@ -63,20 +65,27 @@ class RerunView:
     ) -> None:
         self._process: ViewerProcess | None = None
         live = None if viewer == "none" else self._open_viewer(viewer, report, memory_gb)
-        self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE)]
+        self._rrd = rrd
+        self._threads = [_Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
         if live is not None:
             watch = _Watch(viewer, report, self._process)
-            self._threads.append(_Drawing(live, recording_id, _LIVE, watch))
+            self._threads.append(_Drawing(live, recording_id, _LIVE, report, watch))
 
     @property
     def dropped(self) -> int:
         """Messages that were pushed out before they were drawn."""
         return sum(thread.dropped for thread in self._threads)
 
-    def show(self, message: messages.Message, in_file: bool = True) -> None:
-        """Queue one message for drawing, `in_file` also for the file; frames should have their colour as
-        JPEG."""
-        for thread in self._threads if in_file else self._threads[1:]:
+    def write_to(self, rrd: Path) -> None:
+        """Go on in this file, if it is not the one that is written; it opens alone."""
+        if rrd != self._rrd:
+            self._rrd = rrd
+            self._threads[0].put(_NextFile(rrd))
+
+    def show(self, message: messages.Message, in_file: bool = True, in_viewer: bool = True) -> None:
+        """Queue one message for drawing; frames should have their colour as JPEG."""
+        file, *live = self._threads
+        for thread in [file] * in_file + live * in_viewer:
             thread.put(message)
 
     def show_images_every(self, seconds: float) -> None:
@@ -108,6 +117,13 @@ class RerunView:
             raise UserError(
                 f"--viewer {viewer}: expected connect:HOST:PORT or connect:rerun+http://HOST:PORT/proxy"
             ) from None
+
+
+@dataclass(frozen=True)
+class _NextFile:
+    """Stands among the messages at which a new file begins."""
+
+    rrd: Path
 
 
 class _Watch:
@@ -158,17 +174,18 @@ class _Drawing(threading.Thread):
         sink: rr.FileSink | rr.GrpcSink,
         recording_id: str,
         intervals: _Intervals,
+        report: Report,
         watch: _Watch | None = None,
     ) -> None:
         super().__init__(name="rerun", daemon=True)
         self.dropped = 0
         self._frames: deque[messages.Frame] = deque()
-        self._others: deque[messages.Message] = deque()
+        self._others: deque[messages.Message | _NextFile] = deque()
         self._arrival = threading.Condition()
         self._stopped = False
         self._gone = False
         self._drawn_s = time.monotonic()
-        self._watch = watch
+        self._report, self._watch = report, watch
         self.images_s = intervals.images_s
         self._image_ns = 0
         self._stream = rr.RecordingStream(
@@ -180,7 +197,7 @@ class _Drawing(threading.Thread):
         self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
 
-    def put(self, message: messages.Message) -> None:
+    def put(self, message: messages.Message | _NextFile) -> None:
         if self._gone or not self._is_due(message):
             return
         if isinstance(message, MeshBlocks):
@@ -206,7 +223,10 @@ class _Drawing(threading.Thread):
 
     def run(self) -> None:
         while (message := self._next()) is not None:
-            self._scene.draw(message)
+            if isinstance(message, _NextFile):
+                self._begin_file(message.rrd)
+            else:
+                self._scene.draw(message)
             self._drawn_s = time.monotonic()
             if self._watch is not None and self._watch.is_gone(self._stream):
                 self._gone = True
@@ -217,7 +237,17 @@ class _Drawing(threading.Thread):
                 self._stream.flush(timeout_sec=_CHECK_S)
         self._stream.disconnect()
 
-    def _next(self) -> messages.Message | None:
+    def _begin_file(self, rrd: Path) -> None:
+        """Go on in this file, or in the one before, if this one cannot be written."""
+        self._scene.end_file()
+        try:
+            self._stream.set_sinks(rr.FileSink(rrd), default_blueprint=blueprint())
+        except RuntimeError as error:
+            self._report("warning", f"{rrd}: {error}; the file before goes on")
+            return
+        self._scene.begin_file()
+
+    def _next(self) -> messages.Message | _NextFile | None:
         with self._arrival:
             while not (self._others or self._frames):
                 if self._stopped:
@@ -225,7 +255,7 @@ class _Drawing(threading.Thread):
                 self._arrival.wait()
             return self._others.popleft() if self._others else self._frames.popleft()
 
-    def _is_due(self, message: messages.Message) -> bool:
+    def _is_due(self, message: messages.Message | _NextFile) -> bool:
         """Thin out images, so that the file stays small."""
         if isinstance(message, messages.Frame):
             if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:

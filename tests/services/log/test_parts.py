@@ -15,3 +15,11 @@ def test_the_oldest_parts_go_and_never_the_newest(tmp_path):
     assert [path.name for path in remove_oldest(tmp_path, 2999)] == ["run.mcap"]
     assert [path.name for path in remove_oldest(tmp_path, 1)] == ["run.2.mcap"]
     assert [path.name for path in parts(tmp_path)] == ["run.10.mcap"]
+
+
+def test_the_file_for_rerun_counts_and_goes_with_its_part(tmp_path):
+    for name in ("run.mcap", "run.rrd", "run.1.mcap", "run.1.rrd"):
+        (tmp_path / name).write_bytes(bytes(1000))
+    assert remove_oldest(tmp_path, 4000) == []
+    assert [path.name for path in remove_oldest(tmp_path, 3999)] == ["run.mcap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.1.mcap", "run.1.rrd"]

@@ -78,6 +78,44 @@ def test_a_new_map_epoch_clears_what_was_drawn_of_the_old(tmp_path):
     assert sum(map(int, rows)) == 2  # the old path, and from pose 101 to pose 103
 
 
+def test_the_next_file_opens_alone(tmp_path):
+    first, second = tmp_path / "run.rrd", tmp_path / "run.1.rrd"
+    view = RerunView(first, "none", "run-1", lambda *_: None)
+    _show_a_run(view)
+    view.write_to(second)
+    view.write_to(second)
+    view.show(frame(1))
+    view.show(mesh(), in_file=False)
+    view.close()
+    for rrd in (first, second):
+        _rrd("verify", rrd)
+    printed = _rrd("print", "-vvv", second)
+    for name in (
+        "ViewCoordinates:xyz",
+        "Pinhole:image_from_camera",
+        "EncodedImage:blob",
+        "SeriesLines:names",
+    ):
+        assert name in printed
+    for entity in ("world/trajectory/0", "world/trajectory/1", "world/keyframes/0", "world/loops"):
+        assert _rows(second, f"/{entity}") == 1
+    assert "/world/mesh" not in printed
+    assert _rows(first, "/plots/quality") == 1 + 100
+    assert _rows(second, "/plots/quality") == 1
+
+
+def test_a_file_that_cannot_be_written_is_reported_and_the_file_before_goes_on(tmp_path):
+    events = []
+    view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *event: events.append(event))
+    view.write_to(tmp_path / "gone" / "run.1.rrd")
+    _show_a_run(view)
+    view.close()
+    [(level, text)] = events
+    assert level == "warning" and "run.1.rrd: " in text
+    _rrd("verify", tmp_path / "run.rrd")
+    assert _rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100
+
+
 def test_show_does_not_wait_for_the_drawing(tmp_path):
     view = RerunView(tmp_path / "run.rrd", "none", "run-1", lambda *_: None)
     large = frame(0, compressed=False, width_px=1920, height_px=1080)

@@ -21,19 +21,24 @@ def test_a_part_of_hours_asks_every_ten_minutes():
 
 def test_the_first_answer_is_drawn_and_in_run_rrd():
     whole = WholeMesh(_FIRST, 0.0)
-    assert whole.is_to_draw(blocks(1), None) and not whole.is_repeated(blocks(1), None)
+    assert whole.is_for_viewer(blocks(1), None) and whole.is_for_file(blocks(1), None)
 
 
-def test_an_answer_to_a_new_part_is_not_drawn_again_before_ten_minutes():
+def test_an_answer_to_a_new_part_fills_its_file_and_is_not_drawn_again_before_ten_minutes():
     whole = WholeMesh(_FIRST, 0.0)
     assert whole.is_due(_SECOND, 60.0)
-    assert whole.is_repeated(blocks(1), None) and not whole.is_to_draw(blocks(1), None)
-    assert whole.is_due(_SECOND, 660.0)
-    assert whole.is_repeated(blocks(1), None) and whole.is_to_draw(blocks(1), None)
+    assert whole.is_for_file(blocks(1), None) and not whole.is_for_viewer(blocks(1), None)
+
+
+def test_after_ten_minutes_the_viewer_draws_all_blocks_and_the_file_has_them():
+    whole = WholeMesh(_FIRST, 0.0)
+    assert whole.is_due(_FIRST, 660.0)
+    assert whole.is_for_viewer(blocks(1), None) and not whole.is_for_file(blocks(1), None)
 
 
 def test_what_is_news_is_always_drawn():
     whole = WholeMesh(_FIRST, 0.0)
-    assert whole.is_due(_SECOND, 60.0)
+    assert whole.is_due(_FIRST, 660.0)
+    assert whole.is_due(_SECOND, 661.0)
     for message, envelope in ((blocks(1), _SENT), (pose(0), None)):
-        assert whole.is_to_draw(message, envelope) and not whole.is_repeated(message, envelope)
+        assert whole.is_for_viewer(message, envelope) and whole.is_for_file(message, envelope)

@@ -9,7 +9,8 @@ from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.log.reader import bus_messages
-from hsslam_services.viewer.scene import RerunScene, blueprint
+from hsslam_services.viewer.layout import blueprint
+from hsslam_services.viewer.scene import RerunScene
 
 
 def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
