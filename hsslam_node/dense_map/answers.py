@@ -10,7 +10,7 @@ class MapAnswers(NamedTuple):
 
     distance_m: (
         np.ndarray
-    )  # [N] float32, to the nearest surface, negative behind it; nan where not known
+    )  # [N] float32, to the nearest surface, negative behind it; nan if not known
     gradient: np.ndarray  # [N, 3] float32, of the distance: of unit length, or 0 where it has none
     known: np.ndarray  # [N] bool: a keyframe saw the place, as free or as surface
     certainty: np.ndarray  # [N] float32, 0 to 1; `certainty_of` says how

@@ -16,10 +16,8 @@ from hsslam_node.errors import UserError
 class Distances(NamedTuple):
     """What a map says of N points."""
 
-    distance_m: (
-        np.ndarray
-    )  # [N] float32 to the nearest surface, negative inside; nan where not known
-    gradient: np.ndarray  # [N, 3] float32 m/m, away from it; 0 where not known
+    distance_m: np.ndarray  # [N] float32 to the nearest surface, negative inside; nan if not known
+    gradient: np.ndarray  # [N, 3] float32 m/m, away from it; 0 if not known
     known: np.ndarray  # [N] bool: seen, free or occupied
 
 
@@ -33,7 +31,7 @@ class DistanceMap:
     grid: VoxelGrid
     distance_m: (
         np.ndarray
-    )  # [nx, ny, nz] float32 at the voxels' middles; nan far from all that is known
+    )  # [nx, ny, nz] float32 at the voxels' middles; nan far from what is known
     states: np.ndarray  # [nx, ny, nz] uint8: UNKNOWN, FREE, OCCUPIED
     T_grid_world: np.ndarray = field(default_factory=lambda: np.eye(4))
 

@@ -19,9 +19,7 @@ class GridMap:
 
     cells: np.ndarray  # [height, width] int8: -1 unknown, 0 free, 100 occupied
     resolution_m: float
-    origin_m: tuple[
-        float, float
-    ]  # corner of cell (0, 0) with the least x and y, in the frame of the floor
+    origin_m: tuple[float, float]  # corner of cell (0, 0), least x and y, in the frame of the floor
     T_floor_world: np.ndarray  # [4, 4]; the floor's frame has z up and the floor at z = 0
 
     def __post_init__(self) -> None:

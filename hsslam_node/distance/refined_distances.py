@@ -12,10 +12,8 @@ from hsslam_node.map.layout import FieldLayout
 QuerySdf = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """points [N, 3] float32 m, world -> signed distance [N] and its gradient [N, 3] per m, in truncations."""
 
-_NEAR, _FAR = (
-    0.5,
-    1.0,
-)  # truncations from the surface: up to there the field alone, from there no field
+_NEAR = 0.5  # truncations from the surface: nearer the field answers alone
+_FAR = 1.0  # truncations from the surface: farther it does not count
 _SURE, _SATURATED = 0.75, 0.95  # of the field's largest value, where it stops to be a distance
 _STEEP, _FLAT = 0.6, 0.3  # m/m, slopes of a distance and of what is none
 

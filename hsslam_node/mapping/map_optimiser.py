@@ -43,9 +43,7 @@ class StepReport:
     rays: int
     outside: int  # samples outside the bound, masked out of every loss
     loss: float  # weighted sum of all terms
-    keyframe_loss: (
-        np.ndarray
-    )  # [n] mean weighted ray loss of each keyframe (no patch, no smoothness)
+    keyframe_loss: np.ndarray  # [n] mean weighted ray loss of each (no patch, no smoothness)
     pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose; zeros unless asked for
 
 
