@@ -29,9 +29,7 @@ class DistanceMap:
     """
 
     grid: VoxelGrid
-    distance_m: (
-        np.ndarray
-    )  # [nx, ny, nz] float32 at the voxels' middles; nan far from what is known
+    distance_m: np.ndarray  # [nx, ny, nz] float32 at middles of voxels; nan far from known ones
     states: np.ndarray  # [nx, ny, nz] uint8: UNKNOWN, FREE, OCCUPIED
     T_grid_world: np.ndarray = field(default_factory=lambda: np.eye(4))
 
