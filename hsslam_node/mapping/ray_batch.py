@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.kernels.mapping.ray_batch import gather_pixels
-from hsslam_node.map.store import KeyframeStore
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
 
 _REMEMBERED = 8192  # keyframes; the noise of one takes 0.3 ms
@@ -27,7 +27,11 @@ class DepthAveraging:
         self._same_surface: dict[int, float] = {}
 
     def same_surface(self, store: KeyframeStore, keyframe: int) -> float:
-        """Most difference of inverse depth, 1/m, on one surface; 0: depth is taken as measured."""
+        """Most difference of inverse depth, 1/m, on one surface; 0: depth is taken as measured.
+
+        Raises:
+            RetiredKeyframeError: the keyframe is not kept.
+        """
         if self.radius_px == 0:
             return 0.0
         if keyframe not in self._same_surface:
@@ -93,13 +97,14 @@ class RayDraw:
             uv[:] = np.concatenate([need.pixels(int(k), int(n), generator) for k, n in wanted])
         filled = 0
         for slot, (k, wanted) in enumerate(zip(keyframes, counts, strict=True)):
-            if not store.is_kept(int(k)):  # another process has retired it just now
+            try:
+                color, depth_raw = store.pixels(int(k))
+                same_surface = averaging.same_surface(store, int(k))
+            except RetiredKeyframeError:  # by another process, just now
                 continue
-            color, depth_raw = store.pixels(int(k))
             mine = slice(last[slot] - candidates[slot], last[slot])
             filled += gather_pixels(
                 color, depth_raw, 1.0 / store.depth_units_per_m, self._max_depth_m, K, uv[mine],
-                averaging.radius_px, averaging.same_surface(store, int(k)), slot, batch, filled,
-                int(wanted),
+                averaging.radius_px, same_surface, slot, batch, filled, int(wanted),
             )  # fmt: skip
         return filled

@@ -63,10 +63,11 @@ def find_loop(
         among: ids [n] that may be matched, as keyframes long past; None: all but the query itself.
     """
     is_keyframe = isinstance(query, int | np.integer)
-    if is_keyframe and not store.is_kept(int(query)):
+    try:
+        frame = store.frame(int(query)) if is_keyframe else query
+        features = index.features(int(query)) if is_keyframe else image_features(frame)
+    except RetiredKeyframeError:
         return []
-    frame = store.frame(int(query)) if is_keyframe else query
-    features = index.features(int(query)) if is_keyframe else image_features(frame)
     matches = []
     for k, _ in index.similar(features, candidates + is_keyframe, among):
         if is_keyframe and k == query:

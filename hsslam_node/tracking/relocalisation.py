@@ -1,5 +1,6 @@
 """Where a lost camera may be: places seen before that look the same, a few a frame."""
 
+import contextlib
 import os
 import sys
 from collections.abc import Iterator
@@ -58,8 +59,9 @@ class Relocalisation:
             return
         self._join()
         k = self._index.next_new()
-        if k is not None and self._store.is_kept(k):
-            self._pending = k, self._beside.submit(image_features, self._store.frame(k))
+        if k is not None:
+            with contextlib.suppress(RetiredKeyframeError):  # just now
+                self._pending = k, self._beside.submit(image_features, self._store.frame(k))
 
     def observe_all(self) -> None:
         """Take in all keyframes there are: before the first frame, where the camera may be anywhere."""

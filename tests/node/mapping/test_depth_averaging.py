@@ -75,3 +75,26 @@ def test_the_noise_of_each_keyframe_is_its_own():
     store.append(replace(store.frame(0), depth_raw=raw), np.eye(4))
     assert averaging.same_surface(store, 0) == 0.0
     assert 1.6 * _SIGMA < averaging.same_surface(store, 1) < 2.4 * _SIGMA
+
+
+class _RetiresWhatIsRead(KeyframeStore):
+    """Another process retires a keyframe right after this one has opened its pixels."""
+
+    def pixels(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        found = super().pixels(k)
+        if k == 1 and self.is_kept(1):
+            self.retire(1, 0)
+        return found
+
+
+def test_a_keyframe_that_is_retired_while_it_is_read_gives_no_rays():
+    arrays = MemoryAllocator()
+    store = KeyframeStore.create(arrays, _CAMERA, _UNITS_PER_M, 4)
+    frame = _store(_slanted_floor()).frame(0)
+    for _ in range(3):
+        store.append(frame, np.eye(4))
+    batch = ray_batch(300)
+    draw = RayDraw(MapperConfig(depth_window_px=5))
+    ids, counts = np.arange(3), np.full(3, 100)
+    n = draw.fill(batch, _RetiresWhatIsRead(arrays), ids, counts, np.random.default_rng(0))
+    assert n == 200 and set(batch.slot[:n]) == {0, 2}
