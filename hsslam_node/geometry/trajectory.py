@@ -8,7 +8,10 @@ import numpy as np
 
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
+from hsslam_node.geometry.se3 import transform
+from hsslam_node.geometry.se3_batch import quaternions_from_rotations
+
+_LINE = "{}" + 7 * " {:.9f}" + "\n"  # of the TUM format
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,11 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
 
 def tum_text(trajectory: Trajectory) -> str:
     """The lines of `write_tum`."""
-    lines = ["# timestamp tx ty tz qx qy qz qw\n"]
-    for stamp_ns, T in zip(trajectory.stamps_ns, trajectory.T_world_cam, strict=True):
-        numbers = [*T[:3, 3], *quaternion_from_rotation(T[:3, :3])]
-        lines.append(" ".join([format_stamp(stamp_ns), *(f"{v:.9f}" for v in numbers)]) + "\n")
-    return "".join(lines)
+    quaternions = quaternions_from_rotations(trajectory.T_world_cam[:, :3, :3])
+    numbers = np.column_stack([trajectory.positions, quaternions]).tolist()
+    stamps = map(format_stamp, trajectory.stamps_ns.tolist())
+    lines = (_LINE.format(stamp, *row) for stamp, row in zip(stamps, numbers, strict=True))
+    return "".join(["# timestamp tx ty tz qx qy qz qw\n", *lines])
 
 
 def read_tum(path: Path | str) -> Trajectory:

@@ -1,6 +1,7 @@
 """Every pose as it was published, in named arrays: what trajectories and latencies come from."""
 
 import contextlib
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -47,12 +48,21 @@ class PoseLog:
 
     A restarted writer goes on behind the last complete row. Creating and attaching are the same. The
     log outlives a map that is thrown away: rows say of which map epoch they are.
+
+    Args:
+        arrays: hold the rows, in slabs.
+        on_full: takes the name of a slab that is full, which nothing writes any more.
     """
 
-    def __init__(self, arrays: ArrayAllocator) -> None:
+    def __init__(
+        self, arrays: ArrayAllocator, on_full: Callable[[str], object] | None = None
+    ) -> None:
         self._arrays = arrays
+        self._on_full = on_full
         self._header = arrays.create(_HEADER, (16,), np.int64)  # [0] = rows
-        self._slabs: list[np.ndarray] = []
+        self._slabs: dict[int, np.ndarray] = {}  # those that are not full
+        for k in range(self.count // SLAB_ROWS):
+            self._tell_full(k)
 
     @property
     def count(self) -> int:
@@ -73,6 +83,9 @@ class PoseLog:
                 raise
             return False
         store_ordered(self._header, 0, n + 1)
+        if (n + 1) % SLAB_ROWS == 0:
+            self._slabs.pop(n // SLAB_ROWS, None)
+            self._tell_full(n // SLAB_ROWS)
         if n % _RESERVE_EVERY == 0:  # early, while there is some; else another time
             with contextlib.suppress(OutOfMemoryError):
                 self._slab((n + SLAB_ROWS // 2) // SLAB_ROWS)
@@ -110,11 +123,21 @@ class PoseLog:
         """Whether an array of this name belongs to a pose log."""
         return name == _HEADER or name.startswith(_SLAB)
 
+    def _tell_full(self, k: int) -> None:
+        if self._on_full is not None:
+            self._on_full(_slab_name(k))
+
     def _slab(self, k: int) -> np.ndarray:
-        while len(self._slabs) <= k:
-            name = f"{_SLAB}{len(self._slabs):03d}"
-            self._slabs.append(self._arrays.create(name, (SLAB_ROWS,), POSE_ROW))
-        return self._slabs[k]
+        slab = self._slabs.get(k)
+        if slab is None:
+            slab = self._arrays.create(_slab_name(k), (SLAB_ROWS,), POSE_ROW)
+            if k >= self.count // SLAB_ROWS:
+                self._slabs[k] = slab
+        return slab
+
+
+def _slab_name(k: int) -> str:
+    return f"{_SLAB}{k:03d}"
 
 
 def pose_row(

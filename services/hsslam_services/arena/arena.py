@@ -5,6 +5,7 @@ import errno
 import fcntl
 import math
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_services.arena.arena_view import ArrayHeader
 
@@ -71,6 +73,27 @@ class Arena:
         with self.lease("arena-create"):
             self._path(name, ".json").unlink(missing_ok=True)
             self._path(name, ".bin").unlink(missing_ok=True)
+
+    def move_to_disk(self, name: str, folder: Path) -> None:
+        """Put a file of `folder` in the place of an array that nothing writes any more.
+
+        Whoever opens the array does not see the difference; its memory is free once those who have
+        opened it before let go of it.
+
+        Raises:
+            OSError: the file cannot be written; the array is as it was.
+        """
+        data = self._path(name, ".bin")
+        if data.is_symlink():
+            return
+        folder.mkdir(mode=0o700, exist_ok=True)
+        with durable_file(folder / data.name) as partial:
+            shutil.copyfile(data, partial)
+            partial.chmod(0o600)
+        link = self._path(name, ".link")
+        link.unlink(missing_ok=True)  # of a process that died here
+        link.symlink_to((folder / data.name).absolute())
+        link.replace(data)
 
     @contextlib.contextmanager
     def lease(self, name: str) -> Iterator[None]:

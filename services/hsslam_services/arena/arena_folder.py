@@ -42,13 +42,29 @@ class ArenaFolder:
 
     def remove(self) -> None:
         """Unlink everything; processes that still map an array keep their memory until they end."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        remove_arena(self.path)
         self.let_go()
 
     def let_go(self) -> None:
         """Own the folder no more, and leave it as it is."""
         with contextlib.suppress(OSError):
             os.close(self._lock)
+
+
+def disk_folder(run_dir: Path) -> Path:
+    """Where arrays of a run that nothing writes any more lie on the disk, until its arena is removed."""
+    return run_dir / ".arena"
+
+
+def remove_arena(path: Path) -> None:
+    """Remove an arena folder, and those of its arrays that lie on the disk; errors are ignored."""
+    with contextlib.suppress(OSError):
+        on_disk = disk_folder(run_dir_of(path))
+        for link in path.glob("*.bin"):
+            if link.is_symlink() and link.readlink().parent == on_disk.absolute():
+                link.readlink().unlink(missing_ok=True)
+        on_disk.rmdir()
+    shutil.rmtree(path, ignore_errors=True)
 
 
 def remove_arrays(path: Path, is_kept: Callable[[str], bool]) -> None:
@@ -72,7 +88,7 @@ def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
             if holds_poses(path) and run_dir_of(path).is_dir():
                 left.append(path)
             else:
-                shutil.rmtree(path, ignore_errors=True)
+                remove_arena(path)
     return left
 
 

@@ -1,13 +1,12 @@
 """`hsslam-serve rescue DIR`: saves what the arena of an earlier run still holds."""
 
 import os
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.arena_folder import SHM_ROOT, run_dir_of, try_own
+from hsslam_services.arena.arena_folder import SHM_ROOT, remove_arena, run_dir_of, try_own
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import read_unsaved
 from hsslam_services.launch.spawn import child_environment
@@ -77,6 +76,6 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
     update_summary(run_dir, {"not_saved": left})
     if not_saved:
         return ExitCode.NOT_SAVED
-    shutil.rmtree(arena_dir, ignore_errors=True)
+    remove_arena(arena_dir)
     print(f"results: {run_dir}")
     return ExitCode.SAVED

@@ -6,7 +6,6 @@ A process of its own that only waits for the kernel to free the supervisor's loc
 import argparse
 import contextlib
 import os
-import shutil
 import signal
 import sys
 import time
@@ -14,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.arena_folder import holds_poses, owned_after_death
+from hsslam_services.arena.arena_folder import holds_poses, owned_after_death, remove_arena
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
 
@@ -48,7 +47,7 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
         _save(arena_dir, run_dir)
     else:
         _kill(_wait_for_end(arena_dir))
-        shutil.rmtree(arena_dir, ignore_errors=True)
+        remove_arena(arena_dir)
 
 
 def _save(arena_dir: Path, run_dir: Path) -> None:
@@ -71,7 +70,7 @@ def _save(arena_dir: Path, run_dir: Path) -> None:
         return
     _kill(living_processes(arena_dir))
     if not not_saved:
-        shutil.rmtree(arena_dir, ignore_errors=True)
+        remove_arena(arena_dir)
 
 
 def _wait_for_end(arena_dir: Path) -> set[int]:

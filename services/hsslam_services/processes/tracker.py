@@ -25,6 +25,7 @@ from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder, Place
 from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
+from hsslam_services.arena.full_arrays import FullArrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.odometry import Odometry
 from hsslam_services.arena.shared_map import SharedMap
@@ -67,7 +68,8 @@ class _TrackerLoop:
         self._worker = worker
         self._order = order
         self._link = SharedMap(worker.arena, worker.options.slam)
-        self._log = PoseLog(worker.arena)
+        full = FullArrays(worker.arena, worker.run.path, worker.event)
+        self._log = PoseLog(worker.arena, full.add)
         self._odometry = Odometry(self._log, worker.options.slam.tracker.longest_gap_s)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)

@@ -1,0 +1,39 @@
+"""Arrays that are full move from shared memory to the disk, so that a run of days needs no more memory."""
+
+import threading
+from pathlib import Path
+from queue import SimpleQueue
+
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import disk_folder
+from hsslam_services.bus.publisher import Report
+
+
+class FullArrays:
+    """Moves arrays of an arena into the run folder, in a thread: a slow disk delays no pose.
+
+    An array for which the disk has no room stays in memory; this is reported once.
+    """
+
+    def __init__(self, arena: Arena, run_dir: Path, report: Report) -> None:
+        self._arena = arena
+        self._folder = disk_folder(run_dir)
+        self._report = report
+        self._was_told = False
+        self._names: SimpleQueue[str] = SimpleQueue()
+        threading.Thread(target=self._move_all, name="full arrays", daemon=True).start()
+
+    def add(self, name: str) -> None:
+        """Nothing writes this array any more."""
+        self._names.put(name)
+
+    def _move_all(self) -> None:
+        while True:
+            name = self._names.get()
+            try:
+                self._arena.move_to_disk(name, self._folder)
+            except OSError as error:
+                if not self._was_told:
+                    self._was_told = True
+                    text = f"{self._folder}: {error.strerror}: {name} stays in shared memory"
+                    self._report("warning", text)

@@ -1,0 +1,87 @@
+"""Full rows of poses lie on the disk: every process reads them as before, and the end removes them."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hsslam_node.map.pose_log import SLAB_ROWS, PoseLog, pose_row
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import ArenaFolder, disk_folder
+from hsslam_services.arena.arena_view import ArenaView
+from hsslam_services.arena.full_arrays import FullArrays
+
+
+class _Moved(Arena):
+    """Says when it has tried to move an array."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.tried = threading.Semaphore(0)
+
+    def move_to_disk(self, name: str, folder: Path) -> None:
+        try:
+            super().move_to_disk(name, folder)
+        finally:
+            self.tried.release()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "shm").mkdir()
+    (tmp_path / "run").mkdir()
+    return ArenaFolder("1", tmp_path / "run", tmp_path / "shm")
+
+
+def _row(index: int) -> np.ndarray:
+    T = np.eye(4)
+    T[0, 3] = index
+    return pose_row(
+        index=index, source_stamp_ns=index, stamp_ns=index, publish_ns=index, status=1, keyframe=-1,
+        T_world_cam=T, T_keyframe_cam=np.eye(4), quality=0.5, map_version=1,
+    )  # fmt: skip
+
+
+def _filled(arena: _Moved, run_dir: Path, rows: int, told: list) -> PoseLog:
+    log = PoseLog(arena, FullArrays(arena, run_dir, lambda *event: told.append(event)).add)
+    for index in range(log.count, rows):
+        log.append(_row(index))
+    return log
+
+
+def test_full_rows_are_on_the_disk_and_read_as_before(folder, tmp_path):
+    arena, told = _Moved(folder.path), []
+    log = _filled(arena, tmp_path / "run", 2 * SLAB_ROWS + 5, told)
+    assert arena.tried.acquire(timeout=30) and arena.tried.acquire(timeout=30)
+    in_memory = [path.name for path in folder.path.glob("pose_log.*.bin") if not path.is_symlink()]
+    assert in_memory == ["pose_log.002.bin"] and told == []
+    for each in (log, PoseLog(Arena(folder.path)), PoseLog(ArenaView(folder.path))):
+        assert each.rows()["T_world_cam"][:, 0, 3].tolist() == list(range(2 * SLAB_ROWS + 5))
+    found = log.find(0, 3)
+    assert found is not None and found["index"] == 3
+    [on_disk] = [path for path in disk_folder(tmp_path / "run").iterdir() if "000" in path.name]
+    assert on_disk.stat().st_mode & 0o777 == 0o600
+    folder.remove()
+    assert not folder.path.exists() and list((tmp_path / "run").iterdir()) == []
+
+
+def test_a_restarted_tracker_moves_what_its_predecessor_did_not(folder, tmp_path):
+    plain = PoseLog(Arena(folder.path))
+    for index in range(SLAB_ROWS + 1):
+        plain.append(_row(index))
+    arena = _Moved(folder.path)
+    _filled(arena, tmp_path / "run", SLAB_ROWS + 2, [])
+    assert arena.tried.acquire(timeout=30)
+    assert (folder.path / "pose_log.000.bin").is_symlink()
+
+
+def test_without_room_on_the_disk_rows_stay_in_memory_and_it_is_reported_once(folder, tmp_path):
+    disk_folder(tmp_path / "run").write_text("a file in the place of the folder")
+    arena, told = _Moved(folder.path), []
+    log = _filled(arena, tmp_path / "run", 2 * SLAB_ROWS + 5, told)
+    assert arena.tried.acquire(timeout=30) and arena.tried.acquire(timeout=30)
+    assert len(log.rows()) == 2 * SLAB_ROWS + 5
+    assert not (folder.path / "pose_log.000.bin").is_symlink()
+    [(level, text)] = told
+    assert level == "warning" and "pose_log.000 stays in shared memory" in text
