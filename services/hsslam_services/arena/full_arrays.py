@@ -1,12 +1,15 @@
-"""Arrays that are full move from shared memory to the disk, so that a run of days needs no more memory."""
+"""Arrays that are full move to the disk, in a thread; apart from the arena, as only the tracker does it."""
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
 
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import disk_folder
-from hsslam_services.bus.publisher import Report
+
+Report = Callable[[str, str], None]
+"""Takes the level and text of an event."""
 
 
 class FullArrays:
