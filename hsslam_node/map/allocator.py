@@ -27,6 +27,14 @@ class ArrayAllocator(Protocol):
         """Let go of the array, if it is there; those who have opened it may go on using it."""
         ...
 
+    def drop_row(self, name: str, row: int) -> None:
+        """Give the memory of `array[row]`, which no process needs, back to the system, if it takes it."""
+        ...
+
+    def reserve_row(self, name: str, row: int) -> None:
+        """Have memory for `array[row]` again before it is written; OutOfMemoryError if there is none."""
+        ...
+
 
 class MemoryAllocator:
     """Arrays in this process, each at the start of a cache line, as in the arena."""
@@ -47,6 +55,12 @@ class MemoryAllocator:
 
     def remove(self, name: str) -> None:
         self._arrays.pop(name, None)
+
+    def drop_row(self, name: str, row: int) -> None:
+        """The row keeps its memory: only the arena has a limit."""
+
+    def reserve_row(self, name: str, row: int) -> None:
+        """The row has its memory."""
 
 
 def _zeros_at_a_line(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

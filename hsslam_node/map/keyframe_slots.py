@@ -9,6 +9,9 @@ from hsslam_node.map.memory_order import load_ordered, store_ordered
 
 SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
 _REST = 8  # keyframes until a slot that was given up is written again, where others are free
+_READY = 8  # slots that have rested and keep their memory, so that the next keyframe need not wait
+_MOST_DROPPED = 2  # slots whose memory goes back with one keyframe, 0.5 ms each at 640x480
+_DROPPED = -np.iinfo(np.int64).max  # entry of a slot without memory
 
 
 class KeyframeSlots:
@@ -16,7 +19,8 @@ class KeyframeSlots:
 
     An entry of the table is one number, so a process that dies leaves it as it was or as it is to be:
     k + 1, the slot has the pixels of keyframe k; 0, it was never used; -n, it was given up when there
-    were n keyframes. The tracker takes slots, the mapper gives them up.
+    were n keyframes, and has its memory; `_DROPPED`, it was given up and has none. The mapper gives slots
+    up, the tracker drops the memory of those that have rested, and takes slots.
     """
 
     def __init__(self, arrays: ArrayAllocator, camera: Camera) -> None:
@@ -41,7 +45,7 @@ class KeyframeSlots:
     def held(self, count: int) -> np.ndarray:
         """Ids of the keyframes below `count` that have their pixels, sorted [m] int64."""
         table = self._table.copy()  # other processes write it meanwhile
-        return np.sort(table[(table > 0) & (table <= count)]) - 1
+        return np.sort(table[_is_held(table, count)]) - 1
 
     def holds(self, slot: int, k: int) -> bool:
         """Whether the slot has the pixels of keyframe k."""
@@ -53,28 +57,29 @@ class KeyframeSlots:
         return color[slot % SLAB_KEYFRAMES], depth_raw[slot % SLAB_KEYFRAMES]
 
     def reserve(self, count: int, most: int) -> tuple[int, OutOfMemoryError | None]:
-        """A slot below `most` for keyframe number `count`, -1 if there is none; and what memory said.
+        """A slot for keyframe number `count`, -1 if `most` are held; and what memory said.
 
-        First one that is free and has rested, then a new one, then one that was given up just now.
+        First one that has memory and has rested, then one that gets memory, while fewer than `most` have
+        some, then one that was given up just now.
         """
-        table = self._table[:most].copy()
-        free = (table <= 0) | (
-            table > count
-        )  # those of a keyframe that was never complete are free
-        reserved = np.arange(len(table)) < self._reserved_slots()
-        rested = free & reserved & ((table >= 0) | (count + table >= _REST))
+        table = self._table.copy()
+        free = ~_is_held(table, count)
+        if np.count_nonzero(~free) >= most:
+            return -1, None
+        has_memory = self._has_memory(table)
+        rested = free & has_memory & ((table >= 0) | (count + table >= _REST))
         if rested.any():
             return int(rested.argmax()), None
-        fresh = free & ~reserved
         refusal = None
-        if fresh.any():
-            slot = int(fresh.argmax())
+        without = np.flatnonzero(~has_memory)
+        if len(without) and np.count_nonzero(has_memory) < most:
+            slot = int(without[0])
             try:
-                self._slab(slot // SLAB_KEYFRAMES, create=True)
+                self._get_memory(slot)
                 return slot, None
             except OutOfMemoryError as error:
                 refusal = error
-        given_up = free & reserved
+        given_up = free & has_memory
         if given_up.any():
             longest_ago = np.where(given_up, table, -np.iinfo(np.int64).max)
             return int(longest_ago.argmax()), refusal
@@ -94,8 +99,38 @@ class KeyframeSlots:
         """The slot may be used again; `count`: keyframes now, 1 or more."""
         store_ordered(self._table, slot, -count)
 
+    def drop(self, count: int, most: int) -> None:
+        """The tracker only: give the memory of slots that have rested back to the system.
+
+        Some stay ready for the next keyframes, while no more than `most` slots have memory.
+        """
+        table = self._table.copy()
+        has_memory = self._has_memory(table)
+        rested = np.flatnonzero(has_memory & (table < 0) & (count + table >= _REST))
+        ready = min(_READY, max(most - np.count_nonzero(has_memory) + len(rested), 0))
+        for slot in rested[ready:][:_MOST_DROPPED].tolist():
+            # the mark comes first: a tracker that dies here leaves memory without a use, and not the reverse
+            store_ordered(self._table, slot, _DROPPED)
+            for name in _names(slot // SLAB_KEYFRAMES):
+                self._arrays.drop_row(name, slot % SLAB_KEYFRAMES)
+
+    def _has_memory(self, table: np.ndarray) -> np.ndarray:
+        return (np.arange(len(table)) < self._reserved_slots()) & (table != _DROPPED)
+
+    def _get_memory(self, slot: int) -> None:
+        """Memory for a slot that has none.
+
+        Raises:
+            OutOfMemoryError: there is not enough.
+        """
+        if slot >= self._reserved_slots():
+            self._slab(slot // SLAB_KEYFRAMES, create=True)
+            return
+        for name in _names(slot // SLAB_KEYFRAMES):
+            self._arrays.reserve_row(name, slot % SLAB_KEYFRAMES)
+
     def _reserved_slots(self) -> int:
-        """Slots that have memory."""
+        """Slots in slabs that are there."""
         while self._arrays.exists(_names(len(self._slabs))[1]):
             self._slab(len(self._slabs), create=False)
         return SLAB_KEYFRAMES * len(self._slabs)
@@ -113,6 +148,11 @@ class KeyframeSlots:
                 slab = self._arrays.open(color), self._arrays.open(depth)
             self._slabs.append(slab)
         return self._slabs[index]
+
+
+def _is_held(table: np.ndarray, count: int) -> np.ndarray:
+    """[slots] bool; a slot of a keyframe that was never complete is free."""
+    return (table > 0) & (table <= count)
 
 
 def _names(slab: int) -> tuple[str, str]:

@@ -148,6 +148,7 @@ class KeyframeStore:
         self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance)
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
+        self._slots.drop(k + 1, self.most_kept)
         return k
 
     def expect_like(self, frame: Frame) -> None:

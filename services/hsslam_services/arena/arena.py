@@ -16,6 +16,7 @@ import torch
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_services.arena.arena_view import ArrayHeader
+from hsslam_services.arena.shared_pages import give_back
 
 PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
 
@@ -95,6 +96,23 @@ class Arena:
         link.symlink_to((folder / data.name).absolute())
         link.replace(data)
 
+    def drop_row(self, name: str, row: int) -> None:
+        """Give the pages of `array[row]` back to the system; all processes read zeros there.
+
+        `reserve_row` comes before the next write.
+        """
+        with self._row(name, row) as (fd, start, nbytes):
+            give_back(fd, start, start + nbytes)
+
+    def reserve_row(self, name: str, row: int) -> None:
+        """Reserve memory for `array[row]` after `drop_row`.
+
+        Raises:
+            OutOfMemoryError: the memory is full; the bytes needed are named.
+        """
+        with self._row(name, row) as (fd, start, nbytes):
+            self._fallocate(name, fd, start, nbytes)
+
     @contextlib.contextmanager
     def lease(self, name: str) -> Iterator[None]:
         """Hold the only lease of this name; the kernel frees it when its holder dies."""
@@ -108,13 +126,32 @@ class Arena:
     def _path(self, name: str, suffix: str) -> Path:
         return self.folder / f"{name}{suffix}"
 
+    @contextlib.contextmanager
+    def _row(self, name: str, row: int) -> Iterator[tuple[int, int, int]]:
+        """The open file of an array, where `array[row]` begins in it, and how many bytes it has."""
+        dtype, shape = ArrayHeader.read(self._path(name, ".json"))
+        nbytes = math.prod(shape[1:]) * dtype.itemsize
+        fd = os.open(self._path(name, ".bin"), os.O_RDWR)
+        try:
+            yield fd, row * nbytes, nbytes
+        finally:
+            os.close(fd)
+
     def _reserve(self, name: str, nbytes: int) -> None:
         path = self._path(name, ".bin")
         fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         try:
-            os.posix_fallocate(fd, 0, max(nbytes, 1))
-        except OSError as error:
+            self._fallocate(name, fd, 0, max(nbytes, 1))
+        except (OSError, OutOfMemoryError):
             path.unlink()
+            raise
+        finally:
+            os.close(fd)
+
+    def _fallocate(self, name: str, fd: int, start: int, nbytes: int) -> None:
+        try:
+            os.posix_fallocate(fd, start, nbytes)
+        except OSError as error:
             if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.ENOMEM):
                 raise
             free = os.statvfs(self.folder)
@@ -123,5 +160,3 @@ class Arena:
                 f"{free.f_bavail * free.f_frsize} are free: expected more shared memory "
                 "(docker: --shm-size)"
             ) from None
-        finally:
-            os.close(fd)

@@ -75,3 +75,11 @@ class ArenaView:
     def remove(self, name: str) -> None:
         """A view removes nothing."""
         raise ValueError(f"array {name}: read-only")
+
+    def drop_row(self, name: str, row: int) -> None:
+        """A view drops nothing."""
+        raise ValueError(f"array {name}: read-only")
+
+    def reserve_row(self, name: str, row: int) -> None:
+        """A view reserves nothing."""
+        raise ValueError(f"array {name}: read-only")
