@@ -1,9 +1,12 @@
 """How many keyframes the run may keep: by the budget for shared memory, and by what there is of it."""
 
+import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_node.map.store import KeyframeStore
+from hsslam_services.arena.shared_pages import held_bytes
 
 _FULL = 0.95  # of the budget; the rest is for what grows slowly, such as poses
 _LEFT_FREE = 0.1  # of the shared memory of the system, for zenoh and for poses
@@ -14,11 +17,18 @@ _PIXELS = ("keyframe_color.", "keyframe_depth.")  # names of arrays
 
 
 class MemoryBudget:
-    """Says how many keyframes may be kept, and once that they get scarce."""
+    """Says how many keyframes may be kept, and once that they get scarce.
 
-    def __init__(self, arena_dir: Path, memory_gb: float) -> None:
+    The budget is for the memory of all files of the arena, and for `bytes_beside`, which others than the
+    arena take for the run. What it leaves is for the pixels of keyframes.
+    """
+
+    def __init__(
+        self, arena_dir: Path, memory_gb: float, bytes_beside: Callable[[], int] = int
+    ) -> None:
         self._folder = arena_dir
         self._memory_gb = memory_gb
+        self._bytes_beside = bytes_beside
         self._calls = 0
         self._is_told = False
         self._limit = ""  # what sets it
@@ -38,9 +48,9 @@ class MemoryBudget:
         )
 
     def _most(self, store: KeyframeStore) -> int:
-        sizes = {path.name: path.stat().st_size for path in self._folder.glob("*.bin")}
-        pixels = sum(n for name, n in sizes.items() if name.startswith(_PIXELS))
-        others = sum(sizes.values()) - pixels
+        files = _files(self._folder)
+        pixels = held_bytes(of for name, of in files.items() if name.startswith(_PIXELS))
+        others = held_bytes(files.values()) - pixels + self._bytes_beside()
         system = os.statvfs(self._folder)
         total, free = (n * system.f_frsize for n in (system.f_blocks, system.f_bavail))
         limits = {
@@ -50,3 +60,13 @@ class MemoryBudget:
         }
         self._limit = min(limits, key=limits.__getitem__)
         return max(int(limits[self._limit]) // store.pixel_bytes, min(_FEWEST, store.capacity))
+
+
+def _files(folder: Path) -> dict[str, os.stat_result]:
+    """By name."""
+    files = {}
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            with contextlib.suppress(FileNotFoundError):  # a header that has just got its name
+                files[entry.name] = entry.stat(follow_symlinks=False)  # not of what is on the disk
+    return files

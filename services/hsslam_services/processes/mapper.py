@@ -9,6 +9,7 @@ Arena: reads map_state, load_level; writes keyframes, map
 
 import math
 import time
+from functools import partial
 
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.layout import FieldLayout
@@ -25,6 +26,7 @@ from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.memory_budget import MemoryBudget
 from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.bus.dead_pools import bytes_of_pools
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.launch.worker_device import tell_device, worker_device
@@ -61,6 +63,8 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
             is_new = order.is_new(pose.publisher, pose.index)
             while is_new and loop.has_work():
                 loop.work()
+            if is_new:
+                loop.make_room()
             steps.put(Step(stage="mapped", index=pose.index, publisher=pose.publisher))
     else:
         keyframes = worker.bus.subscribe(topics.KEYFRAME, depth=64)
@@ -69,6 +73,7 @@ def _follow_keyframes(worker: Worker, loop: "_MapperLoop") -> None:
             if loop.has_work():
                 loop.work()
             else:
+                loop.make_room()
                 keyframes.wait(_POLL_S)
             keyframes.drain()  # they only wake this loop: the store says how many there are
 
@@ -88,10 +93,15 @@ class _MapperLoop:
         self._corrector: PoseCorrector | None = None
         if self._slam.mapper.pose_rate > 0:
             self._corrector = PoseCorrector(worker.bus.publisher(topics.CORRECTION), self._mode)
-        self._budget = MemoryBudget(worker.arena.folder, worker.options.memory_gb)
+        self._budget = MemoryBudget(
+            worker.arena.folder,
+            worker.options.memory_gb,
+            partial(bytes_of_pools, worker.run.supervisor_pid),
+        )
         self._mapper: Mapper | None = None
         self._parameters: FieldParameters | None = None
         self._keyframes_seen = 0
+        self._refused = 0  # keyframes that the tracker had no room for
         self._due = 0.0  # iterations; fewer than all if others need the cores
         self._iterations = 0
         store, parameters = self._link.store(), self._link.parameters()
@@ -143,6 +153,13 @@ class _MapperLoop:
         self._iterations += n
         self._select(store)
         self._publish(report, store, start)
+
+    def make_room(self) -> None:
+        """Retire keyframes if the tracker had no room for one: no new one would be the occasion."""
+        store = self._link.store()
+        if store is not None and self._mapper is not None and store.refused > self._refused:
+            self._refused = store.refused
+            self._select(store)
 
     def _select(self, store: KeyframeStore) -> None:
         """Retire keyframes that show nothing of their own, more of them where memory gets scarce."""

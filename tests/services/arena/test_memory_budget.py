@@ -23,10 +23,13 @@ def arena(tmp_path: Path) -> Arena:
 
 def _store(arena: Arena, count: int, capacity: int = 1000) -> KeyframeStore:
     store = KeyframeStore.create(arena, CAMERA, 1000.0, capacity)
-    color, depth = np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint16)
     for k in range(count):
-        store.append(Frame(k, k, CAMERA, color, depth, 1000.0), np.eye(4))
+        store.append(Frame(k, k, CAMERA, *_pixels(), 1000.0), np.eye(4))
     return store
+
+
+def _pixels() -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint16)
 
 
 def test_what_other_arrays_take_is_not_for_keyframes(arena):
@@ -37,6 +40,15 @@ def test_what_other_arrays_take_is_not_for_keyframes(arena):
     arena.create("field", (50_000_000,), np.uint8)
     MemoryBudget(arena.folder, 0.2).apply(store)
     assert before - store.most_kept == pytest.approx(50e6 / BYTES, abs=1)
+
+
+def test_what_the_run_has_beside_its_arena_is_not_for_keyframes_either(arena):
+    store = _store(arena, 3)
+    MemoryBudget(arena.folder, 0.2).apply(store)
+    before = store.most_kept
+    (arena.folder / "note").write_bytes(bytes(10_000_000))  # no array
+    MemoryBudget(arena.folder, 0.2, lambda: 20_000_000).apply(store)
+    assert before - store.most_kept == pytest.approx(30e6 / BYTES, abs=1)
 
 
 def test_scarcity_is_told_once(arena):
@@ -53,15 +65,32 @@ def test_capacity_counts_as_well(arena):
     assert store.most_kept == 12 and told is not None and "keyframes.capacity" in told
 
 
-def test_so_does_what_the_system_has_left(arena, monkeypatch):
+@pytest.fixture
+def nearly_full(monkeypatch):
+    """Of 64 MB of shared memory 16 are free."""
+    real = os.statvfs
+
+    def limited(folder: Path) -> os.statvfs_result:
+        of = real(folder)
+        blocks = 64_000_000 // of.f_frsize
+        return os.statvfs_result((*of[:2], blocks, *[blocks // 4] * 2, *of[5:]))
+
+    monkeypatch.setattr(os, "statvfs", limited)
+
+
+def test_so_does_what_the_system_has_left(arena, nearly_full):
     store = _store(arena, 3)
-    real = os.statvfs(arena.folder)
-
-    def nearly_full(_: object) -> os.statvfs_result:
-        blocks = 64_000_000 // real.f_frsize
-        return os.statvfs_result((*real[:2], blocks, *[blocks // 4] * 2, *real[5:]))
-
-    monkeypatch.setattr(os, "statvfs", nearly_full)
-    budget = MemoryBudget(arena.folder, 2.0)
-    budget.apply(store)
+    MemoryBudget(arena.folder, 2.0).apply(store)
     assert store.most_kept == (8 * BYTES + 16e6 - 6.4e6) // BYTES
+
+
+def test_what_was_given_back_to_the_system_counts_once(arena, nearly_full):
+    """The system counts it as free; the files are as long as before."""
+    store = _store(arena, 40)
+    for k in range(1, 31):
+        store.retire(k, 0)
+    for k in range(40, 56):
+        store.append(Frame(k, k, CAMERA, *_pixels(), 1000.0), np.eye(4))
+    MemoryBudget(arena.folder, 2.0).apply(store)
+    least = (len(store.kept()) * BYTES + 16e6 - 6.4e6) // BYTES
+    assert least <= store.most_kept <= least + 8  # slots that stay ready

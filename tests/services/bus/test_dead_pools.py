@@ -1,4 +1,4 @@
-"""Shared memory of a killed sender is free before its successor starts."""
+"""Shared memory of senders is counted; that of a killed one is free before its successor starts."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ import pytest
 
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
-from hsslam_services.bus.dead_pools import free_pools, pool_bytes
+from hsslam_services.bus.dead_pools import bytes_of_pools, free_pools, pool_bytes
 from hsslam_services.bus.zenoh_session import shared_memory_settings
 
 _SENDER = """
@@ -41,11 +41,21 @@ def test_pools_of_the_dead_are_freed_and_no_others(endpoint):
                     break
             assert _held_bytes(1) == pool_bytes(1)
             assert free_pools(2) == 0  # of another process
+            with_sender = bytes_of_pools(os.getpid())
+            assert with_sender > pool_bytes(1)
             killed.kill()
             killed.wait()
             assert free_pools(1) == pool_bytes(1)
             assert _held_bytes(1) == 0
+            freed = with_sender - bytes_of_pools(os.getpid())
+            assert freed == pytest.approx(pool_bytes(1), rel=0.01)  # some pages are tables
             assert free_pools(1) == 0
+
+
+def test_a_run_whose_router_has_ended_has_no_pools():
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    assert bytes_of_pools(ended.pid) == 0
 
 
 def _sender(endpoint: str, number: int, started: contextlib.ExitStack) -> subprocess.Popen:
