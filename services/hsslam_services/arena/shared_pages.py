@@ -1,4 +1,4 @@
-"""Memory that files of shared memory really have: counted, and given back to the system (no torch)."""
+"""Memory of files in a tmpfs, counted and given back to the system; apart from the arena: without torch."""
 
 import mmap
 import os

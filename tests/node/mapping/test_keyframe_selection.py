@@ -95,6 +95,15 @@ def test_a_full_store_gives_up_what_is_most_redundant_and_never_ends():
     assert spread >= 28  # of 36: the kept ones are not all of one place
 
 
+def test_room_is_made_without_a_new_keyframe():
+    run = Run()
+    run.go()
+    run.store.allow(6)  # other arrays have grown
+    assert len(run.store.kept()) == len(VIEWS) and not run.store.has_room()
+    assert run.selection.select(run.store) >= 5
+    assert len(run.store.kept()) <= 5 and run.store.has_room()
+
+
 def test_a_restarted_mapper_decides_alike():
     run = Run()
     for _ in range(6):
