@@ -1,4 +1,4 @@
-"""Memory of files in a tmpfs, counted and given back to the system; apart from the arena: without torch."""
+"""Memory that files in shared memory really have; apart from the arena, as the budget counts others too (no torch)."""
 
 import mmap
 import os
