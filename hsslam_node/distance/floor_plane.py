@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.view_from_above import mean_up
 
-UpSource = Literal["gravity", "--up", "floor plane", "camera poses"]
+UpSource = Literal["gravity", "--up", "--base-T-camera", "floor plane", "camera poses"]
 _MOST_VIEWS = 40
 _ROWS_PX = 90  # of the image that is looked at
 _CONES_DEG = (
@@ -59,7 +59,7 @@ def find_floor(
     views: Sequence[tuple[np.ndarray, np.ndarray]],
     camera: Camera,
     up: np.ndarray | None = None,
-    up_source: Literal["gravity", "--up"] = "--up",
+    up_source: UpSource = "--up",
 ) -> FloorPlane:
     """The floor of what cameras saw.
 

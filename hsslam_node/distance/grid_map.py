@@ -6,10 +6,12 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.states import FREE, OCCUPIED
 from hsslam_node.errors import UserError
 
 CELL_UNKNOWN, CELL_FREE, CELL_OCCUPIED = -1, 0, 100
+LOW_M, HIGH_M = 0.15, 1.6  # above the floor
 _FREE_SHARE = 1 / 3  # of the voxels over a cell
 
 
@@ -58,8 +60,10 @@ class GridMap:
         return distance
 
 
-def grid_map(distances: DistanceMap, low_m: float = 0.15, high_m: float = 1.6) -> GridMap:
-    """The cells of a map whose grid has z up and the floor at z = 0.
+def grid_map(
+    space: DistanceMap | Occupancy, low_m: float = LOW_M, high_m: float = HIGH_M
+) -> GridMap:
+    """The cells of a map, or of what is known now, whose grid has z up and the floor at z = 0.
 
     A cell is occupied if a voxel over it is, from `low_m` to `high_m` above the floor; it is free if no
     voxel is occupied and a third or more are known to be free. Cells are as wide as voxels.
@@ -67,7 +71,8 @@ def grid_map(distances: DistanceMap, low_m: float = 0.15, high_m: float = 1.6) -
     Raises:
         UserError: no voxel lies between the two heights.
     """
-    grid = distances.grid
+    grid = space.grid
+    states = space.states() if isinstance(space, Occupancy) else space.states
     first, end = (round(z / grid.voxel_m) - grid.first[2] for z in (low_m, high_m))
     first, end = max(first, 0), min(end, grid.shape[2])
     if not (low_m < high_m and first < end):
@@ -75,11 +80,11 @@ def grid_map(distances: DistanceMap, low_m: float = 0.15, high_m: float = 1.6) -
             f"heights {low_m} to {high_m} m: expected two that rise, within the map's "
             f"{grid.low[2]:.2f} to {grid.high[2]:.2f} m above the floor"
         )
-    over = distances.states.T[first:end]  # [layers, ny, nx]
+    over = states.T[first:end]  # [layers, ny, nx]
     is_occupied = (over == OCCUPIED).any(axis=0)
     is_free = (over == FREE).sum(axis=0, dtype=np.int32) >= _FREE_SHARE * len(over)
     cells = np.full(is_free.shape, CELL_UNKNOWN, np.int8)
     cells[is_free] = CELL_FREE
     cells[is_occupied] = CELL_OCCUPIED
     x, y = grid.low[:2]
-    return GridMap(cells, grid.voxel_m, (float(x), float(y)), distances.T_grid_world)
+    return GridMap(cells, grid.voxel_m, (float(x), float(y)), space.T_grid_world)

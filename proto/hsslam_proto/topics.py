@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 from hsslam_proto import messages as m
+from hsslam_proto.distance.messages import Esdf, EsdfBlocks, Grid
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 
 M = TypeVar("M", bound=m.Message)
@@ -64,6 +65,13 @@ MESH_BLOCKS = Topic(
     keeps_state=True,
 )
 VIEW = Topic("out/view", m.View, "mesher", "0.4 Hz", "latest", _MIB, drawn=True)
+GRID = Topic("out/grid", Grid, "distances", "10 Hz", "latest", _MIB, history=1)
+ESDF = Topic("out/esdf", Esdf, "distances", "10 Hz", "latest", _MIB, logged=False)
+ESDF_BLOCKS = Topic(
+    *("out/esdf_blocks", EsdfBlocks, "distances", "10 Hz", "keep", 4 * _MIB),
+    logged=False,
+    keeps_state=True,
+)
 STEP = Topic("sys/step", m.Step, "mapper, global_ba, recorder", "lockstep; end", "keep", 8 * _KIB)
 HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)
 EVENT = Topic("sys/event", m.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
@@ -80,6 +88,9 @@ TOPICS: tuple[Topic, ...] = (
     MESH,
     MESH_BLOCKS,
     VIEW,
+    GRID,
+    ESDF,
+    ESDF_BLOCKS,
     STEP,
     HEALTH,
     EVENT,

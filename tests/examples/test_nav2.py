@@ -28,15 +28,18 @@ def _values(tree: Any, key: str) -> Iterator[str]:
 
 def test_the_parameters_name_what_a_run_publishes():
     parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
-    topics = {*_values(parameters, "topic"), *_values(parameters, "odom_topic")}
-    assert topics == {"/hsslam/odom", "/hsslam/points"} and topics <= _TOPICS
+    keys = ("topic", "odom_topic", "map_topic")
+    topics = {topic for key in keys for topic in _values(parameters, key)}
+    assert topics == {"/hsslam/odom", "/hsslam/points", "/hsslam/map"} and topics <= _TOPICS
     assert {*_values(parameters, "global_frame")} == {ros2_out.MAP, ros2_out.ODOM}
     assert {*_values(parameters, "robot_base_frame")} == {ros2_out.BASE}
     assert {*_values(parameters, "sensor_frame")} == {ros2_out.CAMERA}
 
 
 def test_the_topics_of_the_page_are_those_of_the_code():
-    code = (ROOT / "services/hsslam_services/processes/ros2_out.py").read_text()
+    services = ROOT / "services/hsslam_services"
+    files = ("processes/ros2_out.py", "ros2/floor_out.py")
+    code = "".join((services / file).read_text() for file in files)
     names = re.findall(r'node\.publisher\(\s*"([^"]+)"', code)
     assert {name if name.startswith("/") else f"/hsslam/{name}" for name in names} == _TOPICS
 

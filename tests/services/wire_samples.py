@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from hsslam_proto import messages
+from hsslam_proto.distance.messages import Grid
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message, mesh_message
 from hsslam_services.log.frame_compression import compress_frame
@@ -60,6 +61,26 @@ def keyframe(index: int) -> messages.Keyframe:
         source_stamp_ns=index,
         t=(float(index), 0.0, 0.0),
         q=(0.0, 0.0, 0.0, 1.0),
+    )
+
+
+def grid(index: int) -> Grid:
+    """A post on a floor of 1 x 1.5 m, 1 m below the first camera, with an unknown corner."""
+    cells = np.zeros((15, 10), np.int8)
+    cells[7, 5], cells[12:, 8:] = 100, -1
+    return Grid(
+        index=index,
+        stamp_ns=time.time_ns(),
+        source_stamp_ns=index,
+        t=(0.5, 1.0, 0.0),
+        q=(-0.5, 0.5, -0.5, -0.5),
+        resolution_m=0.1,
+        width=10,
+        height=15,
+        low_m=0.15,
+        high_m=1.6,
+        up_by="floor plane",
+        cells=cells.reshape(-1).view(np.uint8).data,
     )
 
 

@@ -16,6 +16,8 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from hsslam_proto import messages
+from hsslam_proto.distance.messages import Grid
+from hsslam_proto.foxglove.grid import drawn_grid
 from hsslam_proto.foxglove.mesh import blocks_update, scene_update
 from hsslam_proto.mesh.codec import Block, Triangles
 from hsslam_proto.messages import Message, Quaternion, Vector
@@ -48,6 +50,8 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
             ]
         case messages.Mesh():
             return [VizMessage("/viz/mesh", SceneUpdate, scene_update(message, WORLD, stamp_ns))]
+        case Grid():
+            return [_viz("/viz/grid", drawn_grid(message, WORLD))]
         case messages.Event():
             return [_viz("/viz/log", _log(message))]
         case _:

@@ -2,7 +2,8 @@
 
 `python -m hsslam_bench.free_space.update_time SOURCE [--noise kinect]`: every third frame of 30 Hz is
 taken in at its true pose: the window follows the camera, observes the depth, measures all distances and
-makes the grid map. Times are of the process (`time.process_time`), not of the clock.
+makes the grid map, then the messages with distances of the floor and the blocks that changed. Every fourth
+frame is a keyframe. Times are of the process (`time.process_time`), not of the clock.
 """
 
 import argparse
@@ -13,20 +14,20 @@ import numpy as np
 
 from hsslam_bench.field_error.true_frames import true_frames
 from hsslam_bench.free_space.distance_errors import free_points
+from hsslam_node.distance.distance_blocks import DistanceBlocks
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
-from hsslam_node.distance.floor_plane import find_floor
 from hsslam_node.distance.grid_map import grid_map
-from hsslam_node.distance.occupancy import Occupancy
-from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.distance.rolling_window import RollingWindow
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.options import SourceOptions
 
-_SIZE_M, _VOXEL_M = (10.0, 10.0, 2.5), 0.05
-_EVERY = 3  # frames
+_EVERY, _KEYFRAME_EVERY = 3, 4  # frames
+_MOST_KEYFRAMES = 1024
 _WARM_UP = 5  # updates
 _QUERIES = 1_000_000
 _TURNS = 5
-_WIDTH_PX = 320  # of the pixels looked at, at least
 
 
 def main() -> None:
@@ -45,24 +46,30 @@ def main() -> None:
 
 def update_time(spec: str, options: SourceOptions) -> dict[str, float]:
     """Mean and greatest ms of an update, mean ms of its parts, and points asked a second."""
-    occupancy: Occupancy | None = None
-    meter, distances = DistanceMeter(), None
+    window: RollingWindow | None = None
+    store: KeyframeStore | None = None
+    meter, blocks, distances = DistanceMeter(), DistanceBlocks(), None
     parts: list[list[float]] = []
     for index, view in enumerate(true_frames(spec, options)):
+        frame, T_world_cam = view.frame, view.T_world_cam
+        if store is None or window is None:
+            arrays, units = MemoryAllocator(), frame.depth_units_per_m
+            store = KeyframeStore.create(arrays, frame.camera, units, _MOST_KEYFRAMES)
+            window = RollingWindow(store)
+        if index % _KEYFRAME_EVERY == 0:
+            store.append(frame, T_world_cam)
         if index % _EVERY:
             continue
-        depth_m, camera = view.frame.depth_m(), view.frame.camera
-        if occupancy is None:
-            floor = find_floor([(depth_m, view.T_world_cam)], camera)
-            height = np.array([0.0, 0.0, 0.45 * _SIZE_M[2]])
-            occupancy = Occupancy(VoxelGrid.around(height, _SIZE_M, _VOXEL_M), floor.T_floor_world)
+        depth_m = frame.depth_m()
         stamps = [time.process_time()]
-        occupancy.move_to(_over_floor(occupancy, view.T_world_cam))
-        occupancy.observe(depth_m, camera, view.T_world_cam, max(camera.width_px // _WIDTH_PX, 1))
+        known = window.take(depth_m, frame.camera, T_world_cam, store.count - 1)
         stamps.append(time.process_time())
-        distances = meter.measure(occupancy)
+        distances = meter.measure(known)
         stamps.append(time.process_time())
-        grid_map(distances)
+        grid = grid_map(known)
+        stamps.append(time.process_time())
+        grid.distances_m()
+        blocks.renew(distances)
         stamps.append(time.process_time())
         parts.append(np.diff(stamps).tolist())
     assert distances is not None
@@ -75,17 +82,10 @@ def update_time(spec: str, options: SourceOptions) -> dict[str, float]:
         "observe_ms": float(ms[:, 0].mean()),
         "distances_ms": float(ms[:, 1].mean()),
         "grid_ms": float(ms[:, 2].mean()),
+        "slice_and_blocks_ms": float(ms[:, 3].mean()),
         "updates": len(total),
         "points_per_s": _points_per_s(distances),
     }
-
-
-def _over_floor(occupancy: Occupancy, T_world_cam: np.ndarray) -> np.ndarray:
-    """The camera's place, world, at the height that the window has."""
-    T = occupancy.T_grid_world
-    place = T[:3, :3] @ T_world_cam[:3, 3] + T[:3, 3]
-    place[2] = (occupancy.grid.low[2] + occupancy.grid.high[2]) / 2
-    return T[:3, :3].T @ (place - T[:3, 3])
 
 
 def _points_per_s(distances: DistanceMap) -> float:

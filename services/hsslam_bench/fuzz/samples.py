@@ -1,12 +1,29 @@
 """A message of each kind that can be read: what malformed ones are made of."""
 
+from typing import Any
+
 from hsslam_proto import messages as m
 from hsslam_proto import request_messages as r
+from hsslam_proto.distance.messages import SIDE, Esdf, EsdfBlocks, Grid
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 
 _T, _Q = (0.5, -1.0, 2.0), (0.0, 0.0, 0.0, 1.0)
 _WIDTH, _HEIGHT = 4, 3
 _STAMP = 1_700_000_000_000_000_000
+
+_RASTER: dict[str, Any] = {
+    "index": 7,
+    "stamp_ns": _STAMP,
+    "source_stamp_ns": 1,
+    "t": _T,
+    "q": _Q,
+    "resolution_m": 0.05,
+    "width": _WIDTH,
+    "height": _HEIGHT,
+    "low_m": 0.15,
+    "high_m": 1.6,
+    "up_by": "floor plane",
+}
 
 
 def _zeros(nbytes: int) -> memoryview:
@@ -84,6 +101,21 @@ _ALL: tuple[m.Message, ...] = (
         width_px=_WIDTH,
         height_px=_HEIGHT,
         color=_zeros(3 * _WIDTH * _HEIGHT),
+    ),
+    Grid(**_RASTER, cells=_zeros(_WIDTH * _HEIGHT)),
+    Esdf(**_RASTER, distance_mm=_zeros(2 * _WIDTH * _HEIGHT)),
+    EsdfBlocks(
+        index=7,
+        stamp_ns=_STAMP,
+        series=7,
+        revision=7,
+        t=_T,
+        q=_Q,
+        voxel_m=0.05,
+        first=(-100, -100, -3),
+        voxels=(200, 200, 50),
+        blocks=_zeros(12),
+        distance_mm=_zeros(2 * SIDE**3),
     ),
     m.Step(stage="done", index=7),
     m.Health(

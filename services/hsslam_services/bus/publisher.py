@@ -92,6 +92,13 @@ class Publisher(Generic[M]):
             self.sent += 1
             self._publisher.put(payload, attachment=envelope.pack())
 
+    def has_subscribers(self) -> bool:
+        """Whether anything subscribes now, or may later ask for what is kept."""
+        if not isinstance(self._publisher, zenoh.Publisher):
+            return True
+        status = self._publisher.matching_status  # the stubs of zenoh 1.10 call it a bool
+        return bool(getattr(status, "matching", status))
+
     def answer_with(self, state: Callable[[], Iterable[M]]) -> None:
         """Answer a `get` on the key of the topic with these messages; `state` runs in a thread of zenoh."""
 

@@ -11,6 +11,7 @@ class LoadLevel:
     gives_up: str  # for the operator
     mesh_every: float = 1.0  # times the time between refreshes of the mesh and views of the map
     view_width_px: int = 64  # of views of the map
+    distances_every: float = 1.0  # times the time between updates of grid and distances
     image_every_s: float = 0.0  # least time between images in the live viewer
     iterations: float = 1.0  # share of the mapper's iterations
     rays: float = 1.0  # share of the rays of an iteration
@@ -19,10 +20,16 @@ class LoadLevel:
 
 LEVELS: Final = (
     LoadLevel("nothing"),
-    LoadLevel("mesh, views and viewer images less often", mesh_every=3.0, image_every_s=0.1),
+    LoadLevel(
+        "mesh, views, viewer images and distances less often",
+        mesh_every=3.0,
+        distances_every=2.0,
+        image_every_s=0.1,
+    ),
     LoadLevel(
         "half of the mapping iterations, bundle adjustment less often",
         mesh_every=3.0,
+        distances_every=2.0,
         image_every_s=0.1,
         iterations=0.5,
         ba_every=2.0,
@@ -30,6 +37,7 @@ LEVELS: Final = (
     LoadLevel(
         "a third of the rays, smaller views",
         mesh_every=6.0,
+        distances_every=3.0,
         view_width_px=32,
         image_every_s=0.2,
         iterations=0.5,
@@ -39,6 +47,7 @@ LEVELS: Final = (
     LoadLevel(
         "mapping but for a sixth",
         mesh_every=12.0,
+        distances_every=4.0,
         view_width_px=32,
         image_every_s=0.5,
         iterations=0.25,

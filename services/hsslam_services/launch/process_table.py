@@ -18,6 +18,7 @@ class ProcessSpec:
     0: they stay with the process.
     `reads_source`: it exists only if frames are read here, not published by an outside camera.
     `serves_ros2`: it exists only if ROS 2 is to hear of the run.
+    `serves_grid`: it exists only if grid and distances are asked for.
     """
 
     name: str
@@ -31,6 +32,7 @@ class ProcessSpec:
     returned_bytes: int = 0
     reads_source: bool = False
     serves_ros2: bool = False
+    serves_grid: bool = False
     is_late: bool = False  # started when the others take work: the first frame does not need it
     may_finish: bool = False  # exit code 0 means that its work is done, not that it failed
     startup_timeout_s: float = 300.0  # kernels are compiled on the very first run
@@ -40,9 +42,11 @@ class ProcessSpec:
     first_delay_s: float = 0.5  # before a restart; doubles
     longest_delay_s: float = 10.0
 
-    def exists(self, *, has_camera: bool, has_ros2_out: bool) -> bool:
+    def exists(self, *, has_camera: bool, has_ros2_out: bool, has_grid: bool) -> bool:
         """Whether a run has it."""
-        return (has_camera or not self.reads_source) and (has_ros2_out or not self.serves_ros2)
+        needs = (self.reads_source, self.serves_ros2, self.serves_grid)
+        has = (has_camera, has_ros2_out, has_grid)
+        return all(there or not needed for there, needed in zip(has, needs, strict=True))
 
     def is_needed(self, pace: str) -> bool:
         """Whether the run cannot continue without it."""
@@ -131,6 +135,15 @@ PROCESSES: tuple[ProcessSpec, ...] = (
         returned_bytes=_ARRAY_BYTES,
         is_late=True,
         restarts_with_map=True,
+    ),
+    _row(
+        "distances",
+        "says what is free about the camera",
+        nice=6,
+        stop_stage=MESHER_STAGE,
+        is_late=True,
+        restarts_with_map=True,
+        serves_grid=True,
     ),
     _row(
         "ros2_out",

@@ -144,6 +144,7 @@ def _compile_the_rest() -> Iterator[str]:
     live.refresh(plane, queries.color, lambda: True)
 
     yield "distances"
+    from hsslam_node.distance.distance_blocks import DistanceBlocks
     from hsslam_node.distance.distance_meter import DistanceMeter
     from hsslam_node.distance.floor_plane import FloorPlane
     from hsslam_node.distance.whole_map import whole_map
@@ -151,6 +152,7 @@ def _compile_the_rest() -> Iterator[str]:
     floor = FloorPlane((0.0, -1.0, 0.0), -1.0, "camera poses")
     distances = DistanceMeter().measure(whole_map(keyframes, first.camera, floor, 0.1))
     distances.query(np.zeros((1, 3)))
+    DistanceBlocks().renew(distances)
 
     yield "queries"
     from hsslam_node.dense_map.dense_map import DenseMap

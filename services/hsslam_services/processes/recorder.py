@@ -20,6 +20,7 @@ from hsslam_proto.messages import Frame, Health, SourceEnd, Step
 from hsslam_proto.topics import (
     EVENT,
     FRAME,
+    GRID,
     KEYFRAME,
     MESH,
     MESH_BLOCKS,
@@ -44,9 +45,9 @@ from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
 from hsslam_services.viewer.view import RerunView
 from hsslam_services.viewer.whole_mesh import WholeMesh
 
-_DEPTHS = {FRAME: 16, VIEW: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages
+_DEPTHS = {FRAME: 16, VIEW: 16, GRID: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages
 _DEPTH = 8192
-_LARGE = (FRAME, VIEW, MESH, MESH_BLOCKS)
+_LARGE = (FRAME, VIEW, GRID, MESH, MESH_BLOCKS)
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
 _TURN_S = 0.3  # for messages on their way from senders without heartbeats
 

@@ -1,6 +1,6 @@
-"""The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points.
+"""The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points, the grid.
 
-Subscribes: in/frame, out/pose
+Subscribes: in/frame, out/pose, out/grid, out/esdf
 Arena: reads keyframes
 """
 
@@ -19,6 +19,7 @@ from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.ros2.depth_points import depth_points
+from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
@@ -45,10 +46,19 @@ def _run(worker: Worker) -> None:
         options.ros2.connect, options.ros2.domain, options.ros2_out, "slam", messages
     ) as node:
         out = Ros2Out(worker, node, messages)
+        floor = _floor_out(worker, node, messages) if options.grid else None
         worker.ready()
         while not worker.should_stop():
             if (pose := poses.wait(_POLL_S)) is not None:
                 out.tell(pose)
+            if floor is not None:
+                floor.tell_news()
+
+
+def _floor_out(worker: Worker, node: RosNode, messages: RosMessages) -> FloorOut:
+    frames = RobotFrames.mounted(worker.options.base_T_camera)
+    has_ros_stamps = speaks_ros2(worker.options.source)
+    return FloorOut(worker.bus, node, messages, frames, MAP, has_ros_stamps=has_ros_stamps)
 
 
 class Ros2Out:

@@ -23,6 +23,7 @@ from hsslam_services.run.source_table import comes_over_bus, needs_port, sources
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
+_MOST_HEIGHT_M = 2.3  # of the window of the grid
 _VIEWERS = ("auto", "none", "web", "spawn")
 
 
@@ -56,6 +57,7 @@ class ServeOptions:
             "bind",
         ),
         *("security", "metrics_port", "camera", "record", "ros2.color", "ros2.depth", "ros2_out"),
+        "grid",
         *("ros2.domain", "ros2.connect", "realsense.serial"),
     )
     VALUES: ClassVar = {
@@ -133,6 +135,12 @@ class ServeOptions:
     """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
     base_T_camera: tuple[float, ...] = ()
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
+    grid: bool = False
+    """Publish free cells and distances about the camera, ten times a second."""
+    grid_from_height_m: float = 0.15
+    """With --grid: lowest height above the floor that is looked at, m."""
+    grid_to_height_m: float = 1.6
+    """With --grid: highest height above the floor that is looked at, m."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
     """Colour in the log; png is lossless and 7 times as large."""
@@ -183,6 +191,11 @@ class ServeOptions:
         if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
             raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
         RobotFrames.mounted(self.base_T_camera)
+        if not 0 <= self.grid_from_height_m < self.grid_to_height_m <= _MOST_HEIGHT_M:
+            raise UserError(
+                f"--grid-from-height-m {self.grid_from_height_m:g} --grid-to-height-m "
+                f"{self.grid_to_height_m:g}: expected two heights that rise, from 0 to {_MOST_HEIGHT_M} m"
+            )
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
         if self.start < 0:

@@ -65,6 +65,7 @@ class RunLoop:
             if spec.exists(
                 has_camera=self._info.options.has_camera_process,
                 has_ros2_out=bool(self._info.options.ros2_out),
+                has_grid=self._info.options.grid,
             )
         }
 

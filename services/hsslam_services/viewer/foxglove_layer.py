@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from hsslam_proto.distance.messages import Grid
 from hsslam_proto.foxglove.visualisation import (
     VizMessage,
     cleared_scene,
@@ -15,11 +16,12 @@ from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.messages import Mesh, Message
 
 _MESH_INTERVAL_S = 10.0
+_GRID_INTERVAL_NS = 1_000_000_000
 _BLOCKS_AT_ONCE = 128  # 20 ms; frames wait meanwhile
 
 
 class FoxgloveLayer:
-    """Poses, images and path at once; each block of the mesh that changed once every 10 s.
+    """Poses, images and path at once; the grid once a second, each block of the mesh that changed every 10 s.
 
     `write(message, stamp_ns)` puts a message of the layer into the log.
     """
@@ -28,6 +30,7 @@ class FoxgloveLayer:
         self._write = write
         self._blocks = PendingBlocks()
         self._mesh_s = float("-inf")
+        self._next_grid_ns = 0
         self._epochs = EpochOrder()
 
     def add(self, message: Message, stamp_ns: int) -> None:
@@ -41,6 +44,10 @@ class FoxgloveLayer:
             self._blocks.add(message)
         if isinstance(message, Mesh):
             self._blocks.take()  # the mesh of the saver is in their place
+        if isinstance(message, Grid):
+            if stamp_ns < self._next_grid_ns:
+                return
+            self._next_grid_ns = stamp_ns + _GRID_INTERVAL_NS
         for viz in viz_messages(message, stamp_ns):
             self._write(viz, stamp_ns)
 

@@ -4,13 +4,17 @@ import importlib
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rerun_cli
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
 from mcap.reader import make_reader
 
+from hsslam_node.geometry.se3 import transform
+from hsslam_proto.foxglove.visualisation import viz_messages
 from tests.services.log.sample_log import write_log
+from tests.services.wire_samples import grid
 
 RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
 
@@ -40,9 +44,23 @@ def test_embedded_schemas_are_those_published_and_read_every_message(log):
         f"foxglove.{name}"
         for name in (
             *("CompressedImage", "CameraCalibration", "FrameTransform", "PoseInFrame"),
-            *("SceneUpdate", "Log"),
+            *("SceneUpdate", "Log", "Grid"),
         )
     }
+
+
+def test_a_grid_is_drawn_where_it_lies():
+    message = grid(3)
+    (viz,) = viz_messages(message, message.stamp_ns)
+    drawn = viz.schema.FromString(viz.payload)
+    assert (viz.topic, drawn.frame_id, drawn.column_count) == ("/viz/grid", "world", 10)
+    colors = np.frombuffer(drawn.data, np.uint8).reshape(15, drawn.row_stride // 4, 4)
+    assert (colors[13, 9] == 0).all() and colors[7, 5, 0] < 100 < 200 < colors[0, 0, 0]
+    assert [field.name for field in drawn.fields] == ["red", "green", "blue", "alpha"]
+    t, q = drawn.pose.position, drawn.pose.orientation
+    T = transform(np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w]))
+    np.testing.assert_allclose(T[:3, 2], [0, -1, 0], atol=1e-9)  # z of the grid is up
+    np.testing.assert_allclose(T[:3, 3], message.t)
 
 
 def test_rerun_finds_nothing_to_complain_about_and_converts_it(log, tmp_path):

@@ -20,7 +20,9 @@ from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 pytestmark = pytest.mark.e2e
-_PROCESSES = [spec for spec in PROCESSES if spec.exists(has_camera=True, has_ros2_out=False)]
+_PROCESSES = [
+    spec for spec in PROCESSES if spec.exists(has_camera=True, has_ros2_out=False, has_grid=False)
+]
 
 
 def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:

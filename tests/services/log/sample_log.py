@@ -11,7 +11,7 @@ from hsslam_proto.foxglove.visualisation import viz_blocks, viz_messages
 from hsslam_proto.mesh.codec import block_triangles
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
+from tests.services.wire_samples import blocks, frame, grid, keyframe, mesh, pose
 
 _OF_MAP = (topics.POSE, topics.KEYFRAME)
 START_NS = 1_700_000_000_000_000_000
@@ -19,7 +19,7 @@ PERIOD_NS = 100_000_000
 
 
 def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, **settings) -> Path:
-    """`count` frames and poses 0.1 s apart, a keyframe every 5, one correction, two meshes, one event.
+    """`count` frames and poses 0.1 s apart, a keyframe every 5, a correction, two meshes, a grid, an event.
 
     `second_epoch_at`: from this frame on poses and keyframes are of another map."""
     log = PartedLog(folder, "r", LogSettings(color, **settings))
@@ -53,6 +53,7 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
         viz_blocks({(0, 0, 2): None, **block_triangles(blocks(1, 1))}, START_NS), START_NS
     )
     put(topics.MESH, mesh(final=True), count - 1)
+    put(topics.GRID, grid(count - 1), count - 1)
     event = messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)
     put(topics.EVENT, event, 0)
     log.close()

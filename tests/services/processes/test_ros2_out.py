@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.robot_frames import RobotFrames
-from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.bus import free_endpoint
@@ -12,14 +14,31 @@ from hsslam_services.log.poses import logged_poses
 from tests.services.ros2.ros_listener import Heard, RosListener, gid_of
 from tests.services.serve_process import SMALL_ROOM
 
-_FRAMES = 45
-_MOUNT = (0.2, 0.05, 0.4, -0.5, 0.5, -0.5, 0.5)  # 20 cm ahead of base_link, looking ahead
+_FRAMES = 75
+
+
+def _mount() -> tuple[float, ...]:
+    """Of the first camera on a robot that stands on the floor of the room: 20 cm ahead, looking down."""
+    small = SourceOptions(frames=1, synth=SynthOptions(width_px=160, height_px=120))
+    truth = open_ground_truth("synth:room", small)
+    assert truth
+    T_room_cam = truth.T_world_cam[0]
+    x = T_room_cam[:3, 2] * [1, 1, 0]
+    x /= np.linalg.norm(x)
+    R_base_cam = np.stack([x, np.cross([0, 0, 1], x), [0, 0, 1]]) @ T_room_cam[:3, :3]
+    q = quaternion_from_rotation(R_base_cam)
+    return (0.2, 0.05, float(T_room_cam[2, 3]), *q.tolist())
+
+
+_MOUNT = _mount()
 _ROBOT = RobotFrames.mounted(_MOUNT)
 _QOS = {
+    "/hsslam/map": ":1:,1:,:,:,,",
     "/hsslam/odom": "::,10:,:,:,,",
     "/hsslam/path": "::,1:,:,:,,",
     "/hsslam/points": "2::,5:,:,:,,",
     "/hsslam/pose": "::,10:,:,:,,",
+    "/hsslam/static_map_slice": "::,1:,:,:,,",
     "/tf": "::,100:,:,:,,",
     "/tf_static": ":1:,1:,:,:,,",
 }
@@ -36,7 +55,7 @@ def test_a_run_is_told_to_ros(serve):
         run = serve(
             *SMALL_ROOM, "--frames", str(_FRAMES), "--finish-s", "1",
             "--zenoh-port", endpoint.rpartition(":")[2], "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
-            "--base-T-camera", *map(str, _MOUNT),
+            "--grid", "--base-T-camera", *map(str, _MOUNT),
         )  # fmt: skip
         listener.wait_until(lambda: listener.alive() == len(_QOS) + 1, 240)
         tokens = listener.tokens()
@@ -52,6 +71,8 @@ def test_a_run_is_told_to_ros(serve):
     _expect_mount(heard["/tf_static"])
     _expect_path(heard["/hsslam/path"], logged)
     _expect_points(heard["/hsslam/points"], logged)
+    _expect_map(heard["/hsslam/map"], logged)
+    _expect_slice(heard["/hsslam/static_map_slice"], heard["/hsslam/map"])
     assert run.summary()["processes"]["ros2_out"]["restarts"] == 0
 
 
@@ -108,7 +129,7 @@ def _expect_mount(heard: list[Heard]) -> None:
     assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "camera_optical_frame")
     np.testing.assert_allclose(_matrix(mount.transform), _ROBOT.T_base_cam, atol=1e-12)
     ahead = _ROBOT.T_base_cam @ [0, 0, 1, 1]  # a metre in front of the camera
-    np.testing.assert_allclose(ahead, [1.2, 0.05, 0.4, 1], atol=1e-12)
+    assert 0.8 < ahead[0] < 1.2 and abs(ahead[1] - 0.05) < 1e-9 and ahead[2] < _MOUNT[2]
 
 
 def _expect_path(heard: list[Heard], logged: dict[int, Pose]) -> None:
@@ -127,6 +148,36 @@ def _expect_points(heard: list[Heard], logged: dict[int, Pose]) -> None:
     assert cloud.header.frame_id == "camera_optical_frame" and _stamp_ns(cloud) in logged
     points = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(-1, 4)
     assert 5000 < len(points) <= 20_000 and 0.2 < points[:, 2].min() < points[:, 2].max() < 10
+
+
+def _expect_map(heard: list[Heard], logged: dict[int, Pose]) -> None:
+    """The grid lies on the floor of `map`, with its axes, and is free where the robot looks along."""
+    grid = heard[-1].by_rosbags
+    assert grid.header.frame_id == "map" and _stamp_ns(grid) in logged
+    assert heard[-1].by_pycdr2.data == grid.data.tolist()
+    T_map_grid = _matrix(grid.info.origin)
+    np.testing.assert_allclose(T_map_grid[:3, :3], np.eye(3), atol=1e-6)
+    assert abs(T_map_grid[2, 3]) < 0.05
+    pose = logged[_stamp_ns(grid)]
+    T_map_cam = _ROBOT.T_base_cam @ transform(np.array(pose.t), np.array(pose.q))
+    ahead = T_map_cam @ np.array([[0, 0, z, 1] for z in (0.6, 0.9)]).T
+    cells = grid.data.reshape(grid.info.height, grid.info.width)
+    column, row = np.floor((ahead[:2] - T_map_grid[:2, 3:]) / grid.info.resolution).astype(int)
+    assert (cells[row, column] == 0).all() and (cells == 100).sum() > 50
+
+
+def _expect_slice(heard: list[Heard], grids: list[Heard]) -> None:
+    """Distances are those between the cells of the grid of the same frame."""
+    grid_of = _by_stamp(grids)
+    slices = [one.by_rosbags for one in heard if _stamp_ns(one.by_rosbags) in grid_of]
+    found, grid = slices[-1], grid_of[_stamp_ns(slices[-1])]
+    assert (found.header.frame_id, found.unknown_value) == ("map", 1000.0)
+    assert (found.width, found.height) == (grid.info.width, grid.info.height)
+    origin = grid.info.origin.position
+    assert (found.origin.x, found.origin.y) == (origin.x, origin.y)
+    np.testing.assert_array_equal(found.data == 1000.0, grid.data == -1)
+    np.testing.assert_array_equal(found.data == 0.0, grid.data == 100)
+    assert 0.5 < found.data[grid.data == 0].max() <= 2.0
 
 
 def _by_stamp(heard: list[Heard]) -> dict[int, object]:

@@ -1,0 +1,157 @@
+"""What is free and occupied about a camera as it moves: level, over the floor, at corrected poses."""
+
+from collections import OrderedDict
+
+import numpy as np
+
+from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
+from hsslam_node.distance.floor_plane import FloorPlane, find_floor
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.distance.whole_map import VOXEL_M
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.meshing.observed_space import surface_shift_m
+
+SIZE_M = (10.0, 10.0, 2.5)
+_BELOW = 0.05  # of the height, below the floor
+_WIDTH_PX = 320  # of the pixels looked at, at least
+_MOST_KEYFRAMES = 64  # that a window is marked from anew; 0.3 s
+_MOST_REFERENCES = 256  # keyframes whose corrections are looked at
+_SHIFT = 0.5  # voxels by which marks may be off
+
+
+class RollingWindow:
+    """Occupancy of a box that follows a camera; its frame has z up and the floor at z = 0.
+
+    Frames are marked at the poses that they have when they come. If keyframes that they were tracked from
+    have since been moved by half a voxel, or the floor turns out to be elsewhere, the window is marked anew
+    from the newest keyframes that are kept and stand in it. Marks outside the window are forgotten.
+
+    Args:
+        store: keyframes, in the world of the poses; one or more when a frame is taken.
+        T_level_world: a frame whose z is up, [4, 4], which the window keeps but for its height; None: up and
+            the axes are those of the floor that keyframes saw.
+        size_m: along x, y and z.
+        voxel_m: side of a voxel.
+    """
+
+    def __init__(
+        self,
+        store: KeyframeStore,
+        T_level_world: np.ndarray | None = None,
+        size_m: tuple[float, float, float] = SIZE_M,
+        voxel_m: float = VOXEL_M,
+    ) -> None:
+        self._store = store
+        self._T_level_world = T_level_world
+        self._size_m, self._voxel_m = size_m, voxel_m
+        self._looked_at = 0  # keyframes that there were when the floor was last looked for
+        self._pose_version = -1
+        self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
+        self.floor: FloorPlane | None = None
+        self.occupancy: Occupancy | None = None
+
+    def take(
+        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, keyframe: int
+    ) -> Occupancy:
+        """Take in a frame; returns what is known then.
+
+        Args:
+            depth_m: [H, W] float32, planar, 0 = no measurement.
+            camera: undistorted.
+            T_world_cam: [4, 4].
+            keyframe: id of the one that the frame was tracked from; below 0: none.
+        """
+        has_new_floor = self._look_for_floor()
+        occupancy = self.occupancy
+        if occupancy is None or has_new_floor or self._keyframes_moved():
+            occupancy = self._marked_anew(T_world_cam)
+        else:
+            occupancy.move_to(self._middle(T_world_cam))
+        occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
+        if 0 <= keyframe < self._store.count:
+            self._remember(keyframe, self._store.pose(keyframe))
+        return occupancy
+
+    def _look_for_floor(self) -> bool:
+        """Look for it each time the keyframes have doubled; whether it is elsewhere than before."""
+        count = self._store.count
+        if self.floor is not None and count < 2 * self._looked_at:
+            return False
+        self._looked_at = count
+        keyframes = keyframes_of_store(self._store)
+        if self._T_level_world is None:
+            found = find_floor(keyframes.views, keyframes.camera)
+        else:
+            up = self._T_level_world[2, :3]
+            found = find_floor(keyframes.views, keyframes.camera, up, "--base-T-camera")
+        T_before, before = self.T_floor_world, self.floor
+        self.floor = found
+        if before is not None:
+            poses = np.stack([inverse(T) for T in (T_before, self.T_floor_world)])
+            if surface_shift_m(poses[:1], poses[1:]) <= self._voxel_m:
+                self.floor = before
+        return self.floor is not before
+
+    @property
+    def T_floor_world(self) -> np.ndarray:
+        """World to the frame of the window, [4, 4]; the identity before the first frame."""
+        if self.floor is None:
+            return np.eye(4)
+        if self._T_level_world is None:
+            return self.floor.T_floor_world
+        T = self._T_level_world.copy()
+        T[2, 3] = -self.floor.height_m
+        return T
+
+    def _keyframes_moved(self) -> bool:
+        """Whether corrections since have moved what was marked."""
+        version = self._store.pose_version
+        if version == self._pose_version or not self._marked_at:
+            return False
+        self._pose_version = version
+        ids = np.fromiter(self._marked_at, np.int64)
+        then = np.stack(list(self._marked_at.values()))
+        return surface_shift_m(then, self._store.poses_of(ids)) > _SHIFT * self._voxel_m
+
+    def _marked_anew(self, T_world_cam: np.ndarray) -> Occupancy:
+        """A window about a camera, marked from keyframes, the newest last."""
+        height_m = (0.5 - _BELOW) * self._size_m[2]
+        middle = self.T_floor_world @ T_world_cam[:, 3]
+        grid = VoxelGrid.around(np.array([*middle[:2], height_m]), self._size_m, self._voxel_m)
+        occupancy = self.occupancy = Occupancy(grid, self.T_floor_world)
+        self._marked_at.clear()
+        self._pose_version = self._store.pose_version
+        keyframes = keyframes_of_store(self._store)
+        for k in self._within(grid, keyframes)[-_MOST_KEYFRAMES:].tolist():
+            depth_m, T = keyframes.views[k]
+            occupancy.observe(depth_m, keyframes.camera, T, _stride_px(keyframes.camera))
+            self._remember(int(keyframes.ids[k]), T)
+        return occupancy
+
+    def _within(self, grid: VoxelGrid, keyframes: MapKeyframes) -> np.ndarray:
+        """Numbers [n] of the keyframes that stand over or under a grid."""
+        T = self.T_floor_world
+        places = keyframes.T_world_cam[:, :3, 3] @ T[:3, :3].T + T[:3, 3]
+        inside = (places[:, :2] >= grid.low[:2]) & (places[:, :2] <= grid.high[:2])
+        return np.flatnonzero(inside.all(axis=1))
+
+    def _middle(self, T_world_cam: np.ndarray) -> np.ndarray:
+        """The place [3] m, world, that the window is to be about: the camera's, at the window's height."""
+        assert self.occupancy is not None
+        T, grid = self.T_floor_world, self.occupancy.grid
+        place = T @ T_world_cam[:, 3]
+        place[2] = (grid.low[2] + grid.high[2]) / 2
+        return (inverse(T) @ place)[:3]
+
+    def _remember(self, keyframe: int, T_world_cam: np.ndarray) -> None:
+        self._marked_at.setdefault(keyframe, T_world_cam)
+        self._marked_at.move_to_end(keyframe)
+        if len(self._marked_at) > _MOST_REFERENCES:
+            self._marked_at.popitem(last=False)
+
+
+def _stride_px(camera: Camera) -> int:
+    return max(camera.width_px // _WIDTH_PX, 1)

@@ -1,0 +1,62 @@
+"""The distances of a window put together from messages of its blocks: for subscribers."""
+
+import numpy as np
+
+from hsslam_node.distance.states import BLOCK_SIDE as SIDE
+from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.geometry.se3 import inverse
+from hsslam_proto.distance.arrays import T_world_raster, blocks_m
+from hsslam_proto.distance.messages import EsdfBlocks
+
+_NONE_YET = (-1, -1)
+
+
+class AssembledDistances:
+    """All blocks as of the messages so far, in whatever order they come; memory is that of a window."""
+
+    def __init__(self) -> None:
+        self._epoch = _NONE_YET
+        self._newest: EsdfBlocks | None = None
+        self._revisions: dict[tuple[int, int, int], int] = {}
+        self._blocks: dict[tuple[int, int, int], np.ndarray] = {}
+
+    def add(self, message: EsdfBlocks) -> None:
+        """Take in one message."""
+        epoch = (message.map_epoch, message.series)
+        if epoch < self._epoch:
+            return
+        if epoch > self._epoch:
+            self._epoch, self._newest = epoch, None
+            self._blocks.clear()
+            self._revisions.clear()
+        for place, distance_m in blocks_m(message).items():
+            if message.revision >= self._revisions.get(place, -1):
+                self._revisions[place] = message.revision
+                self._blocks[place] = distance_m
+        if self._newest is None or message.revision >= self._newest.revision:
+            self._newest = message
+        self._forget_outside(self._newest)
+
+    def whole(self) -> tuple[VoxelGrid, np.ndarray, np.ndarray] | None:
+        """The newest window: voxels, distances [nx, ny, nz] float32 m (nan: not known), T_grid_world [4, 4].
+
+        None: no message has come.
+        """
+        message = self._newest
+        if message is None:
+            return None
+        grid = VoxelGrid(message.voxel_m, message.first, message.voxels)
+        distance_m = np.full(grid.shape[::-1], np.nan, np.float32)
+        for place, values in self._blocks.items():
+            begin = SIDE * np.array(place[::-1]) - grid.first[::-1]
+            low, high = np.maximum(begin, 0), np.minimum(begin + SIDE, distance_m.shape)
+            there = tuple(slice(*ends) for ends in np.stack([low, high], 1))
+            here = tuple(slice(*ends) for ends in np.stack([low, high], 1) - begin[:, None])
+            distance_m[there] = values[here]
+        return grid, distance_m.T, inverse(T_world_raster(message))
+
+    def _forget_outside(self, newest: EsdfBlocks) -> None:
+        low = np.array(newest.first) // SIDE
+        high = (np.array(newest.first) + newest.voxels - 1) // SIDE
+        for place in [p for p in self._blocks if ((p < low) | (p > high)).any()]:
+            del self._blocks[place], self._revisions[place]

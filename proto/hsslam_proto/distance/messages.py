@@ -1,0 +1,114 @@
+"""Messages of what is free about the camera, and how far surfaces are."""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from hsslam_node.distance.states import BLOCK_SIDE as SIDE
+from hsslam_proto.messages import Index, Message, Name, Quaternion, Real, SizePx, StampNs, Vector
+
+BlockVoxels = Annotated[int, Meta(ge=SIDE, le=SIDE)]
+
+
+class Raster(Message, frozen=True, kw_only=True):
+    """A level grid of `height` rows of `width` cells of `resolution_m`, over the floor."""
+
+    index: Index
+    stamp_ns: StampNs
+    source_stamp_ns: StampNs
+    t: Vector
+    q: Quaternion
+    resolution_m: Real
+    width: SizePx
+    height: SizePx
+    low_m: Real
+    high_m: Real
+    up_by: Name
+    map_epoch: Index = 0
+
+    def __post_init__(self) -> None:
+        _expect_place(self, self.resolution_m, "resolution_m")
+        if not self.low_m < self.high_m:
+            raise ValueError(
+                f"low_m = {self.low_m}, high_m = {self.high_m}: expected two that rise"
+            )
+
+
+class Grid(Raster, frozen=True, kw_only=True):
+    """Free and occupied cells of the floor about the camera, after frame `index`.
+
+    `cells` is [height, width] int8: -1 unknown, 0 free, 100 occupied from `low_m` to `high_m` above the
+    floor. The corner of cell (0, 0) lies at `t` in the world, on the floor; rows go along y, columns along x
+    of the frame that `q` turns into the world, whose z is up. `up_by` says how up was found: "floor plane",
+    "camera poses" (no floor was seen yet), "--base-T-camera".
+    """
+
+    cells: memoryview
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _expect_bytes(self, "cells", self.width * self.height)
+
+
+class Esdf(Raster, frozen=True, kw_only=True):
+    """Distances in the plane of the floor: of each cell of a `Grid` to the nearest occupied one.
+
+    `distance_mm` is [height, width] int16 mm from the middle of the cell: 0 if it is occupied, at most
+    2000, -32768 if it is unknown. All else is as in `Grid`.
+    """
+
+    distance_mm: memoryview
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _expect_bytes(self, "distance_mm", 2 * self.width * self.height)
+
+
+class EsdfBlocks(Message, frozen=True, kw_only=True):
+    """Distances to the nearest surface in a box about the camera, in cubes of 16 x 16 x 16 voxels.
+
+    `blocks` [B, 3] int32 (x, y, z): block b begins at voxel 16 * b of a lattice whose voxel (0, 0, 0) has its
+    corner with the least coordinates at `t` in the world; `q` turns its axes into the world, z is up.
+    `distance_mm` [B, 16, 16, 16] int16 mm, x fastest, then y: signed, negative behind a surface, at most
+    2000, at the voxels' middles; -32768 is not known. A block replaces what was sent of it before; it is sent
+    once a distance has changed by more than 5 mm. `first` and `voxels` are the voxels of the box: blocks that
+    lie wholly outside are gone. `series` grows when the lattice is another one: blocks of earlier series are
+    gone. A `get` on the key is answered with all blocks there are.
+    """
+
+    index: Index
+    stamp_ns: StampNs
+    series: Index
+    revision: Index
+    t: Vector
+    q: Quaternion
+    voxel_m: Real
+    block_voxels: BlockVoxels = SIDE
+    first: tuple[int, int, int]
+    voxels: tuple[SizePx, SizePx, SizePx]
+    blocks: memoryview
+    distance_mm: memoryview
+    map_epoch: Index = 0
+
+    def __post_init__(self) -> None:
+        _expect_place(self, self.voxel_m, "voxel_m")
+        if max(map(abs, self.first)) >= 2**31:
+            raise ValueError(f"first = {self.first}: expected voxels below 2^31")
+        count = memoryview(self.blocks).nbytes // 12
+        _expect_bytes(self, "blocks", 12 * count)
+        _expect_bytes(self, "distance_mm", 2 * SIDE**3 * count)
+
+
+def _expect_place(message: Raster | EsdfBlocks, side_m: float, name: str) -> None:
+    if not 0 < side_m < 1e3:
+        raise ValueError(f"{name} = {side_m}: expected metres above 0")
+    if not abs(math.hypot(*message.q) - 1) <= 1e-3 or not np.isfinite(message.t).all():
+        raise ValueError(f"t = {message.t}, q = {message.q}: expected a pose, xyzw")
+
+
+def _expect_bytes(message: Message, name: str, nbytes: int) -> None:
+    size = memoryview(getattr(message, name)).nbytes
+    if size != nbytes:
+        raise ValueError(f"{name} has {size} bytes: expected {nbytes}")

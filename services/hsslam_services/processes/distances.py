@@ -1,0 +1,203 @@
+"""The process that says what is free about the camera and how far surfaces are: a window, ten times a second.
+
+Subscribes: in/frame, out/pose
+Publishes: out/grid, out/esdf, out/esdf_blocks
+Arena: reads keyframes, load_level
+"""
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from hsslam_node.distance.distance_blocks import Blocks, DistanceBlocks
+from hsslam_node.distance.distance_meter import DistanceMeter
+from hsslam_node.distance.floor_plane import FloorPlane
+from hsslam_node.distance.grid_map import grid_map
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.rolling_window import RollingWindow
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.se3 import transform
+from hsslam_node.map.store import KeyframeStore
+from hsslam_proto import topics
+from hsslam_proto.distance.compose import (
+    Band,
+    Lattice,
+    blocks_message,
+    esdf_message,
+    grid_message,
+)
+from hsslam_proto.distance.messages import EsdfBlocks
+from hsslam_proto.frame_codec import depth_image
+from hsslam_proto.messages import Frame, Pose
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.governor.shared_level import SharedLevel
+from hsslam_services.launch.worker import Worker, run_worker
+
+_EVERY_S = 0.1
+_EARLY_S = 0.005  # an update may come, as frames do not come on the beat
+_POLL_S = 0.1
+_FRAMES = 4  # that wait for their poses
+_BLOCKS_A_MESSAGE = 256  # 2 MB
+
+
+def main() -> None:
+    run_worker("distances", _run)
+
+
+def _run(worker: Worker) -> None:
+    loop = _DistancesLoop(worker)
+    poses = worker.bus.subscribe(topics.POSE, 1)
+    worker.ready()
+    while not worker.should_stop():
+        if (pose := poses.wait(_POLL_S)) is not None:
+            loop.take(pose)
+
+
+class _DistancesLoop:
+    """Takes frames at their poses into the window, and publishes what is known then."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._level = SharedLevel(worker.run.arena_dir)
+        self._link = SharedMap(worker.arena, worker.options.slam)
+        self._images = worker.bus.subscribe(topics.FRAME, _FRAMES)
+        self._grids = worker.bus.publisher(topics.GRID)
+        self._slices = worker.bus.publisher(topics.ESDF)
+        self._blocks = _PublishedBlocks(worker)
+        self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()  # for their poses
+        self._window: RollingWindow | None = None
+        self._told: FloorPlane | None = None
+        self._next_s = 0.0
+
+    def take(self, pose: Pose) -> None:
+        """Take in the frame of a pose, if it is time for one."""
+        image = self._image_of(pose)
+        now_s = time.monotonic()
+        store = self._link.store()
+        if pose.status == "lost" or image is None or store is None or not store.count:
+            return
+        if now_s < self._next_s - _EARLY_S:
+            return
+        every_s = _EVERY_S * self._level.now.distances_every
+        self._next_s = max(self._next_s + every_s, now_s + every_s / 2)
+        try:
+            depth_raw = depth_image(image)
+        except UserError:  # no image: the tracker tells it
+            return
+        start_s = time.thread_time()
+        with self._worker.timed("distances"):
+            self._update(store, depth_raw, image, pose)
+        self._worker.stage_ms["distances_core"] = 1e3 * (time.thread_time() - start_s)
+        self._worker.count("updates")
+
+    def _image_of(self, pose: Pose) -> Frame | None:
+        """The frame of a pose; those that came before it are forgotten."""
+        for image in self._images.drain():
+            self._waiting[image.index, image.stamp_ns] = image
+        of_pose = pose.index, pose.stamp_ns
+        if of_pose in self._waiting:
+            while next(iter(self._waiting)) != of_pose:
+                self._waiting.popitem(last=False)
+        while len(self._waiting) > _FRAMES:
+            self._waiting.popitem(last=False)
+        return self._waiting.pop(of_pose, None)
+
+    def _update(
+        self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose
+    ) -> None:
+        if self._window is None:
+            self._window = RollingWindow(store, _level_frame(self._worker))
+        depth_m = depth_raw * np.float32(1 / image.depth_units_per_m)
+        camera = Camera(image.width_px, image.height_px, image.fx, image.fy, image.cx, image.cy)
+        T_world_cam = transform(np.array(pose.t), np.array(pose.q))
+        known = self._window.take(depth_m, camera, T_world_cam, pose.keyframe)
+        floor = self._window.floor
+        assert floor is not None
+        self._tell_of(floor)
+        options = self._worker.options
+        band = Band(options.grid_from_height_m, options.grid_to_height_m, floor.source)
+        grid = grid_map(known, band.low_m, band.high_m)
+        self._grids.put(grid_message(grid, band, pose))
+        if self._slices.has_subscribers():
+            self._slices.put(esdf_message(grid, band, pose))
+        self._blocks.follow(known, pose)
+
+    def _tell_of(self, floor: FloorPlane) -> None:
+        """Say which way is up, and by what, when it has been found or found elsewhere."""
+        if floor is self._told:
+            return
+        self._told = floor
+        up = " ".join(f"{part + 0.0:.3f}" for part in floor.up)
+        self._worker.event(
+            "info",
+            f"grid: up is {up} by {floor.source}, the floor at {floor.height_m:.2f} m along it",
+        )
+
+
+class _PublishedBlocks:
+    """The topic `out/esdf_blocks`: measures distances only while something subscribes to it."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._publisher = worker.bus.publisher(topics.ESDF_BLOCKS)
+        self._publisher.answer_with(self._all)
+        self._lock = threading.Lock()  # a thread of the bus answers who asks for all blocks
+        self._meter = DistanceMeter()
+        self._blocks = DistanceBlocks()
+        self._lattice: Lattice | None = None
+        self._series = time.time_ns()
+        self._pose: Pose | None = None
+
+    def follow(self, occupancy: Occupancy, pose: Pose) -> None:
+        """Publish the blocks that have changed."""
+        if not self._publisher.has_subscribers():
+            return
+        distances = self._meter.measure(occupancy)
+        with self._lock:
+            lattice = self._lattice
+            T_grid_world = distances.T_grid_world
+            is_same = lattice is not None and (lattice.T_grid_world == T_grid_world).all()
+            if not is_same:
+                self._blocks = DistanceBlocks()
+                self._series += 1
+            revision = lattice.revision + 1 if lattice and is_same else 0
+            changed = self._blocks.renew(distances)
+            self._lattice = Lattice(distances.grid, T_grid_world, self._series, revision)
+            self._pose = pose
+            messages = self._messages(changed, self._lattice, pose)
+        for message in messages:
+            self._publisher.put(message)
+
+    def _all(self) -> Iterator[EsdfBlocks]:
+        """What a subscriber that comes late needs."""
+        with self._lock:
+            if self._lattice is None or self._pose is None:
+                return
+            messages = self._messages(self._blocks.known(), self._lattice, self._pose)
+        yield from messages
+
+    @staticmethod
+    def _messages(blocks: Blocks, lattice: Lattice, pose: Pose) -> Sequence[EsdfBlocks]:
+        """One or more, of some megabytes each."""
+        firsts = range(0, max(len(blocks.places), 1), _BLOCKS_A_MESSAGE)
+        parts = [slice(first, first + _BLOCKS_A_MESSAGE) for first in firsts]
+        return [
+            blocks_message(Blocks(*(array[part] for array in blocks)), lattice, pose)
+            for part in parts
+        ]
+
+
+def _level_frame(worker: Worker) -> np.ndarray | None:
+    """The frame `map` of the robot, [4, 4] from the world, if it is known or ROS 2 uses it; else None."""
+    options = worker.options
+    if not (options.base_T_camera or options.ros2_out):
+        return None
+    return RobotFrames.mounted(options.base_T_camera).T_base_cam
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""Free cells and distances of the floor for ROS 2, from the run's own topics."""
+
+import numpy as np
+
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_proto import topics
+from hsslam_proto.distance.arrays import T_world_raster, cells_of, slice_m
+from hsslam_proto.distance.messages import Esdf, Raster
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.subscription import Subscription
+from hsslam_services.ros2.messages import RosMessages
+from hsslam_services.ros2.names import Qos
+from hsslam_services.ros2.node import RosNode
+
+_UNKNOWN_M = 1000.0  # as nvblox has it
+
+
+class FloorOut:
+    """Publishes each grid that comes, and distances while a node of ROS subscribes to them.
+
+    `frame`: name of the frame `map`, whose axes the grid has. `has_ros_stamps`: stamps of the source are
+    those of ROS.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        node: RosNode,
+        messages: RosMessages,
+        frames: RobotFrames,
+        frame: str,
+        *,
+        has_ros_stamps: bool,
+    ) -> None:
+        self._bus, self._messages = bus, messages
+        self._T_map_world, self._frame = frames.T_base_cam, frame
+        self._has_ros_stamps = has_ros_stamps
+        self._grids = bus.subscribe(topics.GRID, 1, history=True)
+        self._slices: Subscription[Esdf] | None = None
+        self._map = node.publisher("map", "nav_msgs/msg/OccupancyGrid", Qos(1, is_latched=True))
+        self._distances = node.publisher(
+            "static_map_slice", "nvblox_msgs/msg/DistanceMapSlice", Qos(1)
+        )
+
+    def tell_news(self) -> None:
+        """Publish what has come since the last time."""
+        make = self._messages
+        if (grid := self._grids.poll()) is not None:
+            cells, T = cells_of(grid), self._T_map_raster(grid)
+            stamp_ns = self._stamp_ns(grid)
+            self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
+        if not self._distances.has_subscribers():
+            return
+        if self._slices is None:  # they cost something: only from the first subscriber on
+            self._slices = self._bus.subscribe(topics.ESDF, 1)
+        if (found := self._slices.poll()) is not None:
+            corner = self._T_map_raster(found)[:3, 3]
+            corner[2] += (found.low_m + found.high_m) / 2
+            self._distances.put(
+                make.distance_slice(
+                    self._stamp_ns(found),
+                    self._frame,
+                    found.resolution_m,
+                    corner,
+                    slice_m(found),
+                    _UNKNOWN_M,
+                )
+            )
+
+    def _T_map_raster(self, message: Raster) -> np.ndarray:
+        return self._T_map_world @ T_world_raster(message)
+
+    def _stamp_ns(self, message: Raster) -> int:
+        """The time of the image, on the clock of ROS."""
+        return message.source_stamp_ns if self._has_ros_stamps else message.stamp_ns

@@ -1,0 +1,135 @@
+"""A window that follows a camera, in front of walls and in the small built-in room."""
+
+import numpy as np
+import pytest
+
+from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.rolling_window import RollingWindow
+from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from tests.node.distance.conftest import wall
+from tests.small_room import room_frames, room_poses
+
+_UPRIGHT = np.array(  # z up, x ahead, of a camera at a height of 1.3 m that looks ahead
+    [[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.3], [0, 0, 0, 1]]
+)
+
+
+def _store(camera) -> KeyframeStore:
+    return KeyframeStore.create(MemoryAllocator(), camera, 1000.0, 64)
+
+
+def _append(store: KeyframeStore, depth_m: np.ndarray, T_world_cam: np.ndarray) -> int:
+    color = np.zeros((*depth_m.shape, 3), np.uint8)
+    depth_raw = np.round(1000 * depth_m).astype(np.uint16)
+    k = store.count
+    return store.append(Frame(k, k, store.camera, color, depth_raw, 1000.0), T_world_cam)
+
+
+def _at(known: Occupancy, *points: tuple[float, float, float]) -> list[int]:
+    """States at points, m, world."""
+    T = known.T_grid_world
+    places = np.array(points) @ T[:3, :3].T + T[:3, 3]
+    return known.states()[tuple(known.grid.indices(places).T)].tolist()
+
+
+def _shifted(x_m: float) -> np.ndarray:
+    return se3_exp(np.array([x_m, 0, 0, 0, 0, 0]))
+
+
+@pytest.fixture
+def store(camera) -> KeyframeStore:
+    """One keyframe in front of a wall that is 2.02 m away."""
+    store = _store(camera)
+    _append(store, wall(2.02), np.eye(4))
+    return store
+
+
+@pytest.fixture
+def window(store) -> RollingWindow:
+    return RollingWindow(store, _UPRIGHT)
+
+
+def test_it_has_the_axes_that_it_is_given_and_its_lowest_voxels_below_the_floor(window, camera):
+    known = window.take(wall(2.02), camera, np.eye(4), 0)
+    assert window.floor is not None and window.floor.source == "--base-T-camera"
+    np.testing.assert_allclose(known.T_grid_world[:3, :3], _UPRIGHT[:3, :3])
+    assert known.grid.shape == (200, 200, 50)
+    assert known.grid.low[2] == pytest.approx(-0.125, abs=0.03)
+
+
+def test_a_chair_that_is_carried_away_is_gone_within_a_second_of_updates(window, camera):
+    with_chair = wall(2.02)
+    with_chair[40:80, 60:100] = 1.22
+    for _ in range(50):
+        known = window.take(with_chair, camera, np.eye(4), 0)
+    assert _at(known, (0, 0, 1.225)) == [OCCUPIED]
+    for _ in range(10):
+        known = window.take(wall(2.02), camera, np.eye(4), 0)
+    assert _at(known, (0, 0, 1.225), (0, 0, 1.5), (0, 0, 2.025)) == [FREE, FREE, OCCUPIED]
+
+
+def test_it_follows_the_camera_and_forgets_what_it_leaves(window, camera):
+    window.take(wall(2.02), camera, np.eye(4), 0)
+    for x_m in np.arange(0.0, 8.0, 0.5):
+        known = window.take(wall(2.02), camera, _shifted(x_m), 0)
+    place = known.grid.indices((_UPRIGHT @ [7.5, 0, 0, 1])[None, :3])[0]
+    assert (np.abs(place[:2] - 100) <= 26).all()  # it moves in steps of an eighth
+    assert _at(known, (7.5, 0, 2.025), (4.0, 0, 2.025)) == [OCCUPIED, OCCUPIED]
+    column = known.grid.indices((_UPRIGHT @ [0, 0, 2.025, 1])[None, :3])[0]
+    assert not known.grid.holds(column[None])[0]
+
+
+def test_a_correction_moves_what_was_marked(camera):
+    """The keyframes turn out to stand 40 cm aside and 20 cm back."""
+    half = wall(2.02)
+    half[:, 80:] = 3.0  # the wall ends at x = 0
+    store = _store(camera)
+    k = [_append(store, half, np.eye(4)) for _ in range(2)][-1]
+    window = RollingWindow(store, _UPRIGHT)
+    for _ in range(4):
+        known = window.take(half, camera, np.eye(4), k)
+    assert _at(known, (-0.1, 0, 2.025), (0.1, 0, 2.025)) == [OCCUPIED, FREE]
+    T = np.eye(4)
+    T[:3, 3] = 0.4, 0, -0.2
+    store.correct_poses(np.arange(2), np.stack([T, T]))
+    known = window.take(half, camera, T, k)
+    assert _at(known, (0.3, 0, 1.825), (0.5, 0, 1.825)) == [OCCUPIED, FREE]
+    assert _at(known, (-0.1, 0, 2.025)) == [UNKNOWN]  # behind the wall of now
+
+
+def test_a_small_correction_leaves_the_marks(window, store, camera):
+    known = window.take(wall(2.02), camera, np.eye(4), 0)
+    store.correct_poses(np.array([0]), _shifted(0.01)[None])
+    assert window.take(wall(2.02), camera, _shifted(0.01), 0) is known
+
+
+def test_a_new_window_knows_what_keyframes_about_it_saw(camera):
+    """As after a restart; keyframes that stand elsewhere are left out."""
+    store = _store(camera)
+    for x_m in (0.0, 1.0, 20.0):
+        _append(store, wall(2.02), _shifted(x_m))
+        _append(store, wall(2.02), _shifted(x_m))
+    known = RollingWindow(store, _UPRIGHT).take(wall(0.0), camera, np.eye(4), -1)
+    assert _at(known, (0.0, 0, 2.025), (1.0, 0, 2.025)) == [OCCUPIED, OCCUPIED]
+
+
+def test_the_floor_of_a_room_is_found_and_its_cells_are_free():
+    frames, poses = room_frames(), room_poses()
+    store = KeyframeStore.create(
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 64
+    )
+    window = RollingWindow(store)
+    for k in range(0, 40, 2):
+        if k % 4 == 0:
+            store.append(frames[k], poses[k])
+        known = window.take(frames[k].depth_m(), frames[k].camera, poses[k], store.count - 1)
+    assert window.floor is not None and window.floor.source == "floor plane"
+    grid = grid_map(known)
+    assert (grid.cells == CELL_FREE).sum() > 300 and (grid.cells == CELL_OCCUPIED).sum() > 50
+    ahead = known.T_grid_world @ poses[-1] @ [0, 0, 0.8, 1]
+    assert grid.cells_at(ahead[None, :2]).tolist() == [CELL_FREE]
