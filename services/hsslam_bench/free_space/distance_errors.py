@@ -1,5 +1,6 @@
 """Errors of distances and gradients at points of observed free space, against a true mesh."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import igl
@@ -47,14 +48,27 @@ def true_distances(
     points: np.ndarray, mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
 ) -> TrueDistances:
     """Of points [N, 3] m, world; exact."""
+    return measure_from(mesh, T_world_mesh)(points)
+
+
+def measure_from(
+    mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
+) -> Callable[[np.ndarray], TrueDistances]:
+    """Gives the true distances of points [N, 3] m, world, again and again."""
     vertices = np.asarray(mesh.vertices) @ T_world_mesh[:3, :3].T + T_world_mesh[:3, 3]
     faces = np.asarray(mesh.faces, np.int64)
     tree = igl.AABB()
     tree.init(vertices, faces)
-    squared, _, nearest = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
-    distance = np.sqrt(squared)
-    away = (points - nearest) / np.maximum(distance, 1e-9)[:, None]
-    return TrueDistances(distance, away)
+
+    def measure(points: np.ndarray) -> TrueDistances:
+        squared, _, nearest = tree.squared_distance(
+            vertices, faces, np.ascontiguousarray(points, np.float64)
+        )
+        distance = np.sqrt(squared)
+        away = (points - nearest) / np.maximum(distance, 1e-9)[:, None]
+        return TrueDistances(distance, away)
+
+    return measure
 
 
 def distance_errors(
