@@ -1,4 +1,4 @@
-"""Memory that files in shared memory really have; apart from the arena, as the budget counts others too (no torch)."""
+"""Memory that shared files really have; apart, as the budget counts files beside the arena too (no torch)."""
 
 import mmap
 import os
