@@ -1,6 +1,6 @@
 """Grids and distances to messages."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from hsslam_node.distance.states import NOT_KNOWN_MM
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.geometry.se3 import inverse
 from hsslam_proto.distance.messages import Esdf, EsdfBlocks, Grid
-from hsslam_proto.messages import Pose, Quaternion, Vector
+from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import wire_pose
 
 
@@ -62,9 +62,7 @@ def blocks_message(blocks: Blocks, lattice: Lattice, pose: Pose) -> EsdfBlocks:
     )
 
 
-def _raster(grid: GridMap, band: Band, pose: Pose) -> dict[str, object]:
-    t: Vector
-    q: Quaternion
+def _raster(grid: GridMap, band: Band, pose: Pose) -> dict[str, Any]:
     t, q = wire_pose(inverse(grid.T_floor_world) @ grid.T_floor_grid)
     height, width = grid.cells.shape
     return {

@@ -4,11 +4,12 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Literal
 
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import disk_folder
 
-Report = Callable[[str, str], None]
+Report = Callable[[Literal["info", "warning", "error"], str], None]
 """Takes the level and text of an event."""
 
 

@@ -92,7 +92,7 @@ class ServeOptions:
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 1.1
-    """Limit of all shared memory of the run, GB; above 70 % redundant keyframes are removed."""
+    """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
     """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.15)."""
     out: str = ""

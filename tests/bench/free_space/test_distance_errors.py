@@ -86,5 +86,7 @@ def test_an_update_of_the_small_room_is_timed():
     found = update_time("synth:room", OPTIONS)
     assert found["updates"] == 9
     assert 0 < found["median_ms"] <= found["p99_ms"]
-    parts = sum(found[f"{name}_ms"] for name in ("observe", "distances", "grid"))
+    parts = sum(
+        found[f"{name}_ms"] for name in ("observe", "distances", "grid", "slice_and_blocks")
+    )
     assert parts == pytest.approx(found["mean_ms"]) and found["points_per_s"] > 1e5
