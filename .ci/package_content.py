@@ -15,7 +15,7 @@ _FOLDERS = (
     "services",
 )  # each holds packages; an import path is a path below one of them
 _CARRIED = ("*.py", "*.toml")  # modules and camera presets
-_PACKAGES = ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench")
+_PACKAGES = ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_batch", "hsslam_bench")
 
 
 def main(dist: str) -> None:

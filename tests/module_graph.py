@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.repository import ROOT
 
 _ROOTS = {"hsslam_node": ROOT, "hsslam_proto": ROOT / "proto"}
-_ROOTS |= dict.fromkeys(("hsslam_services", "hsslam_bench"), ROOT / "services")
+_ROOTS |= dict.fromkeys(("hsslam_services", "hsslam_batch", "hsslam_bench"), ROOT / "services")
 
 
 def _modules() -> dict[str, Path]:

@@ -23,6 +23,7 @@ _FLOORS = (
     ("hsslam_services.processes", "hsslam_services.requests"),
     ("hsslam_services.supervisor",),
     ("hsslam_services.commands",),
+    ("hsslam_batch",),
     ("hsslam_bench",),
 )
 _LEVEL = {folder: level for level, floor in enumerate(_FLOORS) for folder in floor}
@@ -70,7 +71,8 @@ def test_no_import_goes_up_or_sideways():
 
 
 @pytest.mark.parametrize(
-    "package", ["hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench"]
+    "package",
+    ["hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_batch", "hsslam_bench"],
 )
 def test_folders_import_each_other_without_circles(package: str):
     arrows: dict[str, set[str]] = defaultdict(set)

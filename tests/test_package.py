@@ -14,7 +14,13 @@ _PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_an_import_path_is_a_file_path():
-    for package in ("hsslam_node", "hsslam_proto", "hsslam_services", "hsslam_bench"):
+    for package in (
+        "hsslam_node",
+        "hsslam_proto",
+        "hsslam_services",
+        "hsslam_batch",
+        "hsslam_bench",
+    ):
         for folder in importlib.import_module(package).__path__:
             assert Path(folder).name == package
             for module in Path(folder).rglob("*.py"):

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from hsslam_services.commands.options.option_table import Option, option_table
 
 _ROOM = "hsslam_services.commands"
+_BATCH = "hsslam_batch.options"
 _TABLE = "hsslam_bench.tables.options:TableOptions"
 _RESULTS = "hsslam_bench.options"
 OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" without options
@@ -32,6 +33,12 @@ OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" with
         "hsslam-render": f"{_ROOM}.maps.render:RenderOptions",
         "hsslam-eval": f"{_ROOM}.evaluate.options:EvalOptions",
         "hsslam-certs": f"{_ROOM}.certs:CertsOptions",
+        "hsslam-batch": "",
+        "hsslam-batch plan": f"{_BATCH}:PlanOptions",
+        "hsslam-batch run": f"{_BATCH}:RunOptions",
+        "hsslam-batch work": f"{_BATCH}:WorkOptions",
+        "hsslam-batch report": f"{_BATCH}:ReportOptions",
+        "hsslam-batch status": f"{_BATCH}:StatusOptions",
         "hsslam-bench": f"{_RESULTS}:BenchOptions",
         "hsslam-bench compare": f"{_RESULTS}:CompareOptions",
         "hsslam-bench plots": f"{_RESULTS}:PlotsOptions",

@@ -30,6 +30,7 @@ COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
         "scores a run, or a trajectory and a mesh",
     ),
     "certs": ("hsslam_services.commands.certs", "makes certificates for other machines"),
+    "batch": ("hsslam_batch.__main__", "processes thousands of logs, on one machine or a cluster"),
     "bench": ("hsslam_bench.__main__", "measures the figures of the README"),
 }
 

@@ -8,8 +8,13 @@ _PART = re.compile(r"run(?:\.(\d+))?\.mcap")
 
 def parts(run_dir: Path) -> list[Path]:
     """The parts of the log of a run, in order: run.mcap, run.1.mcap, ...; the oldest may be gone."""
-    found = [path for path in run_dir.glob("run*.mcap") if _PART.fullmatch(path.name)]
+    found = [path for path in run_dir.glob("run*.mcap") if is_part(path.name)]
     return sorted(found, key=part_number)
+
+
+def is_part(name: str) -> bool:
+    """Whether a file of this name is a part of the log of a run."""
+    return _PART.fullmatch(name) is not None
 
 
 def next_part(run_dir: Path) -> Path:

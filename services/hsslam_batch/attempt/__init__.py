@@ -1,0 +1,1 @@
+"""One log, one process group: started, watched, checked, committed."""

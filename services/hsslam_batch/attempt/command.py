@@ -1,0 +1,78 @@
+"""`hsslam-batch work`: one log in one process group, for the tasks of Ray and for other schedulers."""
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome
+from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
+from hsslam_batch.attempt.watched_process import Limits
+from hsslam_batch.options import WorkOptions
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import parse_options
+
+_FAILED = 3
+
+
+def work_command(args: Sequence[str]) -> int:
+    """Make one attempt at a log and commit it; its exit code.
+
+    Raises:
+        UserError: no batch there, no such log, or other code than it was planned with.
+    """
+    options = parse_options(WorkOptions, "hsslam-batch work", args)
+    batch = read_batch(options.out)
+    batch.expect_same_code()
+    logs = read_manifest(batch.out)
+    if options.index >= len(logs):
+        raise UserError(f"--index {options.index}: expected 0 to {len(logs) - 1}")
+    log = logs[options.index]
+    before = settled(batch, log.id)
+    if before is not None and before.is_done:
+        _tell(options.json, before)
+        return 0
+    cancel_fds = [_signalled()] + ([sys.stdin.fileno()] if options.tied else [])
+    limits = Limits(options.timeout_s, options.memory_gb)
+    terms = Terms(options.attempt, limits, options.scratch, options.fetch_gb)
+    last = 0
+
+    def tell_frames(frames: int) -> None:
+        nonlocal last
+        if options.json and frames != last:
+            last = frames
+            print(msgspec.json.encode(Frames(frames)).decode(), flush=True)
+
+    try:
+        outcome = serve_log(batch, log, terms, cancel_fds, tell_frames)
+    except CancelledError:
+        raise KeyboardInterrupt from None
+    except OSError as error:
+        raise UserError(
+            f"{batch.out}: {error.strerror}: expected a folder that can be written"
+        ) from None
+    _tell(options.json, outcome)
+    return ENDS.get(outcome.kind, _FAILED)
+
+
+def _signalled() -> int:
+    """A descriptor that can be read once this process was told to end."""
+    readable, writable = os.pipe()
+    os.set_blocking(writable, False)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: os.write(writable, b"."))
+    return readable
+
+
+def _tell(as_json: bool, outcome: Outcome) -> None:
+    if as_json:
+        print(msgspec.json.encode(Ended(outcome)).decode(), flush=True)
+    elif outcome.is_done:
+        print(f"{outcome.name}: done, {outcome.tracked} of {outcome.frames} frames tracked")
+    else:
+        print(f"{outcome.name}: {outcome.kind}: {outcome.reason}", file=sys.stderr)

@@ -1,0 +1,83 @@
+"""Results become valid in one step: the run folder gets its place, then the row that makes it count."""
+
+import contextlib
+import os
+import shutil
+from pathlib import Path
+
+import msgspec
+
+from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.plan.batch import Batch
+from hsslam_node.durable_file import sync_folder, write_durably
+
+
+def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
+    """Make a run folder the result of its log; if another attempt has done so before, that one stays.
+
+    Raises:
+        OSError: the folder of the batch cannot be written.
+    """
+    target = batch.run_dir(outcome.id)
+    if _is_done(batch, outcome):
+        return
+    _remove(batch, target)
+    target.parent.mkdir(exist_ok=True)
+    run_dir.rename(target)
+    sync_folder(target.parent)
+    _link_recordings(target, batch.rrd_file(outcome.id))
+    write_durably(batch.done_file(outcome.id), _encoded(outcome))
+    batch.failed_file(outcome.id).unlink(missing_ok=True)
+
+
+def settle_failed(batch: Batch, outcome: Outcome) -> None:
+    """Write down why a log has no result, and remove what an earlier configuration made of it.
+
+    Raises:
+        OSError: the folder of the batch cannot be written.
+    """
+    if _is_done(batch, outcome):
+        return
+    _remove(batch, batch.run_dir(outcome.id))
+    path = batch.failed_file(outcome.id)
+    path.parent.mkdir(exist_ok=True)
+    write_durably(path, _encoded(outcome))
+
+
+def settled(batch: Batch, log_id: str) -> Outcome | None:
+    """The row of a log under the configuration of now; None if it has none."""
+    for path in (batch.done_file(log_id), batch.failed_file(log_id)):
+        with contextlib.suppress(OSError, msgspec.MsgspecError):
+            outcome = msgspec.json.decode(path.read_bytes(), type=Outcome)
+            if outcome.configuration == batch.about.configuration:
+                return outcome
+    return None
+
+
+def _is_done(batch: Batch, outcome: Outcome) -> bool:
+    found = settled(batch, outcome.id)
+    return found is not None and found.is_done
+
+
+def _remove(batch: Batch, folder: Path) -> None:
+    """Take the row away first: what is half removed does not count."""
+    (folder / batch.done_file("").name).unlink(missing_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _link_recordings(run_dir: Path, first: Path) -> None:
+    """The recordings once more, in the folder of all: run.1.rrd as ID.1.rrd; copies if the disk knows no
+    links."""
+    first.parent.mkdir(exist_ok=True)
+    for stale in first.parent.glob(f"{first.stem}.*"):
+        stale.unlink()
+    for recording in run_dir.glob("run*.rrd"):
+        link = first.with_name(first.stem + recording.name.removeprefix("run"))
+        try:
+            os.link(recording, link)
+        except OSError:
+            shutil.copyfile(recording, link)
+
+
+def _encoded(outcome: Outcome) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(outcome))

@@ -1,0 +1,133 @@
+"""Fetches a log from a store to this machine: a process of its own, which goes on where an earlier one ended.
+
+python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB
+"""
+
+import contextlib
+import fcntl
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.find_logs import log_files
+from hsslam_batch.plan.listing import FileStamp
+from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.plan.remote_listing import list_url, open_store
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import exit_code
+
+_PART_BYTES = 8 << 20  # of one request
+_TRIES = 6  # in a row without a byte
+_FIRST_WAIT_S = 0.2  # doubled after each
+_AT_ONCE = 8  # files
+_LOCK = ".lock"
+_WHOLE = ".whole"
+
+
+def main() -> int:
+    """Fetch; exit code 0 if the log is there, 2 if it is not what was planned or too large."""
+    out, index, folder, most_gb = sys.argv[1:]
+    return exit_code(lambda: _fetch(Path(out), int(index), Path(folder), float(most_gb)))
+
+
+def fetched_place(folder: Path, log: Log) -> Path:
+    """Where the log lies in the folder that it was fetched to; its name is that in the store."""
+    return folder / log.place.rstrip("/").rpartition("/")[2]
+
+
+def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
+    """Bring all files of a log; those that are there are not fetched again.
+
+    Raises:
+        UserError: the log is larger than `most_gb` or the room on the disk, or not as it was planned.
+        OSError: the store does not answer, try after try.
+    """
+    if log.nbytes > 1e9 * most_gb:
+        raise UserError(
+            f"{log.place}: {log.nbytes / 1e9:.2f} GB: expected at most {most_gb:g} (--fetch-gb)"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder):
+        listing = list_url(log.place)
+        files = log_files(listing, listing.alone, log.kind)
+        if listing.stamp(files) != FileStamp(log.nbytes, log.version):
+            raise UserError(f"{log.place}: has changed since the plan: expected the same files")
+        _expect_room(folder, log)
+        store, _ = open_store(log.place)
+        base = folder if listing.alone else fetched_place(folder, log)
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            fetching = [
+                pool.submit(
+                    _fetch_file,
+                    store,
+                    f"{listing.root}/{name}",
+                    base / name,
+                    listing.files[name].nbytes,
+                )
+                for name in files
+            ]
+            for one in fetching:
+                one.result()
+
+
+def _fetch(out: Path, index: int, folder: Path, most_gb: float) -> None:
+    fetch_log(read_manifest(read_batch(out).out)[index], folder, most_gb)
+
+
+def _fetch_file(store: Any, url: str, target: Path, nbytes: int) -> None:
+    """One file, part by part; it has its name once it is whole."""
+    if target.exists() and target.stat().st_size == nbytes:
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.partial")
+    with partial.open("ab") as stream:
+        while stream.tell() < nbytes:
+            first = stream.tell()
+            stream.write(_part(store, url, first, min(first + _PART_BYTES, nbytes)))
+    partial.replace(target)
+
+
+def _part(store: Any, url: str, first: int, end: int) -> bytes:
+    """Some bytes from `first` on, at most to `end`.
+
+    Raises:
+        OSError: none came, try after try.
+    """
+    wait_s = _FIRST_WAIT_S
+    for last in range(1, _TRIES + 1):
+        with contextlib.suppress(Exception) if last < _TRIES else contextlib.nullcontext():
+            data = store.cat_file(url, start=first, end=end)
+            if data:
+                return data
+        time.sleep(wait_s)
+        wait_s *= 2
+    raise OSError(f"{url}: no answer for bytes {first} to {end}")
+
+
+def _expect_room(folder: Path, log: Log) -> None:
+    there = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    free = shutil.disk_usage(folder).free
+    if log.nbytes - there > free:
+        needed = (log.nbytes - there) / 1e9
+        raise UserError(f"{folder}: {free / 1e9:.2f} GB free: expected {needed:.2f} for {log.name}")
+
+
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Own the folder in the block.
+
+    Raises:
+        OSError: another process fetches to it.
+    """
+    with (folder / _LOCK).open("wb") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""What came of one attempt at a log: a row of the results, and whether the log may be tried again."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Literal
+
+import msgspec
+
+_GAP_FRAMES = 30
+Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost"]
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """One attempt; the last of a log is its row in `runs.parquet`. What is not known is None.
+
+    `reason`: one line if it failed. `kind`: `bad input` (exit code 2), `crash` (another code or a signal),
+    `timeout`, `memory` (it took more than the limit), `lost` (its machine or worker was).
+    """
+
+    id: str
+    name: str
+    configuration: str
+    attempt: int
+    kind: Kind
+    reason: str = ""
+    exit_code: int | None = None
+    node: str = ""
+    code: str = ""
+    started_ns: int = 0  # wall clock
+    fetch_s: float = 0.0  # to bring the log here, if it is in a store
+    wall_s: float = 0.0  # of the run
+    core_s: float = 0.0  # user and system time of all processes
+    memory_mb: int = 0  # peak of all processes together (PSS)
+    nbytes: int = 0  # of the run folder
+    frames: int = 0
+    tracked: int = 0
+    lost: int = 0
+    keyframes: int | None = None
+    ate_m: float | None = None  # RMSE of the final trajectory, if there is a ground truth
+    consistency_m: float | None = None  # median difference of depth between frames 30 apart
+    mesh_faces: int | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the results count."""
+        return self.kind == "done"
+
+
+class Frames(msgspec.Struct, frozen=True, tag="frames"):
+    """Progress of an attempt, as a line of JSON."""
+
+    frames: int
+
+
+class Ended(msgspec.Struct, frozen=True, tag="ended"):
+    """The end of an attempt, as a line of JSON."""
+
+    outcome: Outcome
+
+
+Line = Frames | Ended
+"""What `hsslam-batch work --json` prints."""
+
+
+def may_try_again(outcome: Outcome, retries: int) -> bool:
+    """Whether a failed log gets one more attempt, if each may have so many after the first.
+
+    The same bad input or too little memory fails again, so it gets none; a time-out gets one.
+    """
+    most = {"crash": retries, "lost": retries, "timeout": min(1, retries)}
+    return outcome.attempt <= most.get(outcome.kind, 0)
+
+
+ENDS: Mapping[str, int] = MappingProxyType({"done": 0, "bad input": 2})
+"""Exit code of `hsslam-batch work` by kind; all others 3."""
+
+
+def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of an outcome that `summary.json` of a run has."""
+    frames, evaluation = summary.get("frames", {}), summary.get("evaluation", {})
+    return {
+        "frames": frames.get("in", 0),
+        "tracked": frames.get("tracked", 0),
+        "lost": frames.get("lost", 0),
+        "keyframes": summary.get("keyframes"),
+        "ate_m": evaluation.get("ate", {}).get("final", {}).get("rmse_m"),
+        "consistency_m": _consistency_m(evaluation.get("consistency", {}).get("final", [])),
+        "mesh_faces": summary.get("mesh", {}).get("faces"),
+    }
+
+
+def _consistency_m(found: Sequence[Mapping[str, Any]]) -> float | None:
+    return next((c["depth_median_m"] for c in found if c["gap_frames"] == _GAP_FRAMES), None)

@@ -1,0 +1,187 @@
+"""One attempt at one log: fetched if it is elsewhere, run in a folder of its own, judged, committed."""
+
+import contextlib
+import dataclasses
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.attempt.fetch import fetched_place
+from hsslam_batch.attempt.judgement import (
+    judged,
+    judged_frames,
+    last_words,
+    selected_frames,
+    summary_of,
+)
+from hsslam_batch.attempt.outcome import Outcome, figures
+from hsslam_batch.attempt.watched_process import End, Limits, watch
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import Log
+from hsslam_batch.plan.remote_listing import is_url
+from hsslam_node.errors import UserError
+from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.run_info import RunInfo
+
+_ARENA = "hsslam-"  # begins the name of its folder
+
+
+class CancelledError(Exception):
+    """The attempt was ended from outside; nothing of it counts."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """On which terms an attempt is made. `scratch`: where logs are fetched to (None: into the batch)."""
+
+    attempt: int = 1
+    limits: Limits = dataclasses.field(default_factory=Limits)
+    scratch: Path | None = None
+    fetch_gb: float = 100.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an attempt lies while it goes on."""
+
+    folder: Path
+    fetched: Path  # where the log is fetched to
+
+    @property
+    def run_dir(self) -> Path:
+        return self.folder / "run"
+
+    @property
+    def output(self) -> Path:
+        """What the command printed."""
+        return self.folder / "output.txt"
+
+
+def serve_log(
+    batch: Batch,
+    log: Log,
+    terms: Terms,
+    cancel_fds: Sequence[int] = (),
+    on_frames: Callable[[int], None] = lambda frames: None,
+) -> Outcome:
+    """Make the run of a log and commit what came of it; `on_frames` hears how many frames are done.
+
+    Raises:
+        CancelledError: one of `cancel_fds` could be read before the end.
+        OSError: the folder of the batch cannot be written.
+    """
+    fetched = (terms.scratch or batch.work) / f"{log.id}.log"
+    place = Place(batch.work / f"{log.id}.{terms.attempt}", fetched)
+    shutil.rmtree(place.folder, ignore_errors=True)
+    place.folder.mkdir(parents=True)
+    try:
+        outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames)
+        if outcome.is_done:
+            commit(batch, outcome, place.run_dir)
+        else:
+            settle_failed(batch, outcome)
+        return outcome
+    finally:
+        shutil.rmtree(place.folder, ignore_errors=True)
+
+
+def _attempt(
+    batch: Batch,
+    log: Log,
+    terms: Terms,
+    place: Place,
+    cancel_fds: Sequence[int],
+    on_frames: Callable[[int], None],
+) -> Outcome:
+    """Fetch and run the log."""
+    started_ns, fetch_s = time.time_ns(), 0.0
+    here = log
+    if is_url(log.place):
+        command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
+        end = _watched(command, place, terms.limits, cancel_fds)
+        fetch_s = end.wall_s
+        kind, reason = judged(end, terms.limits, last_words(place.output))
+        if kind != "done":  # what has come stays for the next attempt
+            return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
+        here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
+    try:
+        command = serve_command(batch, here, place.run_dir)
+        run_dir = place.run_dir
+        end = _watched(
+            command, place, terms.limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir))
+        )
+        kind, reason = judged(end, terms.limits, last_words(place.output))
+        if kind == "done":
+            expected = selected_frames(batch, here.source)
+            kind, reason = judged_frames(summary_of(run_dir), expected)
+    finally:
+        _remove_arena(place.run_dir)
+        if here is not log:
+            shutil.rmtree(place.fetched, ignore_errors=True)
+    found = figures(summary_of(run_dir)) | {"nbytes": _nbytes(run_dir), "started_ns": started_ns}
+    return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
+
+
+def serve_command(batch: Batch, log: Log, run_dir: Path) -> list[str]:
+    """The command line of the run of a log that is on this machine."""
+    serve = [sys.executable, "-P", "-m", "hsslam_services.commands.serve"]
+    return [*serve, "--config", str(batch.config), "--source", log.source, "--out", str(run_dir)]
+
+
+def fetch_command(batch: Batch, log: Log, folder: Path, most_gb: float) -> list[str]:
+    """The command line that brings a log into a folder of this machine."""
+    fetch = [sys.executable, "-P", "-m", "hsslam_batch.attempt.fetch"]
+    return [*fetch, str(batch.out), str(log.index), str(folder), str(most_gb)]
+
+
+def _watched(
+    command: Sequence[str],
+    place: Place,
+    limits: Limits,
+    cancel_fds: Sequence[int],
+    look: Callable[[], None] = lambda: None,
+) -> End:
+    end = watch(command, place.output, limits, cancel_fds, look)
+    if end.why == "cancelled":
+        raise CancelledError
+    return end
+
+
+def _outcome(batch: Batch, log: Log, terms: Terms, end: End, **found) -> Outcome:
+    return Outcome(
+        id=log.id,
+        name=log.name,
+        configuration=batch.about.configuration,
+        attempt=terms.attempt,
+        exit_code=end.code,
+        node=platform.node(),
+        code=batch.about.code,
+        wall_s=end.wall_s,
+        core_s=end.core_s,
+        memory_mb=end.memory_mb,
+        **found,
+    )
+
+
+def _frames_so_far(run_dir: Path) -> int:
+    """That the camera has sent; in lockstep the others are at most one behind."""
+    with contextlib.suppress(OSError, UserError):
+        return CameraProgress.read(Path(RunInfo.read(run_dir).arena_dir)).sent
+    return 0
+
+
+def _remove_arena(run_dir: Path) -> None:
+    """Of a run that did not end in order: shared memory that no process uses any more."""
+    with contextlib.suppress(UserError):
+        arena = Path(RunInfo.read(run_dir).arena_dir)
+        if arena.name.startswith(_ARENA):
+            shutil.rmtree(arena, ignore_errors=True)
+
+
+def _nbytes(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

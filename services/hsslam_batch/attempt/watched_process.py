@@ -1,0 +1,159 @@
+"""One command, its processes watched: ended when it takes too long or too much, and nothing of it left.
+
+The process that watches becomes the parent of whatever its descendants leave behind (a subreaper), so it
+finds all of them, however the command ended. It runs no thread, so the kernel sends SIGTERM to the command
+when this process dies, and not earlier.
+"""
+
+import contextlib
+import os
+import resource
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import psutil
+
+from hsslam_services.launch.parent_death import adopt_orphans, die_with_parent
+from hsslam_services.run.memory import read_pss_mb
+
+_LOOK_S = 1.0
+_MEMORY_EVERY_S = 2.0  # the kernel walks all pages for it
+_GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
+_BETWEEN_SIGNALS_S = 0.3
+_POOLS = "/dev/shm/"
+_POOL_SUFFIX = ".zenoh"
+
+Why = Literal["", "timeout", "memory", "cancelled"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a command may take; None: no limit."""
+
+    timeout_s: float | None = None
+    memory_gb: float | None = None  # of all processes together (PSS)
+
+
+@dataclass(frozen=True)
+class End:
+    """How a command ended. `why`: for what it was made to end; empty if it ended by itself."""
+
+    code: int
+    why: Why
+    wall_s: float
+    core_s: float
+    memory_mb: int
+
+
+def watch(
+    command: Sequence[str],
+    output: Path,
+    limits: Limits,
+    cancel_fds: Sequence[int] = (),
+    look: Callable[[], None] = lambda: None,
+) -> End:
+    """Run a command to its end, its output in a file; afterwards no process of it lives.
+
+    It is made to end when one of `cancel_fds` can be read, or is at its end. `look` is called once a second.
+    """
+    adopt_orphans()
+    start_s, core_s = time.monotonic(), _core_s()
+    with output.open("wb") as stream:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=stream,
+            stderr=stream,
+            start_new_session=True,
+            preexec_fn=_end_with_watcher,  # no thread runs here
+        )
+    end_fd = os.pidfd_open(process.pid)
+    memory = _Memory(limits.memory_gb)
+    why: Why = ""
+    try:
+        while not why and process.poll() is None:
+            if limits.timeout_s is not None and time.monotonic() - start_s > limits.timeout_s:
+                why = "timeout"
+            elif memory.is_too_much():
+                why = "memory"
+            else:
+                look()
+                heard = select.select([end_fd, *cancel_fds], [], [], _LOOK_S)[0]
+                why = "cancelled" if any(fd in heard for fd in cancel_fds) else ""
+    finally:
+        pools = _pools(psutil.Process().children(recursive=True))
+        _end(process)
+        os.close(end_fd)
+        _kill_all()
+        for pool in pools:
+            pool.unlink(missing_ok=True)
+    wall_s = time.monotonic() - start_s
+    return End(process.returncode, why, wall_s, _core_s() - core_s, memory.peak_mb)
+
+
+class _Memory:
+    """The memory of all descendants, looked at now and then."""
+
+    def __init__(self, most_gb: float | None) -> None:
+        self._most_mb = None if most_gb is None else 1e3 * most_gb
+        self._due_s = 0.0
+        self.peak_mb = 0
+
+    def is_too_much(self) -> bool:
+        if time.monotonic() >= self._due_s:
+            self._due_s = time.monotonic() + _MEMORY_EVERY_S
+            below = psutil.Process().children(recursive=True)
+            self.peak_mb = max(self.peak_mb, sum(read_pss_mb(p.pid) for p in below))
+        return self._most_mb is not None and self.peak_mb > self._most_mb
+
+
+def _end_with_watcher() -> None:
+    """In the new process: what the watcher has blocked or ignored is not its business."""
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    die_with_parent(signal.SIGTERM)
+
+
+def _end(process: subprocess.Popen) -> None:
+    """As a user who presses Ctrl-C twice; then by force."""
+    for _ in range(2):
+        if process.poll() is None:
+            process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_BETWEEN_SIGNALS_S)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(_GRACE_S)
+    process.kill()
+    process.wait()
+
+
+def _kill_all() -> None:
+    """Kill and reap all descendants until there are none, those that are adopted meanwhile too."""
+    while below := psutil.Process().children(recursive=True):
+        for process in below:
+            with contextlib.suppress(psutil.Error):
+                process.kill()
+        psutil.wait_procs(below, timeout=_GRACE_S)
+
+
+def _pools(processes: Iterable[psutil.Process]) -> set[Path]:
+    """zenoh's files in /dev/shm that these processes have open; one that is killed leaves them."""
+    found = set()
+    for process in processes:
+        with contextlib.suppress(OSError):
+            for entry in Path(f"/proc/{process.pid}/fd").iterdir():
+                with contextlib.suppress(OSError):
+                    path = str(entry.readlink())
+                    if path.startswith(_POOLS) and path.endswith(_POOL_SUFFIX):
+                        found.add(Path(path))
+    return found
+
+
+def _core_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime

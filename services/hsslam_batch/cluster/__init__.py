@@ -1,0 +1,1 @@
+"""All logs of a batch on Ray: which may start, which are tried again, when it is over."""

@@ -1,0 +1,39 @@
+"""Connecting to Ray: one of our own on this machine, or a cluster that is there."""
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterator
+
+from hsslam_node.errors import UserError
+
+_STORE_BYTES = 80 << 20  # the least that Ray takes; results are some hundred bytes each
+_QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
+
+
+@contextlib.contextmanager
+def connected(address: str) -> Iterator[None]:
+    """Ray is there in the block; one of our own ends with it.
+
+    Raises:
+        UserError: no Ray at the address, or one of another version.
+    """
+    os.environ.update(_QUIET)
+    import ray
+
+    common = {"log_to_driver": False, "logging_level": logging.ERROR}
+    try:
+        if address == "local":
+            ray.init("local", include_dashboard=False, object_store_memory=_STORE_BYTES, **common)
+        else:
+            ray.init(address, **common)
+    except (ConnectionError, RuntimeError, ValueError, ImportError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise UserError(
+            f"--address {address}: {reason}: expected local, auto (a cluster of this machine), "
+            "HOST:PORT or ray://HOST:PORT"
+        ) from None
+    try:
+        yield
+    finally:
+        ray.shutdown()

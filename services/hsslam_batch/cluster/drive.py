@@ -1,0 +1,64 @@
+"""The loop of a batch: what waits is started as there is room, what ended badly is perhaps tried again."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from hsslam_batch.cluster.task import TaskResult
+
+_LOOK_S = 0.5
+
+
+@dataclass(frozen=True)
+class Try:
+    """One attempt at a log, to be started. `not_on`: the node where the last attempt ended badly."""
+
+    index: int
+    attempt: int = 1
+    not_on: str = ""
+
+
+class Pool(Protocol):
+    """Where attempts run."""
+
+    def has_room(self) -> bool:
+        """Whether one more may be started now."""
+        ...
+
+    def start(self, one: Try) -> None: ...
+
+    def is_busy(self) -> bool:
+        """Whether any was started and has not ended."""
+        ...
+
+    def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
+        """Those that have ended since; waits for the first, but not longer than this."""
+        ...
+
+
+def drive(
+    waiting: Iterable[Try],
+    pool: Pool,
+    judge: Callable[[Try, TaskResult], Try | None],
+    is_stopping: Callable[[], bool],
+    look: Callable[[], None] = lambda: None,
+) -> None:
+    """Run all that wait, and what `judge` makes of each that ended: another attempt, or None.
+
+    Once it `is_stopping`, those that run end, and no other begins. `look` is called twice a second.
+    """
+    first, again = iter(waiting), deque[Try]()
+
+    def next_one() -> Try | None:
+        return again.popleft() if again else next(first, None)
+
+    while True:
+        while not is_stopping() and pool.has_room() and (one := next_one()):
+            pool.start(one)
+        if not pool.is_busy():
+            return
+        for one, result in pool.ended(_LOOK_S):
+            if (more := judge(one, result)) is not None:
+                again.append(more)
+        look()

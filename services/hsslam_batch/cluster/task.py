@@ -1,0 +1,58 @@
+"""What a Ray worker does for a log: it starts `hsslam-batch work`, and passes on its progress and result.
+
+It imports neither NumPy nor PyTorch. If the worker dies, standard input of the command closes, and the
+command ends the run.
+"""
+
+import subprocess
+import sys
+from typing import Any
+
+import msgspec
+
+from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome
+
+
+class TaskResult(msgspec.Struct, frozen=True):
+    """What came of a task: an outcome, or why there is none.
+
+    `is_begun`: False if no more logs were to begin. `is_lost`: its worker or machine was. `node_id`: of Ray.
+    """
+
+    outcome: Outcome | None = None
+    trouble: str = ""
+    is_begun: bool = True
+    is_lost: bool = False
+    node_id: str = ""
+
+
+def perform(arguments: list[str], index: int, board: Any) -> TaskResult:
+    """Run `hsslam-batch work` with these arguments; `board`: the handle of a `Board`."""
+    import ray
+
+    node_id = ray.get_runtime_context().get_node_id()
+    if not ray.get(board.begin.remote(index, node_id)):
+        return TaskResult(is_begun=False)
+    command = [sys.executable, "-P", "-m", "hsslam_batch", "work", *arguments]
+    process = subprocess.Popen(
+        [*command, "--json", "--tied"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    outcome = None
+    assert process.stdout and process.stderr
+    for text in process.stdout:
+        match msgspec.json.decode(text, type=Line):
+            case Frames(frames):
+                board.progress.remote(index, frames)
+            case Ended(found):
+                outcome = found
+    words = process.stderr.read().decode(errors="replace").strip().splitlines()
+    code = process.wait()
+    if outcome is not None:
+        return TaskResult(outcome, node_id=node_id)
+    how = f"exit code {code}" if code >= 0 else f"signal {-code}"
+    last = words[-1].removeprefix("error: ") if words else "no message"
+    return TaskResult(trouble=f"hsslam-batch work ended with {how}: {last}", node_id=node_id)

@@ -1,0 +1,104 @@
+"""`hsslam-batch plan`: finds logs, checks the options of their runs, writes both down."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+
+from hsslam_batch.options import PlanOptions
+from hsslam_batch.plan.batch import write_batch
+from hsslam_batch.plan.find_logs import find_logs, with_frames
+from hsslam_batch.plan.listing import Listing, list_folder
+from hsslam_batch.plan.log import write_manifest
+from hsslam_batch.plan.remote_listing import is_url, list_url
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
+from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.options import ServeOptions
+
+_PROG = "hsslam-batch plan"
+_OUT = "--out"
+_OF_EACH_RUN = ("source", "out", "zenoh_port", "bind", "security", "metrics_port", "ros2_out")
+
+
+def plan_command(args: Sequence[str]) -> None:
+    """Write manifest and configuration; print what was found.
+
+    Raises:
+        UserError: no logs, an option of hsslam-serve that is wrong or that each run decides, or a folder
+            that cannot be written.
+    """
+    own, of_serve = _split(args)
+    options = parse_options(PlanOptions, _PROG, own)
+    if not options.logs or options.out == Path():
+        raise UserError(f"plan {' '.join(args)}: expected LOGS --out FOLDER")
+    serve = run_options(of_serve)
+    out = options.out.expanduser().absolute()
+    found = find_logs(_listing(options.logs, out))
+    columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
+    with terminal_progress(*columns) as progress:
+        counting = with_frames(found, serve.source_options)
+        logs = list(progress.track(counting, total=len(found)))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_manifest(out, logs)
+        batch = write_batch(out, serve, options.logs)
+    except OSError as error:
+        raise UserError(
+            f"--out {out}: {error.strerror}: expected a folder that can be written"
+        ) from None
+    nbytes, frames = sum(log.nbytes for log in logs), sum(log.frames for log in logs)
+    print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
+    print(f"configuration {batch.about.configuration}, code {batch.about.code}")
+    print(f"next: hsslam-batch run {options.out}")
+
+
+def run_options(of_serve: Sequence[str]) -> ServeOptions:
+    """The options of every run, from those of the command line.
+
+    Raises:
+        UserError: one that is wrong, or that each run decides.
+    """
+    given = parse_command_line(of_serve)
+    usual = ServeOptions(preset=given.preset, slam=given.slam)
+    for name in _OF_EACH_RUN:
+        if getattr(given, name) != getattr(usual, name):
+            flag = f"--{name.replace('_', '-')}"
+            raise UserError(f"{flag} {getattr(given, name)}: expected no such option: runs of a "
+                            "batch have their own sources and folders and no ports")  # fmt: skip
+    if given.pace == "realtime" and _names(of_serve, "--pace"):
+        raise UserError("--pace realtime: expected lockstep, which uses every frame")
+    if given.viewer not in ("auto", "none"):
+        raise UserError(f"--viewer {given.viewer}: expected none: a batch shows no run")
+    maps = str(Path(given.maps).expanduser().absolute()) if given.map else given.maps
+    return replace(given, pace="lockstep", viewer="none", maps=maps)
+
+
+def _listing(logs: str, out: Path) -> Listing:
+    if is_url(logs):
+        return list_url(logs)
+    return list_folder(Path(logs).expanduser().absolute(), without=out)
+
+
+def _names(args: Sequence[str], flag: str) -> bool:
+    return any(arg.partition("=")[0] == flag for arg in args)
+
+
+def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Our words (those before the first option, --out, questions), and those of hsslam-serve."""
+    own: list[str] = []
+    rest = list(args)
+    while rest and not rest[0].startswith("-"):
+        own.append(rest.pop(0))
+    of_serve: list[str] = []
+    while rest:
+        word = rest.pop(0)
+        if word == _OUT:
+            own += [word, *rest[:1]]
+            rest = rest[1:]
+        elif word.startswith(f"{_OUT}=") or word in QUESTIONS:
+            own.append(word)
+        else:
+            of_serve.append(word)
+    return own, of_serve

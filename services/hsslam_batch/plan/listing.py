@@ -1,0 +1,123 @@
+"""The files below a folder, with size and time of change, so that what is a log is decided by names alone."""
+
+import fnmatch
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from hsslam_node.errors import UserError
+
+
+@dataclass(frozen=True)
+class FileStamp:
+    """What tells one content of a file from another."""
+
+    nbytes: int
+    version: str
+
+
+@dataclass
+class Listing:
+    """Files by path below the root; folders follow from them.
+
+    `alone`: the file, if one was listed and not a folder; the root is then its folder.
+    """
+
+    root: str
+    files: Mapping[str, FileStamp]
+    alone: str = ""
+    _below: dict[str, set[str]] = field(default_factory=dict)  # names in each folder
+
+    def __post_init__(self) -> None:
+        for path in self.files:
+            while path:
+                folder, _, name = path.rpartition("/")
+                names = self._below.setdefault(folder, set())
+                if name in names:
+                    break
+                names.add(name)
+                path = folder
+
+    def names(self, folder: str) -> list[str]:
+        """Names of the files and folders in a folder, sorted; empty for a file."""
+        return sorted(self._below.get(folder, ()))
+
+    def is_folder(self, path: str) -> bool:
+        """Whether there are files below the path."""
+        return path in self._below
+
+    def stamp(self, paths: Iterable[str]) -> FileStamp:
+        """Of several files together: the sum of their sizes, the largest of their versions."""
+        stamps = [self.files[path] for path in paths]
+        nbytes = sum(stamp.nbytes for stamp in stamps)
+        return FileStamp(nbytes, max((stamp.version for stamp in stamps), default=""))
+
+    def below(self, folder: str) -> Iterator[str]:
+        """Paths of all files below a folder; of a file itself."""
+        if folder in self.files:
+            yield folder
+        for name in self.names(folder):
+            yield from self.below(f"{folder}/{name}" if folder else name)
+
+
+class ListedPath:
+    """A path of a listing with what `SourceRow.looks_like` asks of a `Path`."""
+
+    def __init__(self, listing: Listing, path: str) -> None:
+        self._listing = listing
+        self._path = path
+
+    def __truediv__(self, name: str) -> "ListedPath":
+        return ListedPath(self._listing, f"{self._path}/{name}" if self._path else name)
+
+    @property
+    def name(self) -> str:
+        return PurePosixPath(self._path).name
+
+    @property
+    def suffix(self) -> str:
+        return PurePosixPath(self._path).suffix
+
+    def exists(self) -> bool:
+        return self.is_dir() or self.is_file()
+
+    def is_dir(self) -> bool:
+        return self._listing.is_folder(self._path)
+
+    def is_file(self) -> bool:
+        return self._path in self._listing.files
+
+    def glob(self, pattern: str) -> Iterator["ListedPath"]:
+        """Entries of this folder whose names fit the pattern."""
+        names = self._listing.names(self._path)
+        return (self / name for name in names if fnmatch.fnmatchcase(name, pattern))
+
+
+def list_folder(root: Path, without: Path) -> Listing:
+    """All files below a folder of this machine but hidden ones and those below `without`.
+
+    Links to folders are not followed. A file as `root` is listed alone.
+
+    Raises:
+        UserError: there is no such folder, or it cannot be read.
+    """
+    try:
+        if root.is_file():
+            return Listing(str(root.parent), {root.name: _stamp(root)}, root.name)
+        os.scandir(root).close()
+    except OSError as error:
+        raise UserError(f"{root}: {error.strerror}: expected a folder with logs") from None
+    files = {}
+    for folder, folders, names in os.walk(root):
+        here = Path(folder)
+        folders[:] = sorted(n for n in folders if n[0] != "." and here / n != without)
+        for name in sorted(names):
+            if name[0] != "." and (here / name).is_file():
+                files[(here / name).relative_to(root).as_posix()] = _stamp(here / name)
+    return Listing(str(root), files)
+
+
+def _stamp(path: Path) -> FileStamp:
+    status = path.stat()
+    return FileStamp(status.st_size, str(status.st_mtime_ns))

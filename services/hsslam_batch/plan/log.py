@@ -1,0 +1,76 @@
+"""One log of a batch, and the manifest that lists all of them: a Parquet file with a row a log."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from hsslam_node.durable_file import durable_file
+from hsslam_node.errors import UserError
+
+MANIFEST = "manifest.parquet"
+_DIGEST_BYTES = 8
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording that becomes one run.
+
+    `id` changes if the recording does: a digest of its name, size and version.
+    """
+
+    index: int  # row in the manifest
+    id: str
+    name: str  # path below the folder that was searched
+    kind: str  # of the source: mcap, tum, replica, ...
+    place: str  # absolute path, or URL
+    nbytes: int
+    version: str  # time of the last change, ns; of an object in a store its tag
+    frames: int  # that will be used; 0: not known before the run
+
+    @property
+    def source(self) -> str:
+        """As `hsslam-serve --source` takes it; of a URL once the log is fetched."""
+        return f"{self.kind}:{self.place}"
+
+
+def log_id(name: str, nbytes: int, version: str) -> str:
+    """The digest that names the results of a log; 16 hexadecimal digits."""
+    text = "\0".join((name, str(nbytes), version))
+    return hashlib.blake2b(text.encode(), digest_size=_DIGEST_BYTES).hexdigest()
+
+
+def write_manifest(out: Path, logs: Sequence[Log]) -> None:
+    """Write the list of all logs in one step.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {int: pa.int64(), str: pa.string()}
+    schema = pa.schema([(field.name, kinds[field.type]) for field in fields(Log)])
+    table = pa.Table.from_pylist([asdict(log) for log in logs], schema=schema)
+    with durable_file(out / MANIFEST) as partial:
+        pq.write_table(table, partial, compression="zstd")
+
+
+def read_manifest(out: Path) -> list[Log]:
+    """All logs, in the order of their index.
+
+    Raises:
+        UserError: no manifest there, or one of another version.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = out / MANIFEST
+    try:
+        rows = pq.read_table(path, columns=[field.name for field in fields(Log)]).to_pylist()
+        return [Log(**row) for row in rows]
+    except FileNotFoundError:
+        raise UserError(f"{out}: no {MANIFEST}: expected a folder of hsslam-batch plan") from None
+    except (OSError, pa.ArrowException, TypeError) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"{path}: {reason}: expected a file of hsslam-batch plan") from None

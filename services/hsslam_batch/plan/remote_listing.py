@@ -1,0 +1,64 @@
+"""The files below a URL that fsspec knows (s3://, gs://, ...), listed as those of a folder are."""
+
+from typing import Any
+
+from hsslam_batch.plan.listing import FileStamp, Listing
+from hsslam_node.errors import UserError
+
+_VERSIONS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "updated", "created")
+
+
+def is_url(place: str) -> bool:
+    """Whether a place is a URL and not a path."""
+    return "://" in place
+
+
+def open_store(url: str) -> tuple[Any, str]:
+    """The file system of a URL, without what it remembered of it, and the path there.
+
+    Raises:
+        UserError: no such kind of URL, or the package for it is missing.
+    """
+    import fsspec.core
+
+    try:
+        store, path = fsspec.core.url_to_fs(url)
+    except (ValueError, ImportError) as error:
+        raise UserError(f"{url}: {error}: expected a URL as s3://BUCKET/LOGS") from None
+    store.invalidate_cache()
+    return store, path.rstrip("/")
+
+
+def list_url(url: str) -> Listing:
+    """All files below a URL but hidden ones; a file is listed alone.
+
+    Raises:
+        UserError: there is none, or the store refuses it.
+    """
+    store, path = open_store(url)
+    try:
+        found = store.find(path, detail=True)
+    except OSError as error:
+        raise UserError(f"{url}: {error}: expected a URL that can be read") from None
+    root, prefix, alone = url.rstrip("/"), f"{path}/", ""
+    if set(found) == {path}:
+        root, _, alone = root.rpartition("/")
+        prefix = path.removesuffix(alone)
+    files = {
+        name.removeprefix(prefix): FileStamp(int(about["size"]), _version(about))
+        for name, about in sorted(found.items())
+        if name.startswith(prefix)
+    }
+    shown = {
+        name: stamp
+        for name, stamp in files.items()
+        if name and not any(part.startswith(".") for part in name.split("/"))
+    }
+    if not shown:
+        raise UserError(f"{url}: no files below: expected logs")
+    return Listing(root, shown, alone)
+
+
+def _version(about: dict[str, Any]) -> str:
+    """What the store has to tell one content of an object from another."""
+    return next((str(about[key]) for key in _VERSIONS if about.get(key)), "")

@@ -1,0 +1,98 @@
+"""Two batches of the same logs, log by log: by which factor each figure changed, which logs got worse."""
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Row = Mapping[str, Any]  # of runs.parquet
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A column that is compared; less is better. Differences up to `least` do not matter."""
+
+    column: str
+    title: str
+    scale: float  # to what is shown
+    least: float
+
+
+FIGURES = (
+    Figure("ate_m", "ATE, cm", 1e2, 5e-4),
+    Figure("consistency_m", "consistency, mm", 1e3, 5e-4),
+    Figure("lost", "lost frames", 1.0, 1.0),
+    Figure("core_s", "core time, s", 1.0, 5.0),
+    Figure("memory_mb", "memory, MB", 1.0, 100.0),
+)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A log with a value in both batches."""
+
+    name: str
+    before: float
+    after: float
+
+    @property
+    def ratio(self) -> float:
+        """After over before; infinite from zero on."""
+        if self.before == self.after:
+            return 1.0
+        return self.after / self.before if self.before > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class Change:
+    """One figure over all logs that have it in both batches. `worse`: by ratio, the worst first."""
+
+    figure: Figure
+    pairs: Sequence[Pair]
+    worse: Sequence[Pair]
+    better: int
+
+    @property
+    def median_ratio(self) -> float | None:
+        """Of the logs whose value is not zero in both; None without one."""
+        ratios = [pair.ratio for pair in self.pairs if pair.before or pair.after]
+        return statistics.median(ratios) if ratios else None
+
+
+def compare(before: Sequence[Row], after: Sequence[Row], noise: float) -> list[Change]:
+    """All figures; a change counts if it is beyond the noise, a fraction, and beyond what matters."""
+    earlier = {row["name"]: row for row in before if row["kind"] == "done"}
+    changes = []
+    for figure in FIGURES:
+        pairs = [
+            Pair(row["name"], float(old[figure.column]), float(row[figure.column]))
+            for row in after
+            if row["kind"] == "done" and (old := earlier.get(row["name"]))
+            if _is_known(old[figure.column]) and _is_known(row[figure.column])
+        ]
+        worse = [pair for pair in pairs if _is_beyond(pair.before, pair.after, figure, noise)]
+        better = sum(_is_beyond(pair.after, pair.before, figure, noise) for pair in pairs)
+        worse.sort(key=lambda pair: (-pair.ratio, pair.name))
+        changes.append(Change(figure, pairs, worse, better))
+    return changes
+
+
+def newly_failed(before: Sequence[Row], after: Sequence[Row]) -> list[Row]:
+    """Logs that failed and were done before."""
+    done = {row["name"] for row in before if row["kind"] == "done"}
+    return [row for row in after if row["kind"] != "done" and row["name"] in done]
+
+
+def worst(rows: Sequence[Row], figure: Figure, count: int) -> list[Row]:
+    """The logs with the largest values of a figure, those without one and with zero left out."""
+    known = [row for row in rows if _is_known(row[figure.column]) and row[figure.column] > 0]
+    return sorted(known, key=lambda row: (-row[figure.column], row["name"]))[:count]
+
+
+def _is_known(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+def _is_beyond(small: float, large: float, figure: Figure, noise: float) -> bool:
+    return large > small * (1 + noise) and large - small > figure.least

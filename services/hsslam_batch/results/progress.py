@@ -1,0 +1,89 @@
+"""The progress of a batch while it goes on: a bar for people, `progress.jsonl` for machines."""
+
+import sys
+import time
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any
+
+import msgspec
+from rich.progress import BarColumn, TextColumn
+
+from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.results.tally import Tally
+from hsslam_services.commands.cli import terminal_progress
+
+PROGRESS = "progress.jsonl"
+_LINE_EVERY_S = 60.0  # off a terminal
+
+
+class BatchProgress:
+    """Shows and writes what happens; a line of `progress.jsonl` has the counts after its event.
+
+    Raises:
+        OSError: the folder of the batch cannot be written.
+    """
+
+    def __init__(self, batch: Batch, tally: Tally) -> None:
+        self.tally = tally
+        self._file = (batch.out / PROGRESS).open("ab", buffering=0)
+        columns = (BarColumn(), TextColumn("{task.description}", markup=False))
+        self._bar = terminal_progress(*columns)
+        self._task = self._bar.add_task("", total=tally.frames)
+        self._said_s = time.monotonic()
+
+    def __enter__(self) -> "BatchProgress":
+        self._bar.start()
+        self._write("begin")
+        self.look({})
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self._write("end")
+        self._bar.stop()
+        self._file.close()
+
+    def look(self, frames: Mapping[str, int]) -> None:
+        """Take in the frames of running logs, by id, and show how far it is."""
+        self.tally.run(frames)
+        self._bar.update(
+            self._task, completed=self.tally.frames_done, description=self.tally.line()
+        )
+        if self._bar.disable and time.monotonic() - self._said_s >= _LINE_EVERY_S:
+            self._said_s = time.monotonic()
+            print(self.tally.line(), file=sys.stderr, flush=True)
+
+    def settled(self, outcome: Outcome) -> None:
+        """A log is done, or failed for good."""
+        self.tally.settle(outcome)
+        self._write("done" if outcome.is_done else "failed", outcome)
+        if not outcome.is_done:
+            self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
+
+    def tried_again(self, outcome: Outcome) -> None:
+        """An attempt failed, and the log is tried again."""
+        self.tally.tried_again += 1
+        self._write("again", outcome)
+
+    def say(self, text: str) -> None:
+        """A line on stderr, above the bar."""
+        if self._bar.disable:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def _write(self, event: str, outcome: Outcome | None = None) -> None:
+        tally = self.tally
+        line: dict[str, Any] = {"time_ns": time.time_ns(), "event": event}
+        if outcome is not None:
+            names = ("id", "name", "attempt", "kind", "reason", "node", "wall_s", "core_s")
+            line |= {name: getattr(outcome, name) for name in names}
+        counts = ("logs", "done", "failed", "left", "tried_again", "frames", "frames_done")
+        line |= {name: getattr(tally, name) for name in counts}
+        self._file.write(msgspec.json.encode(line | {"rest_s": tally.rest_s()}) + b"\n")

@@ -1,0 +1,111 @@
+"""`hsslam-batch report`: the table of a batch, its sums and worst logs, and what changed against another."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from hsslam_batch.options import ReportOptions
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.comparison import FIGURES, Row, compare, newly_failed, worst
+from hsslam_batch.results.runs_table import read_runs, write_runs
+from hsslam_batch.results.tally import duration
+from hsslam_node.errors import UserError
+from hsslam_services.commands.cli import parse_options
+
+_WORSE = 1
+
+
+def report_command(args: Sequence[str]) -> int:
+    """Write the table, print the report; its exit code.
+
+    Raises:
+        UserError: no batch there, or one whose folder cannot be written.
+    """
+    options = parse_options(ReportOptions, "hsslam-batch report", args)
+    rows = _rows(options.out)
+    console = Console(emoji=False, highlight=False, markup=False)
+    for line in _sums(rows):
+        console.print(line, soft_wrap=True)
+    if options.against is None:
+        console.print(_worst_logs(rows, options.worst))
+        return 0
+    before = _rows(options.against)
+    return _show_changes(before, rows, options, console)
+
+
+def _rows(out: Path) -> list[Row]:
+    batch = read_batch(out)
+    try:
+        write_runs(batch, read_manifest(batch.out))
+    except OSError as error:
+        raise UserError(
+            f"{batch.out}: {error.strerror}: expected a folder that can be written"
+        ) from None
+    return list(read_runs(batch.out))
+
+
+def _sums(rows: Sequence[Row]) -> list[str]:
+    kinds = Counter(row["kind"] for row in rows)
+    done = [row for row in rows if row["kind"] == "done"]
+    frames, lost = (sum(row[name] for row in done) for name in ("frames", "lost"))
+    core_s = sum(row["core_s"] for row in rows)
+    counts = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+    lines = [f"{len(rows)} logs: {counts or 'none has run'}"]
+    if frames:
+        share = f"{1e2 * lost / frames:.2f} %"
+        each = f"{1e3 * core_s / frames:.0f} ms a frame"
+        lines.append(
+            f"{frames} frames, {lost} lost ({share}); core time {duration(core_s)}, {each}"
+        )
+    return lines
+
+
+def _worst_logs(rows: Sequence[Row], count: int) -> Table:
+    table = Table("figure", "worst logs")
+    done = [row for row in rows if row["kind"] == "done"]
+    for figure in FIGURES:
+        shown = [
+            f"{row['name']} {figure.scale * row[figure.column]:.4g}"
+            for row in worst(done, figure, count)
+        ]
+        if shown:
+            table.add_row(figure.title, "\n".join(shown))
+    return table
+
+
+def _show_changes(
+    before: Sequence[Row], after: Sequence[Row], options: ReportOptions, console: Console
+) -> int:
+    failed = newly_failed(before, after)
+    table = Table("figure", "logs", "median of after / before", "better", "worse", "worst of these")
+    is_worse = bool(failed)
+    for change in compare(before, after, options.noise):
+        if change.median_ratio is None:
+            continue
+        is_worse = is_worse or bool(change.worse)
+        scale = change.figure.scale
+        shown = [
+            f"{pair.name} {scale * pair.before:.4g} -> {scale * pair.after:.4g}"
+            for pair in change.worse[: options.worst]
+        ]
+        table.add_row(
+            change.figure.title,
+            str(len(change.pairs)),
+            f"{change.median_ratio:.3f}",
+            str(change.better),
+            str(len(change.worse)),
+            "\n".join(shown),
+        )
+    console.print(table)
+    for row in failed[: options.worst]:
+        console.print(
+            f"{row['name']}: was done, now {row['kind']}: {row['reason']}", soft_wrap=True
+        )
+    only = {row["name"] for row in before} ^ {row["name"] for row in after}
+    if only:
+        console.print(f"{len(only)} logs are in one of the two batches only")
+    return _WORSE if is_worse else 0

@@ -1,0 +1,89 @@
+"""`runs.parquet`: a row a log, what came of it and where its results lie, for pandas, DuckDB and Polars."""
+
+import typing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import Log
+from hsslam_node.durable_file import durable_file
+from hsslam_node.errors import UserError
+
+RUNS = "runs.parquet"
+_ARTEFACTS = {  # column: file in the run folder
+    "trajectory": "trajectory.txt",
+    "keyframes_file": "keyframes.txt",
+    "mesh": "mesh.ply",
+    "map": "map.safetensors",
+    "log": "run.mcap",
+}
+
+
+def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
+    """Write the table of all logs that are done or failed; paths are relative to the folder of the batch.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = [_row(batch, log, outcome) for log in logs if (outcome := settled(batch, log.id))]
+    path = batch.out / RUNS
+    with durable_file(path) as partial:
+        table = pa.Table.from_pylist(rows, schema=_schema(pa))
+        pq.write_table(table, partial, compression="zstd")
+    return path
+
+
+def read_runs(out: Path) -> list[dict[str, Any]]:
+    """The rows of the table in the folder of a batch.
+
+    Raises:
+        UserError: no table there, or one that cannot be read.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = out / RUNS
+    try:
+        return pq.read_table(path).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"{path}: {reason}: expected the table of a batch") from None
+
+
+def _row(batch: Batch, log: Log, outcome: Outcome) -> dict[str, Any]:
+    run_dir, rrd = batch.run_dir(log.id), batch.rrd_file(log.id)
+    files = {name: run_dir / file for name, file in _ARTEFACTS.items()} | {"rrd": rrd}
+    return {
+        **msgspec.structs.asdict(outcome),
+        "index": log.index,
+        "source": log.source,
+        "log_bytes": log.nbytes,
+        **{
+            name: str(path.relative_to(batch.out)) if outcome.is_done and path.exists() else None
+            for name, path in files.items()
+        },
+    }
+
+
+def _schema(pa: Any) -> Any:
+    kinds = {int: pa.int64(), float: pa.float64(), str: pa.string()}
+    columns = [
+        (field.name, kinds.get(_plain(field.type), pa.string()))
+        for field in msgspec.structs.fields(Outcome)
+    ]
+    columns += [("index", pa.int64()), ("source", pa.string()), ("log_bytes", pa.int64())]
+    columns += [(name, pa.string()) for name in (*_ARTEFACTS, "rrd")]
+    return pa.schema(columns)
+
+
+def _plain(kind: Any) -> Any:
+    """The type without None."""
+    return next((part for part in typing.get_args(kind) if part in (int, float, str)), kind)

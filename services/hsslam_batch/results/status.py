@@ -1,0 +1,38 @@
+"""`hsslam-batch status`: how many logs are done, failed and left, and why each failed one did."""
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+
+from hsslam_batch.attempt.commit import settled
+from hsslam_batch.options import StatusOptions
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_services.commands.cli import parse_options
+
+_LEFT, _FAILED = 1, 3
+
+
+def status_command(args: Sequence[str]) -> int:
+    """Print the counts on stdout and a line for each failed log on stderr.
+
+    Raises:
+        UserError: no batch there.
+    """
+    options = parse_options(StatusOptions, "hsslam-batch status", args)
+    batch = read_batch(options.out)
+    logs = read_manifest(batch.out)
+    counts: Counter[str] = Counter()
+    frames = 0
+    for log in logs:
+        outcome = settled(batch, log.id)
+        state = "left" if outcome is None else "done" if outcome.is_done else "failed"
+        counts[state] += 1
+        if outcome is not None and outcome.is_done:
+            frames += outcome.frames
+        elif outcome is not None:
+            words = f"{log.name}: {outcome.kind}: {outcome.reason}"
+            print(f"{words} (attempt {outcome.attempt})", file=sys.stderr)
+    states = ", ".join(f"{counts[state]} {state}" for state in ("done", "failed", "left"))
+    print(f"{len(logs)} logs: {states}; {frames} of {sum(log.frames for log in logs)} frames")
+    return _FAILED if counts["failed"] else _LEFT if counts["left"] else 0

@@ -1,0 +1,62 @@
+"""A result counts from one step on, of one configuration, and once."""
+
+from pathlib import Path
+
+from hsslam_batch.attempt.commit import commit, settle_failed, settled
+from hsslam_batch.plan.batch import Batch
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+def test_a_run_counts_once_it_has_its_row(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    good = outcome(batch, 0, tracked=99)
+    assert settled(batch, "id0") is None
+    commit(batch, good, run_folder(batch, 0))
+    assert settled(batch, "id0") == good
+    assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
+    recordings = sorted(path.name for path in batch.rrd_file("id0").parent.iterdir())
+    assert recordings == ["id0.1.rrd", "id0.rrd"]
+    batch.done_file("id0").unlink()  # as if the power had failed just before
+    assert settled(batch, "id0") is None
+    again = outcome(batch, 0, attempt=2)
+    commit(batch, again, _second_run_folder(batch))
+    assert settled(batch, "id0") == again
+    assert batch.rrd_file("id0").read_text() == "second"
+
+
+def test_the_first_of_two_attempts_stays(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    first = outcome(batch, 0, node="a")
+    commit(batch, first, run_folder(batch, 0))
+    commit(batch, outcome(batch, 0, node="b"), _second_run_folder(batch))
+    settle_failed(batch, outcome(batch, 0, "lost", node="c"))
+    assert settled(batch, "id0") == first
+    assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
+    assert not batch.failed_file("id0").exists()
+
+
+def test_a_failure_is_kept_until_the_log_is_done(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    failure = outcome(batch, 1, "crash", reason="killed by SIGKILL")
+    settle_failed(batch, failure)
+    assert settled(batch, "id1") == failure
+    commit(batch, outcome(batch, 1, attempt=2), run_folder(batch, 1))
+    found = settled(batch, "id1")
+    assert found and found.is_done and not batch.failed_file("id1").exists()
+
+
+def test_results_of_another_configuration_do_not_count(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    settle_failed(batch, outcome(batch, 1, "crash"))
+    other = planned(tmp_path / "out", seed=1)
+    assert other.about != batch.about
+    assert settled(other, "id0") is settled(other, "id1") is None
+    settle_failed(other, outcome(other, 0, "bad input"))
+    assert not other.run_dir("id0").exists()  # what the other configuration had made
+
+
+def _second_run_folder(batch: Batch) -> Path:
+    """The run folder of a second attempt at log 0."""
+    (batch.work / "id0.1").rename(batch.work / "away")
+    return run_folder(batch, 0, "second")

@@ -1,0 +1,135 @@
+"""Logs come out of an object store whole, in spite of its faults, and only as they were planned."""
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsslam_batch.attempt import fetch
+from hsslam_batch.attempt.fetch import fetch_log, fetched_place
+from hsslam_batch.plan.find_logs import find_logs
+from hsslam_batch.plan.log import Log
+from hsslam_batch.plan.remote_listing import list_url
+from hsslam_node.errors import UserError
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store
+
+_LOGS = f"s3://{BUCKET}/logs"
+_OBJECTS = {
+    "logs/loose.mcap": bytes(range(256)) * 1000,
+    "logs/day/walk/run.mcap": b"first part" * 1000,
+    "logs/day/walk/run.1.mcap": b"second part" * 1000,
+    "logs/day/walk/mesh.ply": b"no part of the log",
+    "logs/desk/rgb.txt": b"# colour",
+    "logs/desk/depth.txt": b"# depth",
+    "logs/desk/rgb/1.png": b"an image",
+    "logs/.trash/run.mcap": b"hidden",
+    "logs/notes.txt": b"no log",
+}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[tuple[str, Any]]:
+    """An object store with logs."""
+    with object_store() as (url, client):
+        for name, content in _OBJECTS.items():
+            client.put_object(Bucket=BUCKET, Key=name, Body=content)
+        yield url, client
+
+
+@pytest.fixture
+def store(server, monkeypatch: pytest.MonkeyPatch):
+    """Its client, and a function that sets the address where logs are looked for."""
+
+    def look_at(url: str) -> None:
+        import s3fs
+
+        s3fs.S3FileSystem.clear_instance_cache()
+        names = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_DEFAULT_REGION")
+        for name, value in zip(names, ("a", "b", "us-east-1"), strict=True):
+            monkeypatch.setenv(name, value)
+        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+        monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")  # the client hides fewer faults
+
+    look_at(server[0])
+    return server[1], look_at, server[0]
+
+
+def _logs() -> dict[str, Log]:
+    return {log.name: log for log in find_logs(list_url(_LOGS))}
+
+
+def test_logs_in_a_store_are_found_as_in_a_folder(store):
+    found = _logs()
+    assert {name: log.kind for name, log in found.items()} == {
+        "day/walk": "mcap",
+        "desk": "tum",
+        "loose.mcap": "mcap",
+    }
+    assert found["desk"].place == f"{_LOGS}/desk" and found["day/walk"].nbytes == 21_000
+    (alone,) = find_logs(list_url(f"{_LOGS}/loose.mcap"))
+    assert (alone.place, alone.nbytes) == (f"{_LOGS}/loose.mcap", 256_000)
+    with pytest.raises(UserError, match="nothing: no files below"):
+        list_url(f"s3://{BUCKET}/nothing")
+    with pytest.raises(UserError, match=r"^ftq://a: .*expected a URL as s3://"):
+        list_url("ftq://a")
+
+
+def test_a_log_comes_whole_in_spite_of_faults(store, tmp_path: Path, monkeypatch):
+    _, look_at, url = store
+    found = _logs()
+    monkeypatch.setattr(fetch, "_PART_BYTES", 10_000)
+    faults = Faults(every=5)
+    with faulty(url, faults) as address:
+        look_at(address)
+        for name in ("loose.mcap", "day/walk", "desk"):
+            log = found[name]
+            fetch_log(log, tmp_path / log.id, most_gb=1.0)
+            place = fetched_place(tmp_path / log.id, log)
+            objects = {k: v for k, v in _OBJECTS.items() if k.startswith(f"logs/{name}")}
+            objects.pop("logs/day/walk/mesh.ply", None)
+            for key, content in objects.items():
+                rest = key.removeprefix(f"logs/{name}").lstrip("/")
+                assert (place / rest if rest else place).read_bytes() == content
+            hidden = [p.name for p in place.rglob("*") if p.name.startswith(".")]
+            assert place.is_file() or not hidden
+    assert faults.refused > 0 and faults.broken > 0
+
+
+def test_a_fetch_goes_on_where_it_ended(store, tmp_path: Path, monkeypatch):
+    _, look_at, url = store
+    log = _logs()["loose.mcap"]
+    monkeypatch.setattr(fetch, "_PART_BYTES", 100_000)
+    (tmp_path / ".loose.mcap.partial").write_bytes(_OBJECTS["logs/loose.mcap"][:150_000])
+    faults = Faults(every=1000)
+    with faulty(url, faults) as address:
+        look_at(address)
+        fetch_log(log, tmp_path, most_gb=1.0)
+    assert fetched_place(tmp_path, log).read_bytes() == _OBJECTS["logs/loose.mcap"]
+    assert [asked for _, asked in faults.ranges] == ["bytes=150000-249999", "bytes=250000-255999"]
+
+
+def test_what_is_not_as_planned_or_too_large_is_one_line(store, tmp_path: Path):
+    client, _, _ = store
+    log = _logs()["loose.mcap"]
+    with pytest.raises(UserError, match=r"loose.mcap: 0.00 GB: expected at most 0.0001"):
+        fetch_log(log, tmp_path, most_gb=0.0001)
+    huge = dataclasses.replace(log, nbytes=log.nbytes + 1)
+    with pytest.raises(UserError, match="has changed since the plan"):
+        fetch_log(huge, tmp_path, most_gb=1.0)
+    client.put_object(Bucket=BUCKET, Key="logs/loose.mcap", Body=bytes(256_000))
+    with pytest.raises(UserError, match="has changed since the plan"):
+        fetch_log(log, tmp_path, most_gb=1.0)
+
+
+def test_a_store_that_does_not_answer_is_an_error_after_some_tries(
+    store, tmp_path: Path, monkeypatch
+):
+    _, look_at, url = store
+    log = _logs()["day/walk"]
+    monkeypatch.setattr(fetch, "_TRIES", 1)
+    with faulty(url, Faults(every=1)) as address:
+        look_at(address)
+        with pytest.raises(OSError):
+            fetch_log(log, tmp_path, most_gb=1.0)

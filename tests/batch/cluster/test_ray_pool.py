@@ -1,0 +1,96 @@
+"""Tasks on a real Ray cluster: what is killed is told as lost, what is left goes on elsewhere."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.cluster.connect import connected
+from hsslam_batch.cluster.drive import Try, drive
+from hsslam_batch.cluster.ray_pool import RayPool, Share
+from hsslam_batch.cluster.task import TaskResult
+from hsslam_node.errors import UserError
+from tests.batch.cluster.ray_nodes import add_node
+
+pytestmark = pytest.mark.e2e
+
+
+def _task(folder: Path):
+    """A task that begins as ours do; the first attempt at log 1 kills its worker, at log 2 waits."""
+
+    def task(arguments: list[str], index: int, board: Any) -> TaskResult:
+        import os
+        import signal
+        import time
+
+        import ray
+
+        node_id = ray.get_runtime_context().get_node_id()
+        if not ray.get(board.begin.remote(index, node_id)):
+            return TaskResult(is_begun=False)
+        attempt = int(arguments[0])
+        (folder / f"{index}.{attempt}").write_text(node_id)
+        if (index, attempt) == (1, 1):
+            os.kill(os.getpid(), signal.SIGKILL)
+        while (index, attempt) == (2, 1):
+            time.sleep(0.1)
+        outcome = Outcome(str(index), "log", "configuration", attempt, "done")
+        return TaskResult(outcome, node_id=node_id)
+
+    return task
+
+
+def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, tmp_path: Path):
+    nodes = [add_node(cluster) for _ in range(3)]
+    results: list[tuple[Try, TaskResult]] = []
+
+    def judge(one: Try, result: TaskResult) -> Try | None:
+        results.append((one, result))
+        return Try(one.index, one.attempt + 1, result.node_id) if result.is_lost else None
+
+    def look() -> None:
+        started = tmp_path / "2.1"
+        if started.exists() and nodes and (node_id := started.read_text()):
+            (node,) = [node for node in nodes if node.node_id == node_id]
+            nodes.clear()
+            cluster.remove_node(node, allow_graceful=False)
+
+    with connected(cluster.address):
+        share = Share(cpus=1.0, memory_gb=1.0)
+        pool = RayPool(_task(tmp_path), lambda one: [str(one.attempt)], share, None)
+        assert pool.slots() == 3
+        drive(map(Try, range(6)), pool, judge, lambda: False, look)
+        assert pool.running() == {}
+    lost = {one.index: result for one, result in results if result.is_lost}
+    assert set(lost) == {1, 2}
+    assert "died" in lost[1].trouble and "died" in lost[2].trouble
+    done = [(one.index, one.attempt) for one, result in results if result.outcome]
+    assert sorted(done) == [(0, 1), (1, 2), (2, 2), (3, 1), (4, 1), (5, 1)]
+    for index in (1, 2):  # the second attempt was on another node
+        first, second = ((tmp_path / f"{index}.{k}").read_text() for k in (1, 2))
+        assert first != second and lost[index].node_id == first
+
+
+def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path: Path):
+    add_node(cluster, memory_gb=2.0)
+    begun: list[int] = []
+    with connected(cluster.address):
+        with pytest.raises(UserError, match=r"no node has as much: expected at most 1 cores and 2"):
+            RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=3.0), None)
+        pool = RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=1.0), None)
+        pool.close()
+        start_s = time.monotonic()
+
+        def judge(one: Try, result: TaskResult) -> None:
+            if result.is_begun:
+                begun.append(one.index)
+
+        drive(map(Try, range(3)), pool, judge, lambda: False)
+        assert begun == [] and time.monotonic() - start_s < 120
+    with (
+        pytest.raises(UserError, match=r"--address 127.0.0.1:9: .*expected local"),
+        connected("127.0.0.1:9"),
+    ):
+        pass

@@ -1,0 +1,103 @@
+"""An S3 server on this machine, and a proxy before it that fails some requests and breaks off others."""
+
+import http.client
+import itertools
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import urlsplit
+
+BUCKET = "fleet"
+
+
+@contextmanager
+def object_store() -> Iterator[tuple[str, Any]]:
+    """Its address, and a client; it has an empty bucket."""
+    import boto3
+    from moto.server import ThreadedMotoServer
+
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    url = f"http://{host}:{port}"
+    keys = {"aws_access_key_id": "a", "aws_secret_access_key": "b", "region_name": "us-east-1"}
+    client = boto3.client("s3", endpoint_url=url, **keys)
+    client.create_bucket(Bucket=BUCKET)
+    try:
+        yield url, client
+    finally:
+        server.stop()
+
+
+class Faults:
+    """Of all requests for objects each `every`-th is refused, and the next of them ends half-way.
+
+    `ranges`: the ranges that were asked for, by path, as they came.
+    """
+
+    def __init__(self, every: int) -> None:
+        self._turns = itertools.cycle(range(2 * every))
+        self._every = every
+        self.refused = 0
+        self.broken = 0
+        self.ranges: list[tuple[str, str]] = []
+
+    def next(self) -> str:
+        """What happens to the next request."""
+        turn = next(self._turns)
+        kind = {self._every - 1: "refuse", 2 * self._every - 1: "break"}.get(turn, "pass")
+        self.refused += kind == "refuse"
+        self.broken += kind == "break"
+        return kind
+
+
+@contextmanager
+def faulty(url: str, faults: Faults) -> Iterator[str]:
+    """The address of a proxy before the server."""
+    place = urlsplit(url).netloc
+
+    class Proxy(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def do_GET(self) -> None:
+            self._pass_on()
+
+        def do_HEAD(self) -> None:
+            self._pass_on()
+
+        def log_message(self, format: str, *args: Any) -> None:
+            pass
+
+        def _pass_on(self) -> None:
+            asked = self.headers.get("Range", "")
+            is_object = self.command == "GET" and bool(asked)
+            kind = faults.next() if is_object else "pass"
+            if is_object:
+                faults.ranges.append((self.path, asked))
+            if kind == "refuse":
+                self.send_error(503)
+                return
+            there = http.client.HTTPConnection(place)
+            there.request(self.command, self.path, headers=dict(self.headers))
+            answer = there.getresponse()
+            body = answer.read()
+            self.send_response(answer.status)
+            for name, value in answer.getheaders():
+                if name.lower() not in ("transfer-encoding", "connection", "content-length"):
+                    self.send_header(name, value)
+            length = answer.getheader("Content-Length") if self.command == "HEAD" else len(body)
+            self.send_header("Content-Length", str(length))
+            self.end_headers()
+            self.wfile.write(body[: len(body) // 2] if kind == "break" else body)
+            self.close_connection = kind == "break"
+            there.close()
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Proxy)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}"
+    finally:
+        server.shutdown()
+        server.server_close()

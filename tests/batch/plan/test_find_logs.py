@@ -1,0 +1,95 @@
+"""Logs and sequences below a folder are found by what the table of sources says of their names."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.plan.find_logs import find_logs, with_frames
+from hsslam_batch.plan.listing import list_folder
+from hsslam_node.errors import UserError
+from hsslam_node.sources.options import SourceOptions
+from tests.batch.small_logs import write_small_log
+
+
+def _found(root: Path, without: Path = Path("/nowhere")):
+    return find_logs(list_folder(root, without))
+
+
+@pytest.fixture
+def recordings(tmp_path: Path, tum_folder: Path, replica_folder: Path) -> Path:
+    """A folder with logs and sequences at several depths, and with other things."""
+    root = tmp_path / "recordings"
+    log = write_small_log(root / "day1" / "walk", count=2)
+    (log.parent / "mesh.ply").write_text("ply")
+    (log.parent / "run.1.mcap").write_bytes(log.read_bytes())
+    shutil.copy(log, root / "loose.mcap")
+    shutil.copytree(log.parent, root / ".hidden")
+    shutil.copytree(log.parent, root / "batch" / "runs" / "0")
+    shutil.copytree(tum_folder, root / "day2" / "desk")
+    shutil.copytree(replica_folder, root / "day2" / "room")
+    (root / "notes.txt").write_text("no log")
+    (root / "runner.mcap.txt").write_text("no log")
+    return root
+
+
+def test_logs_and_sequences_of_all_kinds_are_found_once(recordings: Path):
+    found = _found(recordings, without=recordings / "batch")
+    assert [(log.index, log.name, log.kind) for log in found] == [
+        (0, "day1/walk", "mcap"),
+        (1, "day2/desk", "tum"),
+        (2, "day2/room", "replica"),
+        (3, "loose.mcap", "mcap"),
+    ]
+    assert found[1].source == f"tum:{recordings}/day2/desk"
+    assert len({log.id for log in found}) == 4
+    parts = [path.stat().st_size for path in (recordings / "day1/walk").glob("*.mcap")]
+    assert found[0].nbytes == sum(parts)  # the mesh beside them is none of it
+
+
+def test_a_log_alone_and_a_folder_that_is_a_log(recordings: Path):
+    (alone,) = _found(recordings / "loose.mcap")
+    assert (alone.name, alone.place) == ("loose.mcap", str(recordings / "loose.mcap"))
+    (folder,) = _found(recordings / "day2" / "desk")
+    assert (folder.name, folder.place) == ("desk", str(recordings / "day2/desk"))
+
+
+def test_the_id_follows_name_and_content(recordings: Path):
+    before = {log.name: log.id for log in _found(recordings)}
+    assert before == {log.name: log.id for log in _found(recordings)}
+    log = recordings / "loose.mcap"
+    log.write_bytes(log.read_bytes() + b"0")
+    shutil.move(recordings / "day2", recordings / "day3")
+    after = {log.name: log.id for log in _found(recordings)}
+    assert after["day1/walk"] == before["day1/walk"]
+    assert after["loose.mcap"] != before["loose.mcap"]
+    assert after["day3/desk"] != before["day2/desk"]
+
+
+def test_frames_are_those_that_the_options_select(recordings: Path):
+    (recordings / "bad.mcap").write_bytes(b"no log")
+    found = with_frames(_found(recordings, recordings / "batch"), SourceOptions(stride=2))
+    frames = {log.name: log.frames for log in found}
+    assert frames == {
+        "bad.mcap": 0,
+        "day1/walk": 2,  # of two parts of two frames each
+        "day2/desk": 3,
+        "day2/room": 2,
+        "loose.mcap": 1,
+    }
+
+
+def test_files_named_like_runs_are_logs_of_their_own(tmp_path: Path):
+    log = write_small_log(tmp_path / "elsewhere", count=1)
+    for name in ("run_monday.mcap", "run_tuesday.mcap"):
+        (tmp_path / "week").mkdir(exist_ok=True)
+        shutil.copy(log, tmp_path / "week" / name)
+    names = [log.name for log in _found(tmp_path / "week")]
+    assert names == ["run_monday.mcap", "run_tuesday.mcap"]
+
+
+def test_nothing_to_find_is_one_line(tmp_path: Path):
+    with pytest.raises(UserError, match="no logs below: expected files or folders of tum, replica"):
+        _found(tmp_path)
+    with pytest.raises(UserError, match="nowhere: No such file"):
+        _found(tmp_path / "nowhere")

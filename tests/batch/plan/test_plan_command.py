@@ -1,0 +1,81 @@
+"""`hsslam-batch plan` checks everything that can be checked before the first run."""
+
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.command import plan_command
+from hsslam_batch.plan.log import read_manifest
+from hsslam_node.errors import UserError
+from hsslam_services.commands.serve_command_line import parse_command_line
+from tests.batch.small_logs import write_small_log
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    """Two logs of two frames."""
+    for k in range(2):
+        write_small_log(tmp_path / "logs" / f"log{k}", start=10 * k, count=2)
+    return tmp_path / "logs"
+
+
+def _plan(logs: Path, out: Path, *options: str):
+    plan_command([str(logs), "--out", str(out), *options])
+    return read_batch(out)
+
+
+def test_manifest_and_options_are_written(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    batch = _plan(logs, tmp_path / "out", "--preset", "eslam", "--seed", "3", "--frames", "1")
+    assert "2 logs, " in (said := capsys.readouterr().out) and "2 frames" in said
+    planned = read_manifest(batch.out)
+    assert [(log.index, log.name, log.frames) for log in planned] == [
+        (0, "log0", 1),
+        (1, "log1", 1),
+    ]
+    options = parse_command_line(["--config", str(batch.config)])
+    assert (options.preset, options.seed, options.pace) == ("eslam", 3, "lockstep")
+    assert options.viewer == "none"
+
+
+def test_the_hash_follows_the_options_and_not_the_folder(logs: Path, tmp_path: Path):
+    first = _plan(logs, tmp_path / "a")
+    assert _plan(logs, tmp_path / "b") == type(first)(tmp_path / "b", first.about)
+    assert _plan(logs, tmp_path / "a", "--seed", "0").about == first.about
+    assert _plan(logs, tmp_path / "a", "--seed", "1").about.configuration != (
+        first.about.configuration
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (["--sed", "1"], "--sed: unknown option; did you mean --seed"),
+        (["--seed", "x"], "--seed x: expected a whole number"),
+        (["--preset", "reeltime"], "--preset reeltime: expected"),
+        (["--source", "tum:fr1/desk"], "--source tum:fr1/desk: expected no such option"),
+        (["--metrics-port", "9000"], "--metrics-port 9000: expected no such option"),
+        (["--pace", "realtime"], "--pace realtime: expected lockstep"),
+        (["--viewer", "web"], "--viewer web: expected none"),
+    ],
+)
+def test_a_wrong_option_ends_the_plan(logs: Path, tmp_path: Path, options: list[str], line: str):
+    with pytest.raises(UserError, match=line):
+        _plan(logs, tmp_path / "out", *options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_folders_that_are_none(tmp_path: Path):
+    with pytest.raises(UserError, match="expected LOGS --out FOLDER"):
+        plan_command([str(tmp_path)])
+    with pytest.raises(
+        UserError, match=r"batch.json: No such file .*: expected a folder of hsslam"
+    ):
+        read_batch(tmp_path)
+    (tmp_path / "manifest.parquet").write_bytes(b"no table")
+    with pytest.raises(UserError, match="expected a file of hsslam-batch plan"):
+        read_manifest(tmp_path)
+    with pytest.raises(UserError, match=r"nowhere: no manifest.parquet"):
+        read_manifest(tmp_path / "nowhere")

@@ -1,0 +1,63 @@
+"""The report shows sums, the worst logs, and what changed against another batch beyond noise."""
+
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.results.comparison import FIGURES, compare
+from hsslam_batch.results.report import report_command
+from hsslam_node.errors import UserError
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+def _batch(out: Path, ates_m: tuple[float, ...], lost: int = 0) -> Batch:
+    batch = planned(out, frames=(100,) * len(ates_m))
+    for k, ate_m in enumerate(ates_m):
+        row = outcome(batch, k, frames=100, tracked=100 - lost, lost=lost, ate_m=ate_m, core_s=5.0)
+        commit(batch, row, run_folder(batch, k))
+    return batch
+
+
+def test_sums_and_worst_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    batch = _batch(tmp_path / "out", (0.01, 0.03, 0.02), lost=1)
+    assert report_command([str(batch.out), "--worst", "2"]) == 0
+    shown = capsys.readouterr().out
+    assert "3 logs: 3 done\n300 frames, 3 lost (1.00 %); core time 15 s, 50 ms a frame" in shown
+    ates = [line.split() for line in shown.splitlines() if "log" in line and "ATE" in line]
+    assert ates and "log1" in ates[0] and "3" in ates[0]
+    assert (batch.out / "runs.parquet").exists()
+
+
+def test_a_log_that_got_worse_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    before = _batch(tmp_path / "a", (0.01, 0.02, 0.02, 0.03))
+    same = _batch(tmp_path / "b", (0.0105, 0.02, 0.019, 0.03))
+    assert report_command([str(same.out), "--against", str(before.out)]) == 0
+    assert "1.000" in capsys.readouterr().out
+    worse = _batch(tmp_path / "c", (0.01, 0.05, 0.02, 0.03))
+    settle_failed(worse, outcome(worse, 3, "crash"))  # is done: stays so
+    worse.done_file("id3").unlink()
+    settle_failed(worse, outcome(worse, 3, "crash", reason="killed by SIGSEGV"))
+    assert report_command([str(worse.out), "--against", str(before.out)]) == 1
+    shown = capsys.readouterr().out
+    assert "log1 2 -> 5" in shown
+    assert "log3: was done, now crash: killed by SIGSEGV" in shown
+    with pytest.raises(UserError, match="--noise -1: expected a fraction"):
+        report_command([str(worse.out), "--noise", "-1"])
+
+
+def test_what_is_beyond_noise():
+    def rows(**values: list[float | None]):
+        (name,) = values
+        return [
+            {"name": f"log{k}", "kind": "done"} | {f.column: None for f in FIGURES} | {name: value}
+            for k, value in enumerate(values[name])
+        ]
+
+    before = rows(ate_m=[0.01, 0.01, 0.0001, None, 0.0])
+    after = rows(ate_m=[0.0119, 0.0121, 0.0003, 0.5, 0.001])
+    (change,) = [c for c in compare(before, after, 0.2) if c.pairs]
+    assert [pair.name for pair in change.worse] == ["log4", "log1"]  # log2 is too small to matter
+    (other,) = [c for c in compare(after, before, 0.2) if c.pairs]
+    assert other.better == 2 and other.worse == []

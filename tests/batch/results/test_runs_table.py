@@ -1,0 +1,35 @@
+"""`runs.parquet` has a row for each log that is done or failed, with paths below the folder of the batch."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.runs_table import read_runs, write_runs
+from hsslam_node.errors import UserError
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+def test_rows_and_paths(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    commit(batch, outcome(batch, 0, tracked=99, ate_m=0.01), run_folder(batch, 0))
+    settle_failed(batch, outcome(batch, 1, "bad input", reason="no log", exit_code=2))
+    write_runs(batch, read_manifest(batch.out))
+    done, failed = read_runs(batch.out)
+    assert (done["index"], done["name"], done["kind"], done["tracked"]) == (0, "log0", "done", 99)
+    assert (done["ate_m"], done["consistency_m"], done["source"]) == (0.01, None, "mcap:/logs/log0")
+    assert done["trajectory"] == "runs/id0/trajectory.txt" and done["rrd"] == "rrd/id0.rrd"
+    assert done["map"] is None  # the run has left none
+    assert (failed["kind"], failed["reason"], failed["exit_code"]) == ("bad input", "no log", 2)
+    assert failed["trajectory"] is None
+
+
+def test_a_table_without_rows_has_its_columns(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    write_runs(batch, read_manifest(batch.out))
+    assert read_runs(batch.out) == []
+    shutil.rmtree(batch.out)
+    with pytest.raises(UserError, match=r"runs.parquet: .*: expected the table of a batch"):
+        read_runs(batch.out)

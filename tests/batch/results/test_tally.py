@@ -1,0 +1,34 @@
+"""Counts of a batch are by frames; the rest is told at the pace so far."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results import tally as module
+from hsslam_batch.results.tally import Tally, duration
+from tests.batch.outcomes import outcome, planned
+
+
+def test_frames_and_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    batch = planned(tmp_path / "out", frames=(100, 200, 0))  # the last is not known: 150
+    now = iter((1000.0, 1010.0, 1010.0, 1020.0, 1020.0))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    tally = Tally(read_manifest(batch.out), [outcome(batch, 0)])
+    assert (tally.done, tally.left, tally.frames, tally.frames_done) == (1, 2, 450, 100)
+    assert tally.rest_s() is None
+    tally.run({"id1": 50, "id2": 900})  # no more than a log has
+    assert tally.frames_done == 300
+    assert tally.rest_s() == pytest.approx(10.0 / 200 * 150)
+    assert tally.line() == "1 done, 0 failed, 2 left; 300 of 450 frames; about 8 s left"
+    tally.settle(outcome(batch, 1, "crash"))
+    tally.run({})
+    assert (tally.failed, tally.frames_done) == (1, 300)
+    assert tally.rest_s() == pytest.approx(20.0 / 200 * 150)
+
+
+def test_durations_in_words():
+    assert [duration(s) for s in (20, 100, 3599, 7800, 90_000)] == [
+        *("20 s", "2 min", "60 min", "2 h 10 min", "25 h 00 min")
+    ]

@@ -1,0 +1,33 @@
+"""Small logs of the built-in room, written without a run."""
+
+from pathlib import Path
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_proto.codec import encode
+from hsslam_proto.frame_codec import frame_message
+from hsslam_proto.topics import FRAME
+from hsslam_services.log.frame_compression import compress_frame
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+
+_START_NS = 1_700_000_000_000_000_000
+QUICK = (  # options of a run that takes seconds
+    *("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
+)
+
+
+def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
+    """`count` frames of the room, 160 x 120, from the `start`-th on, as a run would log them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    small = SynthOptions(width_px=160, height_px=120)
+    source = open_source("synth:room", SourceOptions(start=start, frames=count, synth=small))
+    log = PartedLog(folder, "robot", LogSettings("png"))
+    for index, frame in enumerate(source.frames()):
+        assert isinstance(frame, Frame)
+        at_ns = _START_NS + frame.stamp_ns
+        message = compress_frame(frame_message(frame, at_ns), "png")
+        log.write(FRAME, encode(FRAME, message), at_ns, at_ns, index)
+    log.close()
+    return folder / "run.mcap"
