@@ -8,13 +8,14 @@ from pathlib import Path
 
 from tests.repository import ROOT
 
-_DOTTED = re.compile(r"hsslam_(node|proto|services|bench)(\.[a-z_0-9]+)+")
+_DOTTED = re.compile(r"hsslam_(node|proto|services|batch|bench)(\.[a-z_0-9]+)+")
 
 
 def test_every_module_that_a_string_names_exists():
     named = {(name, path) for path in _sources() for name in _names(path)}
     assert {name for name, _ in named} >= {
         "hsslam_bench.tables.table_run",
+        "hsslam_batch.attempt.fetch",
         "hsslam_bench.scripts.preset_speed",
     }
     lost = [(name, str(path)) for name, path in named if not _is_module(name)]

@@ -37,7 +37,7 @@ def run_command(args: list[str]) -> int:
     batch = read_batch(options.out)
     logs = read_manifest(batch.out)
     found = {log.index: settled(batch, log.id) for log in logs}
-    waiting = list(_waiting(found, options))
+    waiting = list(waiting_tries(found, options))
     if not waiting:
         if not (batch.out / RUNS).exists():
             write_runs(batch, logs)
@@ -62,6 +62,15 @@ def run_command(args: list[str]) -> int:
     if stopped and tally.left:
         return _INTERRUPTED
     return _FAILED if tally.failed else 0
+
+
+def waiting_tries(found: dict[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
+    """The logs that are left, in the order of the manifest, each with the number of its next attempt."""
+    for index, outcome in found.items():
+        if outcome is None or (options.failed and not outcome.is_done):
+            yield Try(index)
+        elif not outcome.is_done and may_try_again(outcome, options.retries):
+            yield Try(index, outcome.attempt + 1)
 
 
 def _run(
@@ -125,15 +134,6 @@ def _stopping(on_first) -> Iterator[_Stop]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _waiting(found: dict[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
-    """The logs that are left, in the order of the manifest, each with the number of its next attempt."""
-    for index, outcome in found.items():
-        if outcome is None or (options.failed and not outcome.is_done):
-            yield Try(index)
-        elif not outcome.is_done and may_try_again(outcome, options.retries):
-            yield Try(index, outcome.attempt + 1)
 
 
 def _without_result(batch: Batch, log: Log, one: Try, result: TaskResult) -> Outcome:

@@ -1,4 +1,4 @@
-"""Connecting to Ray: one of our own on this machine, or a cluster that is there."""
+"""Connecting to Ray: one of its own on this machine, or a cluster that is there."""
 
 import contextlib
 import logging

@@ -1,5 +1,6 @@
 """`hsslam-batch plan`: finds logs, checks the options of their runs, writes both down."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-batch plan"
 _OUT = "--out"
+_LOOKS_LIKE_URL = re.compile(r"\w+:/")  # as a path, s3://B is s3:/B
 _OF_EACH_RUN = ("source", "out", "zenoh_port", "bind", "security", "metrics_port", "ros2_out")
 
 
@@ -34,6 +36,8 @@ def plan_command(args: Sequence[str]) -> None:
     if not options.logs or options.out == Path():
         raise UserError(f"plan {' '.join(args)}: expected LOGS --out FOLDER")
     serve = run_options(of_serve)
+    if _LOOKS_LIKE_URL.match(str(options.out)):
+        raise UserError(f"--out {options.out}: expected a folder: results go to a file system")
     out = options.out.expanduser().absolute()
     found = find_logs(_listing(options.logs, out))
     columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
@@ -50,6 +54,8 @@ def plan_command(args: Sequence[str]) -> None:
         ) from None
     nbytes, frames = sum(log.nbytes for log in logs), sum(log.frames for log in logs)
     print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
+    if unknown := sum(not log.frames for log in logs):
+        print(f"{unknown} of them have frames that only their run can count")
     print(f"configuration {batch.about.configuration}, code {batch.about.code}")
     print(f"next: hsslam-batch run {options.out}")
 

@@ -1,4 +1,4 @@
-"""`hsslam-batch status`: how many logs are done, failed and left, and why each failed one did."""
+"""`hsslam-batch status`: how many logs are done, failed and left; a file of its own, as it needs no table."""
 
 import sys
 from collections import Counter

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.batch.cluster.ray_nodes import STORE_BYTES
+from tests.batch.cluster.ray_nodes import node_options
 
 
 @pytest.fixture
@@ -14,7 +14,7 @@ def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     from ray.cluster_utils import Cluster
 
-    head = {"num_cpus": 0, "object_store_memory": STORE_BYTES, "include_dashboard": False}
+    head = {"num_cpus": 0, "include_dashboard": False, **node_options()}
     cluster = Cluster(initialize_head=True, head_node_args=head)
     yield cluster
     cluster.shutdown()

@@ -1,6 +1,5 @@
 """Tasks on a real Ray cluster: what is killed is told as lost, what is left goes on elsewhere."""
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -81,16 +80,10 @@ def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path:
             RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=3.0), None)
         pool = RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=1.0), None)
         pool.close()
-        start_s = time.monotonic()
 
         def judge(one: Try, result: TaskResult) -> None:
             if result.is_begun:
                 begun.append(one.index)
 
         drive(map(Try, range(3)), pool, judge, lambda: False)
-        assert begun == [] and time.monotonic() - start_s < 120
-    with (
-        pytest.raises(UserError, match=r"--address 127.0.0.1:9: .*expected local"),
-        connected("127.0.0.1:9"),
-    ):
-        pass
+        assert begun == []

@@ -70,6 +70,8 @@ def test_a_wrong_option_ends_the_plan(logs: Path, tmp_path: Path, options: list[
 def test_folders_that_are_none(tmp_path: Path):
     with pytest.raises(UserError, match="expected LOGS --out FOLDER"):
         plan_command([str(tmp_path)])
+    with pytest.raises(UserError, match=r"--out s3:/bucket/out: expected a folder"):
+        plan_command([str(tmp_path), "--out", "s3://bucket/out"])
     with pytest.raises(
         UserError, match=r"batch.json: No such file .*: expected a folder of hsslam"
     ):

@@ -1,0 +1,81 @@
+"""What `hsslam-batch run` decides before it starts Ray."""
+
+import fcntl
+import sys
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.cluster.command import run_command, waiting_tries
+from hsslam_batch.cluster.drive import Try
+from hsslam_batch.options import RunOptions
+from hsslam_batch.plan.batch import Batch
+from hsslam_node.errors import UserError
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+@pytest.fixture
+def batch(tmp_path: Path) -> Batch:
+    """A log that is done, one whose input is bad, none that is left."""
+    batch = planned(tmp_path / "out", frames=(100, 200))
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    settle_failed(batch, outcome(batch, 1, "bad input"))
+    return batch
+
+
+def test_where_nothing_is_left_ray_is_not_started(
+    batch: Batch, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setitem(sys.modules, "ray", None)  # cannot be imported
+    assert run_command([str(batch.out)]) == 3
+    assert capsys.readouterr().out == "1 done, 1 failed, 0 left; 300 of 300 frames\n"
+    assert (batch.out / "runs.parquet").exists()
+    with pytest.raises(ModuleNotFoundError):
+        run_command([str(batch.out), "--failed"])
+
+
+def test_what_waits_and_with_which_attempt(batch: Batch):
+    found = {
+        0: outcome(batch, 0),
+        1: outcome(batch, 1, "bad input"),
+        2: None,
+        3: outcome(batch, 3, "crash", attempt=2),
+        4: outcome(batch, 4, "crash", attempt=3),
+    }
+    options = RunOptions(out=batch.out, retries=2)
+    assert list(waiting_tries(found, options)) == [Try(2), Try(3, 3)]
+    once_more = RunOptions(out=batch.out, retries=2, failed=True)
+    assert list(waiting_tries(found, once_more)) == [Try(1), Try(2), Try(3), Try(4)]
+
+
+def test_two_runs_of_one_batch_do_not_meet(batch: Batch):
+    batch.failed_file("id1").unlink()
+    with (batch.out / ".lock").open("wb") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        with pytest.raises(UserError, match="another hsslam-batch run is at work on it"):
+            run_command([str(batch.out)])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--cpus", "0"],
+        ["--retries", "-1"],
+        ["--parallel", "0"],
+        ["--timeout", "0"],
+        ["--memory", "nan"],
+        ["--fetch-gb", "0"],
+    ],
+)
+def test_a_wrong_value_is_one_line(batch: Batch, words: list[str]):
+    with pytest.raises(UserError, match=f"{words[0]} {words[1]}: expected"):
+        run_command([str(batch.out), *words])
+
+
+def test_other_code_than_planned_is_refused(batch: Batch):
+    batch.failed_file("id1").unlink()
+    file = batch.out / "batch.json"
+    file.write_text(file.read_text().replace(batch.about.code, "0.0.9 abcdef"))
+    with pytest.raises(UserError, match=r"was planned with 0.0.9 abcdef, this is .*: expected"):
+        run_command([str(batch.out)])
