@@ -4,15 +4,16 @@ import contextlib
 import fcntl
 import shutil
 import signal
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
-from hsslam_batch.attempt.commit import settle_failed, settled
+from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
+from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
-from hsslam_batch.cluster.task import TaskResult, perform
+from hsslam_batch.cluster.task import perform
 from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import Log, read_manifest
@@ -26,7 +27,7 @@ _LOCK = ".lock"
 _INTERRUPTED, _FAILED = 1, 3
 
 
-def run_command(args: list[str]) -> int:
+def run_command(args: Sequence[str]) -> int:
     """Run what is left; its exit code.
 
     Raises:
@@ -64,7 +65,7 @@ def run_command(args: list[str]) -> int:
     return _FAILED if tally.failed else 0
 
 
-def waiting_tries(found: dict[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
+def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> Iterator[Try]:
     """The logs that are left, in the order of the manifest, each with the number of its next attempt."""
     for index, outcome in found.items():
         if outcome is None or (options.failed and not outcome.is_done):
@@ -80,53 +81,25 @@ def _run(
     from hsslam_batch.cluster.connect import connected  # Ray takes a second, and may be missing
     from hsslam_batch.cluster.ray_pool import RayPool, Share
 
-    def arguments(one: Try) -> list[str]:
-        words = [str(batch.out), "--index", str(one.index), "--attempt", str(one.attempt)]
-        limit = [] if options.timeout_s is None else ["--timeout", str(options.timeout_s)]
-        scratch = [] if options.scratch is None else ["--scratch", str(options.scratch)]
-        fetch = ["--fetch-gb", str(options.fetch_gb), *scratch]
-        return [*words, "--memory", str(options.memory_gb), *limit, *fetch]
-
     with connected(options.address), BatchProgress(batch, tally) as progress:
         share = Share(options.cpus, options.memory_gb)
-        pool = RayPool(perform, arguments, share, options.parallel)
-        with _stopping(
-            lambda: (pool.close(), progress.say("running logs end; Ctrl-C ends them"))
-        ) as stop:
-
-            def judge(one: Try, result: TaskResult) -> Try | None:
-                if not result.is_begun:
-                    return None
-                log = logs[one.index]
-                outcome = result.outcome or _without_result(batch, log, one, result)
-                if may_try_again(outcome, options.retries):
-                    progress.tried_again(outcome)
-                    return Try(one.index, one.attempt + 1, result.node_id)
-                progress.settled(outcome)
-                return None
-
-            def look() -> None:
-                running = pool.running().items()
-                progress.look({logs[index].id: now.frames for index, now in running})
-
-            drive(waiting, pool, judge, lambda: stop.is_set, look)
-            return stop.is_set
-
-
-class _Stop:
-    is_set = False
+        words = partial(work_words, batch, options)
+        pool = RayPool(perform, words, share, options.parallel)
+        with _stopping() as stop:
+            run = BatchRun(batch, logs, options.retries, pool, progress, stop)
+            drive(waiting, pool, run.judge, stop.is_asked, run.look)
+        return stop.is_asked()
 
 
 @contextlib.contextmanager
-def _stopping(on_first) -> Iterator[_Stop]:
-    """In the block the first SIGINT or SIGTERM sets the flag, the second is a KeyboardInterrupt."""
-    stop = _Stop()
+def _stopping() -> Iterator[Stop]:
+    """In the block the first SIGINT or SIGTERM asks for the end, the second is a KeyboardInterrupt."""
+    stop = Stop()
 
     def hear(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_set:
+        if stop.is_asked():
             raise KeyboardInterrupt
-        stop.is_set = True
-        on_first()
+        stop.ask()
 
     before = {number: signal.signal(number, hear) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -134,22 +107,6 @@ def _stopping(on_first) -> Iterator[_Stop]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _without_result(batch: Batch, log: Log, one: Try, result: TaskResult) -> Outcome:
-    """The row of an attempt that left none itself."""
-    outcome = Outcome(
-        id=log.id,
-        name=log.name,
-        configuration=batch.about.configuration,
-        attempt=one.attempt,
-        kind="lost" if result.is_lost else "crash",
-        reason=result.trouble,
-        code=batch.about.code,
-        started_ns=time.time_ns(),
-    )
-    settle_failed(batch, outcome)
-    return settled(batch, log.id) or outcome  # it may have committed just before it died
 
 
 @contextlib.contextmanager

@@ -42,7 +42,7 @@ def _task(folder: Path):
 
 
 def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, tmp_path: Path):
-    nodes = [add_node(cluster) for _ in range(3)]
+    nodes = [add_node(cluster) for _ in range(2)]
     results: list[tuple[Try, TaskResult]] = []
 
     def judge(one: Try, result: TaskResult) -> Try | None:
@@ -59,7 +59,7 @@ def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, t
     with connected(cluster.address):
         share = Share(cpus=1.0, memory_gb=1.0)
         pool = RayPool(_task(tmp_path), lambda one: [str(one.attempt)], share, None)
-        assert pool.slots() == 3
+        assert pool.slots() == 2
         drive(map(Try, range(6)), pool, judge, lambda: False, look)
         assert pool.running() == {}
     lost = {one.index: result for one, result in results if result.is_lost}

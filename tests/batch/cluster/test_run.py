@@ -151,7 +151,7 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     _wait(lambda: _arenas(batch) or run.poll() is not None)
     run.send_signal(signal.SIGINT)
     said = _end(run)
-    assert run.returncode == 1 and "running logs end" in said and "left" in said
+    assert run.returncode == 1 and "no more logs begin" in said and "left" in said
     rows = read_runs(batch.out)
     assert sum(row["kind"] == "done" for row in rows) == 1
     assert _nothing_left(batch)

@@ -1,0 +1,106 @@
+"""What the driver of a batch makes of each attempt that has ended, and shows while others go on."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from hsslam_batch.attempt.commit import settle_failed, settled
+from hsslam_batch.attempt.outcome import Outcome, may_try_again
+from hsslam_batch.cluster.board import Running
+from hsslam_batch.cluster.drive import Try
+from hsslam_batch.cluster.task import TaskResult
+from hsslam_batch.options import RunOptions
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import Log
+from hsslam_batch.results.progress import BatchProgress
+
+
+class Watched(Protocol):
+    """What is asked of the pool while tasks run."""
+
+    def running(self) -> Mapping[int, Running]: ...
+
+    def close(self) -> None: ...
+
+
+class Stop:
+    """Whether the batch is to end; set by a signal, which may come inside of any call."""
+
+    def __init__(self) -> None:
+        self._is_asked = False
+
+    def ask(self) -> None:
+        """From now on it is."""
+        self._is_asked = True
+
+    def is_asked(self) -> bool:
+        """Whether it is."""
+        return self._is_asked
+
+
+@dataclass
+class BatchRun:
+    """One `hsslam-batch run`: its methods are those that `drive` calls."""
+
+    batch: Batch
+    logs: Sequence[Log]
+    retries: int
+    pool: Watched
+    progress: BatchProgress
+    stop: Stop
+    _is_closed: bool = field(default=False, init=False)
+
+    def judge(self, one: Try, result: TaskResult) -> Try | None:
+        """Write down what came of an attempt; another one if the log is worth it.
+
+        Raises:
+            OSError: the folder of the batch cannot be written.
+        """
+        if not result.is_begun:
+            return None
+        outcome = result.outcome or self._without_result(one, result)
+        if may_try_again(outcome, self.retries):
+            self.progress.tried_again(outcome)
+            return Try(one.index, one.attempt + 1, result.node_id)
+        self.progress.settled(outcome)
+        return None
+
+    def look(self) -> None:
+        """Show how far it is; once the batch is to end, let no task begin that waits."""
+        if self.stop.is_asked() and not self._is_closed:
+            self._is_closed = True
+            self.pool.close()
+            self.progress.say("no more logs begin, those that run end; Ctrl-C ends them at once")
+        running = self.pool.running().items()
+        self.progress.look({self.logs[index].id: now.frames for index, now in running})
+
+    def _without_result(self, one: Try, result: TaskResult) -> Outcome:
+        """The row of an attempt that left none itself."""
+        log = self.logs[one.index]
+        outcome = Outcome(
+            id=log.id,
+            name=log.name,
+            configuration=self.batch.about.configuration,
+            attempt=one.attempt,
+            kind="lost" if result.is_lost else "crash",
+            reason=result.trouble,
+            code=self.batch.about.code,
+            started_ns=time.time_ns(),
+        )
+        settle_failed(self.batch, outcome)
+        return settled(self.batch, log.id) or outcome  # it may have committed just before it died
+
+
+def work_words(batch: Batch, options: RunOptions, one: Try) -> list[str]:
+    """The arguments of `hsslam-batch work` for an attempt."""
+    words = [str(batch.out), "--index", str(one.index), "--attempt", str(one.attempt)]
+    given = {
+        "--memory": options.memory_gb,
+        "--timeout": options.timeout_s,
+        "--scratch": options.scratch,
+        "--fetch-gb": options.fetch_gb,
+    }
+    for flag, value in given.items():
+        words += [] if value is None else [flag, str(value)]
+    return words

@@ -1,0 +1,82 @@
+"""What the driver makes of attempts: rows, another attempt, an end in order."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.commit import commit, settled
+from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
+from hsslam_batch.cluster.board import Board
+from hsslam_batch.cluster.drive import Try
+from hsslam_batch.cluster.task import TaskResult
+from hsslam_batch.options import RunOptions, WorkOptions
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.progress import PROGRESS, BatchProgress
+from hsslam_batch.results.tally import Tally
+from hsslam_services.commands.cli import parse_options
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+def _run(batch: Batch, pool: Board) -> BatchRun:
+    logs = read_manifest(batch.out)
+    progress = BatchProgress(batch, Tally(logs, []))
+    return BatchRun(batch, logs, 1, pool, progress, Stop())
+
+
+def test_attempts_become_rows_or_other_attempts(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    batch = planned(tmp_path / "out", frames=(100, 200, 300))
+    run = _run(batch, Board())
+    with run.progress:
+        assert run.judge(Try(0), TaskResult(outcome(batch, 0))) is None
+        died = TaskResult(trouble="its node died", is_lost=True, node_id="node1")
+        assert run.judge(Try(1), died) == Try(1, 2, not_on="node1")
+        assert run.judge(Try(1, 2), died) is None  # one retry
+        bad = outcome(batch, 2, "bad input", reason="no log")
+        assert run.judge(Try(2), TaskResult(bad)) is None
+        assert run.judge(Try(2), TaskResult(is_begun=False)) is None
+    row = settled(batch, "id1")
+    assert row and (row.kind, row.attempt, row.reason) == ("lost", 2, "its node died")
+    assert run.progress.tally.line() == "1 done, 2 failed, 0 left; 600 of 600 frames"
+    assert capsys.readouterr().err == "log1: lost: its node died\nlog2: bad input: no log\n"
+    lines = [json.loads(line) for line in (batch.out / PROGRESS).read_text().splitlines()]
+    events = [line["event"] for line in lines]
+    assert events == ["begin", "done", "again", "failed", "failed", "end"]
+    assert lines[2]["reason"] == "its node died" and lines[-1]["left"] == 0
+
+
+def test_a_worker_that_died_after_its_commit_has_done_the_log(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    run = _run(batch, Board())
+    assert run.judge(Try(0), TaskResult(trouble="its worker died", is_lost=True)) is None
+    assert run.progress.tally.done == 1
+
+
+def test_once_it_is_asked_to_stop_the_board_is_closed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    batch = planned(tmp_path / "out")
+    board = Board()
+    run = _run(batch, board)
+    assert board.begin(0, "node")
+    board.progress(0, 40)
+    run.look()
+    assert run.progress.tally.frames_done == 40
+    run.stop.ask()
+    run.look()
+    run.look()
+    assert not board.begin(1, "node")
+    assert capsys.readouterr().err.count("no more logs begin") == 1
+    assert board.end(0) == "node" and board.end(0) == ""
+
+
+def test_work_gets_the_limits_of_run(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    options = RunOptions(out=batch.out, memory_gb=3.5, timeout_s=60.0, scratch=Path("/scratch"))
+    words = work_words(batch, options, Try(2, 3))
+    work = parse_options(WorkOptions, "hsslam-batch work", words)
+    assert (work.out, work.index, work.attempt) == (batch.out, 2, 3)
+    assert (work.memory_gb, work.timeout_s, work.scratch) == (3.5, 60.0, Path("/scratch"))
+    assert "--timeout" not in work_words(batch, RunOptions(out=batch.out), Try(0))
