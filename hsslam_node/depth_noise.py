@@ -9,6 +9,8 @@ _EVERY = 4  # rows and columns looked at
 _FEWEST = 100
 _UNKNOWN = 1.8e-3  # of a Kinect
 
+_DEVIATIONS = 2.0  # of the noise; a pair whose mean is off by more is not on the same surface
+
 EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 
 
@@ -30,3 +32,9 @@ def depth_noise(frame: Frame) -> float:
     second = 1.0 / left[known] + 1.0 / right[known] - 2.0 / middle[known]
     deviation = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
     return deviation * frame.depth_units_per_m
+
+
+def same_surface(frame: Frame) -> float:
+    """Most difference of inverse depth, 1/m, that is noise and no other surface; 0: depth is exact."""
+    noise = depth_noise(frame)
+    return 0.0 if noise < EXACT_NOISE else _DEVIATIONS * noise

@@ -12,7 +12,8 @@ from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.tracking.alignment import Alignment, align
-from hsslam_node.tracking.reference_keyframe import (
+from hsslam_node.tracking.keyframes.other_views import views_near
+from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
     grey_pyramid,
@@ -98,14 +99,12 @@ class KeyframeAlignment:
         return _kept(self._levels, _HELD_PYRAMIDS, k, lambda: grey_pyramid(self._store.frame(k)))
 
     def _reference(self, k: int) -> ReferenceKeyframe:
-        pixels = self._tracker.photometric_pixels
-        levels = self._pyramid(k)
-        return _kept(
-            self._references,
-            _HELD_REFERENCES,
-            k,
-            lambda: reference_keyframe(k, self._store.frame(k), levels, pixels),
-        )
+        return _kept(self._references, _HELD_REFERENCES, k, lambda: self._prepared(k))
+
+    def _prepared(self, k: int) -> ReferenceKeyframe:
+        frame, c = self._store.frame(k), self._tracker
+        views = views_near(self._store, k, frame, c.reference_views)
+        return reference_keyframe(k, frame, self._pyramid(k), c.photometric_pixels, views)
 
 
 def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:

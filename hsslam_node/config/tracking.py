@@ -23,8 +23,12 @@ class TrackerConfig:
     """alignment: Gauss-Newton on distances and grey values; rendering: Adam on the rendering losses."""
     points: int = 2000
     """Depth points that are aligned to the SDF."""
+    surface_factor: int = 1
+    """Depth points that are aligned to the keyframe's surface for each one that is aligned to the SDF."""
     border_px: int = 8
     """Image border without points, px."""
+    depth_window_px: int = 1
+    """Side of the square whose mean depth a point has, px; even values are rounded up, 1 turns it off."""
     max_depth_m: float = 6.0
     """Ignore depth beyond this, m."""
     iterations: int = 4
@@ -55,6 +59,8 @@ class TrackerConfig:
     """Distances of more standard deviations, depth noise included, lose weight."""
     surface_gate_m: float = 0.05
     """Points farther from the keyframe's surface do not overlap it, m."""
+    reference_views: int = 0
+    """Noisy depth of the reference keyframe is averaged over up to N keyframes next to it."""
     reference_overlap: float = 0.7
     """Change the reference keyframe if a smaller share of its pixels is in view, 0 to 1."""
     reference_coverage: float = 0.6
@@ -85,10 +91,11 @@ class TrackerConfig:
     def __post_init__(self) -> None:
         expect_one_of(self, "tracker", "method", "alignment", "rendering")
         expect_positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
+        expect_positive(self, "tracker", "surface_factor")
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
         expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
-        expect_not_negative(self, "tracker", "sdf_weight")
+        expect_not_negative(self, "tracker", "sdf_weight", "reference_views")
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
         expect_positive(self, "tracker", "surface_gate_m", "surface_sigma_m", "surface_kernel")
         expect_not_negative(self, "tracker", "surface_noise")
@@ -97,6 +104,7 @@ class TrackerConfig:
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "localise_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
+        expect_in_range(self, "tracker", "depth_window_px", 1, 15)
         for name in ("overlap", "coverage", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)
 

@@ -5,13 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config.mapping import MapperConfig
-from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
+from hsslam_node.depth_noise import same_surface
 from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
 
 _REMEMBERED = 8192  # keyframes; the noise of one takes 0.3 ms
-_DEVIATIONS = 2.0  # of the noise; a pair whose mean is off by more is not on the same surface
 
 
 class DepthAveraging:
@@ -19,7 +18,7 @@ class DepthAveraging:
 
     An iteration sees few rays of a far surface, each with centimetres of noise. The noise of inverse depth
     is the same near and far, and inverse depth is linear on a plane, so the mean of pixels on opposite
-    sides lies on the plane (`kernels/mapping/ray_batch.py`).
+    sides lies on the plane (`kernels/depth_mean.py`).
     """
 
     def __init__(self, window_px: int) -> None:
@@ -37,8 +36,7 @@ class DepthAveraging:
         if keyframe not in self._same_surface:
             if len(self._same_surface) >= _REMEMBERED:
                 self._same_surface.clear()
-            noise = depth_noise(store.frame(keyframe))
-            self._same_surface[keyframe] = 0.0 if noise < EXACT_NOISE else _DEVIATIONS * noise
+            self._same_surface[keyframe] = same_surface(store.frame(keyframe))
         return self._same_surface[keyframe]
 
 

@@ -13,8 +13,8 @@ from hsslam_node.geometry.pose_covariance import Evidence
 from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log
 from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
+from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, ReferenceKeyframe
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.reference_keyframe import PyramidLevel, ReferenceKeyframe
 from hsslam_node.tracking.sdf_term import CpuSdfTerm, SdfEvidence, SdfTerm
 
 LEVER_M = 2.0  # a rotation counts as the way of what is so far away
@@ -103,7 +103,8 @@ def align(
     """Align a frame, coarse to fine, starting from `T_world_cam` [4, 4].
 
     Args:
-        points: [N, 3] float32 m, depth points in the camera frame.
+        points: [N, 3] float32 m, depth points in the camera frame; all of them are aligned to the
+            keyframe's surface at the finest level, every `config.surface_factor`-th to the map.
         levels: image pyramid of the frame.
         view: the map; None before there is one.
         reference: the keyframe; None leaves its two terms out.
@@ -187,9 +188,11 @@ class _Problem:
         config: TrackerConfig,
         exposure: Exposure,
     ) -> None:
-        self._points = (np.ascontiguousarray(points[::COARSE_STRIDE]), points)
+        asked = np.ascontiguousarray(points[:: config.surface_factor])
+        coarse = np.ascontiguousarray(asked[::COARSE_STRIDE])
+        self._points = (coarse, points)
         self._levels = levels
-        self._sdf_term = open_sdf_term(view, self._points, config) if view else None
+        self._sdf_term = open_sdf_term(view, (coarse, asked), config) if view else None
         self._reference = reference
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
@@ -213,9 +216,10 @@ class _Problem:
         centre = T[:3, 3].copy()
         # the map is asked last, and first only where there is no keyframe to lead the way
         if self._sdf_term and (fine or self._reference is None):
-            found = self._add_sdf_term(T, world, fine, system)
+            asked = np.ascontiguousarray(world[:: c.surface_factor]) if fine else world
+            found = self._add_sdf_term(T, asked, fine, system)
             system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
-            system.outside = n - found.seen
+            system.outside = len(asked) - found.seen
         if self._reference and c.surface_weight > 0:
             k = c.surface_weight**-0.5
             sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide enough to be led by

@@ -16,7 +16,7 @@ from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
-from hsslam_node.tracking.reference_keyframe import ReferenceKeyframe, stored_reference
+from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe, stored_reference
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
@@ -85,7 +85,7 @@ class Relocalisation:
             return
         k = self._nearest(T_world_cam[0])
         try:
-            reference = stored_reference(self._store, k, self._config.photometric_pixels)
+            reference = stored_reference(self._store, k, self._config)
         except RetiredKeyframeError:  # just now: the next frame finds another
             return
         yield Place(T_world_cam[0], reference)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
+from hsslam_node.depth_noise import same_surface
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
@@ -104,17 +105,21 @@ class TrackResult:
 
 
 def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
-    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge."""
+    """About `config.points * config.surface_factor` depth points [N, 3] float32 m, camera frame, none on a
+    depth edge."""
     camera = frame.camera
     aspect = camera.width_px / camera.height_px
     # a fifth more cells than points: some fall on edges and holes
-    rows = max(1, round(np.sqrt(1.2 * config.points / aspect)))
+    wanted = 1.2 * config.points * config.surface_factor
+    rows = max(1, round(np.sqrt(wanted / aspect)))
     columns = max(1, round(rows * aspect))
     jitter = np.random.default_rng((seed, frame.index)).random((rows * columns, 2))
     points = np.empty((rows * columns, 3), np.float32)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     max_depth_m = np.float32(config.max_depth_m)
+    radius_px = config.depth_window_px // 2
     n = sample_points(
-        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, points
-    )
+        frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px,
+        same_surface(frame) if radius_px else 0.0, points,
+    )  # fmt: skip
     return points[:n]

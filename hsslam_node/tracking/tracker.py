@@ -21,16 +21,17 @@ from hsslam_node.tracking.acceptance import (
 )
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
 from hsslam_node.tracking.dynamic_mask import DynamicMask
-from hsslam_node.tracking.map_view import MapView, TornMapError
-from hsslam_node.tracking.odometry import rgbd_odometry
-from hsslam_node.tracking.reference_keyframe import (
+from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
+from hsslam_node.tracking.keyframes.other_views import views_near
+from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
-    covering_keyframe,
     grey_pyramid,
     reference_keyframe,
     stored_reference,
 )
+from hsslam_node.tracking.map_view import MapView, TornMapError
+from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.tracked_frame import (
     TrackedFrame,
@@ -41,7 +42,7 @@ from hsslam_node.tracking.tracked_frame import (
     predicted_pose,
 )
 
-_FEWEST_POINTS = 100
+_FEWEST_POINTS = 100  # times `surface_factor`
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
@@ -82,7 +83,7 @@ class Tracker:
         self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
         self._before_last = None
         self._lost_frames = 1
-        self._reference = stored_reference(self._store, newest, self._config.photometric_pixels)
+        self._reference = stored_reference(self._store, newest, self._config)
         if anywhere:
             self._lost_frames = _FOLLOWED_FRAMES
             self._relocalisation.observe_all()
@@ -128,13 +129,16 @@ class Tracker:
             self._next_reference = None
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
-        if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
+        if self._are_few(points) or self._localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
         k = self._store.append(frame, np.eye(4))
         self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult.first(frame.index, k)
+
+    def _are_few(self, points: int) -> bool:
+        return points < _FEWEST_POINTS * self._config.surface_factor
 
     def _guesses(
         self, frame: Frame, prediction: np.ndarray, *, after_gap: bool
@@ -165,7 +169,7 @@ class Tracker:
         self, points: np.ndarray, levels: tuple[PyramidLevel, ...], T: np.ndarray,
         view: MapView | None,
     ) -> Alignment | None:  # fmt: skip
-        if len(points) < _FEWEST_POINTS or self._reference is None:
+        if self._are_few(len(points)) or self._reference is None:
             return None
         version = self._store.pose_version
         T_world_ref = self._store.pose(self._reference.id)
@@ -225,8 +229,9 @@ class Tracker:
         if is_keyframe and self._needs_replacing(alignment, T, frame):
             self._exposure, self._coverage = Exposure(), 0.0
             of_still = levels if still is frame else grey_pyramid(still)
+            views = views_near(self._store, k, still, self._config.reference_views)
             self._next_reference = partial(
-                reference_keyframe, k, still, of_still, self._config.photometric_pixels
+                reference_keyframe, k, still, of_still, self._config.photometric_pixels, views
             )
         elif self._localise_only:
             self._refer_to_saved(alignment, T, frame)
@@ -298,9 +303,7 @@ class Tracker:
         k = covering_keyframe(self._store, frame, T, self._reference.id)
         if k != self._reference.id:
             self._exposure, self._coverage = Exposure(), 0.0
-            self._next_reference = partial(
-                stored_reference, self._store, k, self._config.photometric_pixels
-            )
+            self._next_reference = partial(stored_reference, self._store, k, self._config)
 
     def _needs_replacing(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
         assert self._reference is not None

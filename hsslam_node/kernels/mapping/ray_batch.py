@@ -6,6 +6,8 @@ Twin: `gpu_kernels/mapping/ray_batch.py`. Reference of the samples: `rendering/r
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.depth_mean import mean_depth
+
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_pixels(
@@ -16,9 +18,7 @@ def gather_pixels(
 
     color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy, uv [N, 2] px. Writes into
     `rays` (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R])
-    from row `first` on. The depth is the mean inverse depth, inverted, of the pixel and of the pairs
-    opposite each other, at most `radius_px` away, whose mean differs by less than `same_surface`, 1/m
-    (0: the pixel's own).
+    from row `first` on. The depth is the `mean_depth` about the pixel, or with `same_surface` 0 its own.
     """
     found = 0
     for k in range(uv.shape[0]):
@@ -34,35 +34,13 @@ def gather_pixels(
         rays.direction[r, 1] = (np.float32(v) - K[3]) / K[1]
         rays.direction[r, 2] = np.float32(1.0)
         if same_surface > 0.0:
-            d = _averaged(depth_raw, u, v, metres_per_unit, radius_px, same_surface)
+            d = mean_depth(depth_raw, u, v, metres_per_unit, radius_px, same_surface)
         rays.depth[r] = d
         for c in range(3):
             rays.color[r, c] = np.float32(color[v, u, c]) * np.float32(1.0 / 255.0)
         rays.slot[r] = slot
         found += 1
     return found
-
-
-@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _averaged(depth_raw, u, v, metres_per_unit, radius_px, same_surface):
-    """Over pairs on opposite sides of the pixel: on a plane their mean is its own, however steep."""
-    height, width = depth_raw.shape
-    own = np.float32(1.0) / np.float32(depth_raw[v, u])  # one over sensor units, as all here
-    limit = np.float32(2.0 * same_surface * metres_per_unit)
-    total = own
-    count = 1
-    for dy in range(min(radius_px, v, height - 1 - v) + 1):
-        reach = min(radius_px, u, width - 1 - u)
-        for dx in range(-reach if dy > 0 else 1, reach + 1):
-            one = np.float32(depth_raw[v + dy, u + dx])
-            other = np.float32(depth_raw[v - dy, u - dx])
-            product = one * other
-            if product > 0.0:
-                pair = (one + other) / product
-                if abs(pair - np.float32(2.0) * own) < limit:
-                    total += pair
-                    count += 2
-    return np.float32(count) / total * np.float32(metres_per_unit)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -3,12 +3,17 @@
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.depth_mean import mean_depth
+
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
+def sample_points(
+    depth, K, jitter, columns, rows, border, max_depth_m, radius_px, same_surface, points
+):  # fmt: skip
     """Back-project one random pixel of each grid cell, unless it lies on a depth edge or has no depth.
 
-    depth [H, W] float32 m; K [4] = fx, fy, cx, cy; jitter [rows * columns, 2] in 0..1. Fills points
+    depth [H, W] float32 m; K [4] = fx, fy, cx, cy; jitter [rows * columns, 2] in 0..1. The depth of a
+    point is the `mean_depth` about its pixel, or with `same_surface` 0 that of the pixel. Fills points
     [N, 3] (m, camera) and returns how many.
     """
     height, width = depth.shape
@@ -36,6 +41,8 @@ def sample_points(depth, K, jitter, columns, rows, border, max_depth_m, points):
             limit = np.float32(0.01) * d * max(d, np.float32(1.0))
             if abs(left + right - 2 * d) > limit or abs(up + down - 2 * d) > limit:
                 continue
+            if same_surface > 0.0:
+                d = mean_depth(depth, u, v, 1.0, radius_px, same_surface)
             points[n, 0] = (np.float32(u) - K[2]) / K[0] * d
             points[n, 1] = (np.float32(v) - K[3]) / K[1] * d
             points[n, 2] = d

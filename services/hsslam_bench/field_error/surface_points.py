@@ -35,7 +35,7 @@ def surface_points(view: TrueFrame, generator: np.random.Generator) -> SurfacePo
     points = np.empty((_ROWS * _COLUMNS, 3), np.float32)
     jitter = generator.random((_ROWS * _COLUMNS, 2))
     far_m = np.float32(20.0)
-    n = sample_points(depth, K, jitter, _COLUMNS, _ROWS, _BORDER_PX, far_m, points)
+    n = sample_points(depth, K, jitter, _COLUMNS, _ROWS, _BORDER_PX, far_m, 0, 0.0, points)
     points = points[:n]
     u = np.round(points[:, 0] / points[:, 2] * K[0] + K[2]).astype(np.int64)
     v = np.round(points[:, 1] / points[:, 2] * K[1] + K[3]).astype(np.int64)

@@ -9,8 +9,8 @@ from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
 from hsslam_node.tracking.map_view import MapView
-from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe
 from tests.small_room import MappedRoom, displaced, mapped_room, pose_error, room_frames, room_poses
 
 FRAME, KEYFRAME = 9, 1  # keyframe 1 is frame 4
@@ -27,7 +27,7 @@ def _points(frame) -> np.ndarray:
     points = np.empty((rows * columns, 3), np.float32)
     camera = frame.camera
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-    n = sample_points(frame.depth_m(), K, jitter, columns, rows, 8, np.float32(6.0), points)
+    n = sample_points(frame.depth_m(), K, jitter, columns, rows, 8, np.float32(6.0), 0, 0.0, points)
     return points[:n]
 
 

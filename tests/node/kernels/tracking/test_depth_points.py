@@ -8,12 +8,20 @@ HEIGHT, WIDTH = 60, 80
 K = np.array([70.0, 72.0, 39.0, 30.5])
 
 
-def _sampled(depth: np.ndarray, border: int = 6, max_depth_m: float = 6.0) -> np.ndarray:
+def _sampled(
+    depth: np.ndarray,
+    border: int = 6,
+    max_depth_m: float = 6.0,
+    radius_px: int = 0,
+    same_surface: float = 0.0,
+) -> np.ndarray:
     rows, columns = 12, 16
     jitter = np.random.default_rng(0).random((rows * columns, 2))
     points = np.empty((rows * columns, 3), np.float32)
-    camera = K.astype(np.float32)
-    n = sample_points(depth, camera, jitter, columns, rows, border, np.float32(max_depth_m), points)
+    n = sample_points(
+        depth, K.astype(np.float32), jitter, columns, rows, border, np.float32(max_depth_m), radius_px,
+        same_surface, points,
+    )  # fmt: skip
     return points[:n]
 
 
@@ -32,6 +40,22 @@ def test_depth_points_are_back_projected_pixels_within_the_border():
     u, v = _pixels(points)
     np.testing.assert_allclose(points[:, 2], depth[v, u])
     assert u.min() >= 6 and v.min() >= 6 and u.max() < WIDTH - 6 and v.max() < HEIGHT - 6
+
+
+def test_the_mean_about_a_pixel_takes_noise_away_and_keeps_a_slanted_plane():
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    plane = 0.5 + 0.001 * u - 0.002 * v  # inverse depth
+    noise = np.random.default_rng(1).normal(0, 1e-3, plane.shape)
+    noisy = (1 / (plane + noise)).astype(np.float32)
+    errors = []
+    for radius_px in (0, 2):
+        points = _sampled(noisy, radius_px=radius_px, same_surface=2e-3)
+        u, v = _pixels(points)
+        errors.append(1 / points[:, 2] - plane[v, u])
+    alone, averaged = errors
+    assert np.std(alone) > 0.9e-3
+    assert np.std(averaged) < 0.4e-3
+    assert abs(averaged.mean()) < 0.1e-3
 
 
 def test_no_border_still_reads_inside_the_image():

@@ -7,7 +7,7 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.tracking.reference_keyframe import grey_pyramid, reference_keyframe
+from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
 from tests.small_room import room_frames
 
 NORMAL = np.array([0.3, -0.2, -1.0]) / np.linalg.norm([0.3, -0.2, -1.0])  # towards the camera

@@ -1,16 +1,16 @@
-"""The keyframe that frames are aligned to directly: salient pixels, surface, and which one to take."""
+"""The keyframe that frames are aligned to directly: its salient pixels and its surface."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from hsslam_node.config import TrackerConfig
 from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.projection import project, world_points
-from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
-from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.keyframes.other_views import OtherViews, views_near
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
@@ -69,25 +69,37 @@ def _halved_depth(depth: np.ndarray) -> np.ndarray:
 
 
 def reference_keyframe(
-    id: int, frame: Frame, levels: tuple[PyramidLevel, ...], pixels: int
+    id: int,
+    frame: Frame,
+    levels: tuple[PyramidLevel, ...],
+    pixels: int,
+    views: OtherViews | None = None,
 ) -> ReferenceKeyframe:
-    """Prepare a keyframe: about `pixels` salient pixels per level, and its surface with normals."""
+    """Prepare a keyframe: about `pixels` salient pixels per level, and its surface with normals.
+
+    `views`: keyframes near it; noisy depth is averaged over those that see the same.
+    """
     points, greys = [], []
     for level in levels:
         p, g = _salient_pixels(level, pixels)
+        if views:
+            averaged = (frame.camera.width_px // level.grey.shape[1]) ** 2
+            p *= (views.averaged(p[:, :2] / p[:, 2:], p[:, 2], averaged) / p[:, 2])[:, None]
         points.append(p)
         greys.append(g)
     noise = depth_noise(frame)
-    surface_points, surface_normals, K = _surface(frame, noise)
+    surface_points, surface_normals, K = _surface(frame, noise, views)
     return ReferenceKeyframe(
         id, tuple(points), tuple(greys), surface_points, surface_normals, K, noise
     )
 
 
-def stored_reference(store: KeyframeStore, k: int, pixels: int) -> ReferenceKeyframe:
+def stored_reference(store: KeyframeStore, k: int, config: TrackerConfig) -> ReferenceKeyframe:
     """The same of keyframe k of a store."""
     keyframe = store.frame(k)
-    return reference_keyframe(k, keyframe, grey_pyramid(keyframe), pixels)
+    views = views_near(store, k, keyframe, config.reference_views)
+    levels = grey_pyramid(keyframe)
+    return reference_keyframe(k, keyframe, levels, config.photometric_pixels, views)
 
 
 def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.ndarray]:
@@ -119,9 +131,11 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
     return points, level.grey[v, u]
 
 
-def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _surface(
+    frame: Frame, noise: float, views: OtherViews | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and normals where the depth is continuous: of all pixels as they are if it is exact, else
-    at half resolution and smoothed, as inverse depth."""
+    at half resolution, averaged over the views and smoothed, as inverse depth."""
     is_exact = noise < EXACT_NOISE
     camera = frame.camera if is_exact else frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
@@ -131,6 +145,8 @@ def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.nda
     )
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
     continuous = (low > 0) & (high - low < 0.05 * high)
+    if views:
+        depth = _averaged(depth, K, views)
     if not is_exact:
         inverse_depth = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
         weight = _smoothed((depth > 0).astype(np.float32))
@@ -142,52 +158,12 @@ def _surface(frame: Frame, noise: float) -> tuple[np.ndarray, np.ndarray, np.nda
     return points, normals, K
 
 
+def _averaged(depth: np.ndarray, K: np.ndarray, views: OtherViews) -> np.ndarray:
+    """Depth [h, w] at half resolution, of a keyframe with these views."""
+    v, u = np.indices(depth.shape)
+    rays = np.stack([(u - K[2]) / K[0], (v - K[3]) / K[1]], -1).reshape(-1, 2)
+    return views.averaged(rays, depth.ravel(), 4).reshape(depth.shape).astype(np.float32)
+
+
 def _smoothed(image: np.ndarray) -> np.ndarray:
     return cv2.GaussianBlur(image, (3, 3), 0.8)
-
-
-_STRIDE_PX = 24
-_CANDIDATES = 12  # that stand most like the camera
-_TURN_M_PER_RAD = 1.0  # what a turn counts when they are chosen
-_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
-_CLEARLY = 0.1  # more of the frame's points than the current one
-
-
-def covering_keyframe(
-    store: KeyframeStore, frame: Frame, T_world_cam: np.ndarray, current: int
-) -> int:
-    """The keyframe on whose surface most of the frame's depth lies; `current` unless one is clearly better.
-
-    Of equals it is that which stands most like the camera at T_world_cam [4, 4].
-    """
-    depth_m = frame.depth_raw / frame.depth_units_per_m
-    points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
-    if len(points) == 0:
-        return current
-    ids = store.kept()
-    poses = store.poses_of(ids)
-    relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
-    cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
-    away = np.linalg.norm(relative[:, :3, 3], axis=1)
-    away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
-    best, most = current, _shown(store, current, store.pose(current), points) + _CLEARLY
-    for i in np.argsort(away, kind="stable")[:_CANDIDATES]:
-        k = int(ids[i])
-        share = _shown(store, k, poses[i], points)
-        if k != current and share > most:
-            best, most = k, share
-    return best
-
-
-def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
-    """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
-    camera = store.camera
-    u, v, z = project(points, camera, inverse(T_world_key))
-    u, v = np.round(u).astype(int), np.round(v).astype(int)
-    inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
-    try:
-        depth_raw = store.pixels(k)[1][v[inside], u[inside]]
-    except RetiredKeyframeError:
-        return 0.0
-    gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])
-    return float(((depth_raw > 0) & (gap < _MARGIN_M + _MARGIN_SLOPE * z[inside])).sum()) / len(z)

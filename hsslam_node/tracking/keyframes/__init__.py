@@ -1,0 +1,1 @@
+"""Keyframes prepared for frames to be aligned to, with what keyframes near them measured."""

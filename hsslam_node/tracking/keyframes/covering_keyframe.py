@@ -1,0 +1,54 @@
+"""Which keyframe of a map shows most of what a frame shows."""
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import project, world_points
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+
+_STRIDE_PX = 24
+_CANDIDATES = 12  # that stand most like the camera
+_TURN_M_PER_RAD = 1.0  # what a turn counts when they are chosen
+_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
+_CLEARLY = 0.1  # more of the frame's points than the current one
+
+
+def covering_keyframe(
+    store: KeyframeStore, frame: Frame, T_world_cam: np.ndarray, current: int
+) -> int:
+    """The keyframe on whose surface most of the frame's depth lies; `current` unless one is clearly better.
+
+    Of equals it is that which stands most like the camera at T_world_cam [4, 4].
+    """
+    depth_m = frame.depth_raw / frame.depth_units_per_m
+    points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
+    if len(points) == 0:
+        return current
+    ids = store.kept()
+    poses = store.poses_of(ids)
+    relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
+    cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
+    away = np.linalg.norm(relative[:, :3, 3], axis=1)
+    away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
+    best, most = current, _shown(store, current, store.pose(current), points) + _CLEARLY
+    for i in np.argsort(away, kind="stable")[:_CANDIDATES]:
+        k = int(ids[i])
+        share = _shown(store, k, poses[i], points)
+        if k != current and share > most:
+            best, most = k, share
+    return best
+
+
+def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
+    """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
+    camera = store.camera
+    u, v, z = project(points, camera, inverse(T_world_key))
+    u, v = np.round(u).astype(int), np.round(v).astype(int)
+    inside = (z > 0.1) & (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
+    try:
+        depth_raw = store.pixels(k)[1][v[inside], u[inside]]
+    except RetiredKeyframeError:
+        return 0.0
+    gap = np.abs(depth_raw / store.depth_units_per_m - z[inside])
+    return float(((depth_raw > 0) & (gap < _MARGIN_M + _MARGIN_SLOPE * z[inside])).sum()) / len(z)
