@@ -1,4 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from hsslam_node.tracking.rendering_tracker import surface_fit
 from hsslam_node.tracking.tracked_frame import frame_points
@@ -20,3 +23,10 @@ def test_points_outside_the_bound_are_counted_and_do_not_fit():
     far[:3, 3] = 100.0
     fit = surface_fit(points, far, view, SMALL.tracker)
     assert fit.outside == len(points) and fit.inlier_ratio == 0
+
+
+def test_a_frame_has_points_for_the_keyframe_and_its_share_for_the_map():
+    frame, c = room_frames()[0], replace(SMALL.tracker, surface_factor=1)
+    few = frame_points(frame, c, 0)
+    many = frame_points(frame, replace(c, surface_factor=4), 0)
+    assert len(many) == pytest.approx(4 * len(few), rel=0.1)
