@@ -34,7 +34,7 @@ def depth_noise(frame: Frame) -> float:
     return deviation * frame.depth_units_per_m
 
 
-def same_surface(frame: Frame) -> float:
-    """Most difference of inverse depth, 1/m, that is noise and no other surface; 0: depth is exact."""
+def surface_limit(frame: Frame) -> float:
+    """Most difference of inverse depth, 1/m, between neighbours on one surface; 0: depth is exact."""
     noise = depth_noise(frame)
     return 0.0 if noise < EXACT_NOISE else _DEVIATIONS * noise

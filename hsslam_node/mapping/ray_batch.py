@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.config.mapping import MapperConfig
-from hsslam_node.depth_noise import same_surface
+from hsslam_node.depth_noise import surface_limit
 from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
@@ -36,7 +36,7 @@ class DepthAveraging:
         if keyframe not in self._same_surface:
             if len(self._same_surface) >= _REMEMBERED:
                 self._same_surface.clear()
-            self._same_surface[keyframe] = same_surface(store.frame(keyframe))
+            self._same_surface[keyframe] = surface_limit(store.frame(keyframe))
         return self._same_surface[keyframe]
 
 

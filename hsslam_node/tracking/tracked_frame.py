@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
-from hsslam_node.depth_noise import same_surface
+from hsslam_node.depth_noise import surface_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
@@ -120,6 +120,6 @@ def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
     radius_px = config.depth_window_px // 2
     n = sample_points(
         frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px,
-        same_surface(frame) if radius_px else 0.0, points,
+        surface_limit(frame) if radius_px else 0.0, points,
     )  # fmt: skip
     return points[:n]

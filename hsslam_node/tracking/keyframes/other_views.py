@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.depth_noise import same_surface
+from hsslam_node.depth_noise import surface_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.tracking.view_mean import add_view
@@ -38,8 +38,10 @@ class OtherViews:
 
 
 def views_near(store: KeyframeStore, k: int, frame: Frame, most: int) -> OtherViews:
-    """Up to `most` keyframes of the store next to keyframe k, which is `frame`; poses as they are now."""
-    near = [j for j in _next_to(k, most, store.count) if store.is_kept(j)][:most]
+    """Up to `most` keyframes of the store next to keyframe k, which is `frame`, at their poses of now; none
+    if its depth is exact."""
+    c, gate = frame.camera, _GATE * surface_limit(frame)
+    near = [j for j in _next_to(k, most, store.count) if store.is_kept(j)][:most] if gate else []
     poses = store.poses_of(np.array([k, *near], np.int64))
     T_view_key, depth = [], []
     for j, T_world_view in zip(near, poses[1:], strict=True):
@@ -47,14 +49,11 @@ def views_near(store: KeyframeStore, k: int, frame: Frame, most: int) -> OtherVi
             raw = store.pixels(j)[1].copy()
         except RetiredKeyframeError:
             continue
-        if store.is_kept(j):
+        if store.is_kept(j):  # else its slot may have been used again meanwhile
             T_view_key.append(inverse(T_world_view) @ poses[0])
             depth.append(raw)
-    c = frame.camera
     K = np.array([c.fx, c.fy, c.cx, c.cy])
-    gate = _GATE * same_surface(frame)
-    metres_per_unit = 1.0 / frame.depth_units_per_m
-    return OtherViews(tuple(T_view_key), tuple(depth), K, metres_per_unit, gate)
+    return OtherViews(tuple(T_view_key), tuple(depth), K, 1.0 / frame.depth_units_per_m, gate)
 
 
 def _next_to(k: int, most: int, count: int) -> list[int]:

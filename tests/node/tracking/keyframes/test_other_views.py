@@ -13,7 +13,7 @@ from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, refe
 _CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
 _UNITS_PER_M = 10_000.0
 _SIGMA = 1.5e-3  # 1/m, of the inverse depth
-_NORMAL, _DISTANCE_M = np.array([0.36, -0.48, 0.8]), 2.0  # of a plane, world
+_NORMAL, _DISTANCE_M = np.array([0.16, -0.12, np.sqrt(0.96)]), 2.0  # of a plane, world
 _V, _U = np.mgrid[:120, :160]
 _RAYS = np.stack([(_U - _CAMERA.cx) / _CAMERA.fx, (_V - _CAMERA.cy) / _CAMERA.fy], -1)
 
@@ -55,8 +55,8 @@ def test_views_of_the_same_plane_take_noise_away_and_bring_no_bias():
     store = _store([_frame(k) for k in range(9)])
     alone, few, many = (_errors(store, 8, most) for most in (0, 2, 8))
     assert np.std(alone) > 0.9 * _SIGMA
-    assert np.std(few) < 0.5 * _SIGMA
-    assert np.std(many) < 0.3 * _SIGMA
+    assert np.std(few) < 0.6 * _SIGMA
+    assert np.std(many) < 0.4 * _SIGMA
     assert abs(many.mean()) < 0.05 * _SIGMA
 
 
