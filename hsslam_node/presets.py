@@ -28,7 +28,7 @@ REALTIME: Final = replace(
     tracker=TrackerConfig(
         method="alignment",
         depth_window_px=5,
-        surface_factor=4,
+        surface_points=8000,
         surface_noise=0.2,
         reference_views=8,
     ),

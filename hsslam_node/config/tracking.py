@@ -23,8 +23,8 @@ class TrackerConfig:
     """alignment: Gauss-Newton on distances and grey values; rendering: Adam on the rendering losses."""
     points: int = 2000
     """Depth points that are aligned to the SDF."""
-    surface_factor: int = 1
-    """Depth points that are aligned to the keyframe's surface for each one that is aligned to the SDF."""
+    surface_points: int = 0
+    """Depth points that are aligned to the keyframe's surface if depth is noisy and this is more."""
     border_px: int = 8
     """Image border without points, px."""
     depth_window_px: int = 1
@@ -91,11 +91,10 @@ class TrackerConfig:
     def __post_init__(self) -> None:
         expect_one_of(self, "tracker", "method", "alignment", "rendering")
         expect_positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
-        expect_positive(self, "tracker", "surface_factor")
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
         expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
-        expect_not_negative(self, "tracker", "sdf_weight", "reference_views")
+        expect_not_negative(self, "tracker", "sdf_weight", "reference_views", "surface_points")
         expect_not_negative(self, "tracker", "sdf_sigma_slope")
         expect_positive(self, "tracker", "surface_gate_m", "surface_sigma_m", "surface_kernel")
         expect_not_negative(self, "tracker", "surface_noise")

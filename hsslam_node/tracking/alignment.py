@@ -55,6 +55,7 @@ def _way(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
+_MOST_ASKED = 1.25  # times `config.points`, as frames have some more
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
 _LOWER = np.tril_indices(8, -1)
@@ -104,7 +105,7 @@ def align(
 
     Args:
         points: [N, 3] float32 m, depth points in the camera frame; all of them are aligned to the
-            keyframe's surface at the finest level, every `config.surface_factor`-th to the map.
+            keyframe's surface at the finest level, about `config.points` of them to the map.
         levels: image pyramid of the frame.
         view: the map; None before there is one.
         reference: the keyframe; None leaves its two terms out.
@@ -188,7 +189,8 @@ class _Problem:
         config: TrackerConfig,
         exposure: Exposure,
     ) -> None:
-        asked = np.ascontiguousarray(points[:: config.surface_factor])
+        self._asked_every = 1 + int(len(points) / (_MOST_ASKED * config.points))
+        asked = np.ascontiguousarray(points[:: self._asked_every])
         coarse = np.ascontiguousarray(asked[::COARSE_STRIDE])
         self._points = (coarse, points)
         self._levels = levels
@@ -216,7 +218,7 @@ class _Problem:
         centre = T[:3, 3].copy()
         # the map is asked last, and first only where there is no keyframe to lead the way
         if self._sdf_term and (fine or self._reference is None):
-            asked = np.ascontiguousarray(world[:: c.surface_factor]) if fine else world
+            asked = np.ascontiguousarray(world[:: self._asked_every]) if fine else world
             found = self._add_sdf_term(T, asked, fine, system)
             system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
             system.outside = len(asked) - found.seen

@@ -105,21 +105,22 @@ class TrackResult:
 
 
 def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
-    """About `config.points * config.surface_factor` depth points [N, 3] float32 m, camera frame, none on a
-    depth edge."""
+    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge; as many as
+    `config.surface_points` if depth is noisy."""
     camera = frame.camera
     aspect = camera.width_px / camera.height_px
+    radius_px = config.depth_window_px // 2
+    limit = surface_limit(frame) if radius_px or config.surface_points else 0.0
+    wanted = max(config.points, config.surface_points) if limit else config.points
     # a fifth more cells than points: some fall on edges and holes
-    wanted = 1.2 * config.points * config.surface_factor
-    rows = max(1, round(np.sqrt(wanted / aspect)))
+    rows = max(1, round(np.sqrt(1.2 * wanted / aspect)))
     columns = max(1, round(rows * aspect))
     jitter = np.random.default_rng((seed, frame.index)).random((rows * columns, 2))
     points = np.empty((rows * columns, 3), np.float32)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     max_depth_m = np.float32(config.max_depth_m)
-    radius_px = config.depth_window_px // 2
     n = sample_points(
         frame.depth_m(), K, jitter, columns, rows, config.border_px, max_depth_m, radius_px,
-        surface_limit(frame) if radius_px else 0.0, points,
+        limit if radius_px else 0.0, points,
     )  # fmt: skip
     return points[:n]

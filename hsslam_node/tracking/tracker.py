@@ -42,7 +42,7 @@ from hsslam_node.tracking.tracked_frame import (
     predicted_pose,
 )
 
-_FEWEST_POINTS = 100  # times `surface_factor`
+_FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 
@@ -129,16 +129,13 @@ class Tracker:
             self._next_reference = None
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
-        if self._are_few(points) or self._localise_only:  # nothing to start a map on
+        if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
         k = self._store.append(frame, np.eye(4))
         self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
         return TrackResult.first(frame.index, k)
-
-    def _are_few(self, points: int) -> bool:
-        return points < _FEWEST_POINTS * self._config.surface_factor
 
     def _guesses(
         self, frame: Frame, prediction: np.ndarray, *, after_gap: bool
@@ -169,7 +166,7 @@ class Tracker:
         self, points: np.ndarray, levels: tuple[PyramidLevel, ...], T: np.ndarray,
         view: MapView | None,
     ) -> Alignment | None:  # fmt: skip
-        if self._are_few(len(points)) or self._reference is None:
+        if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
         version = self._store.pose_version
         T_world_ref = self._store.pose(self._reference.id)

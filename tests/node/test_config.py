@@ -22,7 +22,7 @@ ABOVE_ZERO = {
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
     "photometric_huber max_step_m max_step_rad surface_gate_m surface_sigma_m surface_kernel "
-    "longest_gap_s weak_direction_m surface_factor",
+    "longest_gap_s weak_direction_m",
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "pose_graph": "aligned_every most_keyframes loop_gap loop_reach_m loop_reach_rad sigma_m sigma_rad "
@@ -35,7 +35,7 @@ ZERO_OR_MORE = {
     "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats pose_rate",
     "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope sdf_weight "
-    "reference_views",
+    "reference_views surface_points",
     "rendering_tracker": "outlier_factor color depth sdf_middle sdf_tail free_space",
     "ba": "pose_rate cooldown_rounds",
     "pose_graph": "loops least_shift_m",

@@ -25,8 +25,13 @@ def test_points_outside_the_bound_are_counted_and_do_not_fit():
     assert fit.outside == len(points) and fit.inlier_ratio == 0
 
 
-def test_a_frame_has_points_for_the_keyframe_and_its_share_for_the_map():
-    frame, c = room_frames()[0], replace(SMALL.tracker, surface_factor=1)
-    few = frame_points(frame, c, 0)
-    many = frame_points(frame, replace(c, surface_factor=4), 0)
-    assert len(many) == pytest.approx(4 * len(few), rel=0.1)
+def test_a_frame_of_noisy_depth_has_more_points_and_one_of_exact_depth_has_not():
+    exact, few = room_frames()[0], replace(SMALL.tracker, points=500, surface_points=0)
+    many = replace(few, surface_points=2000)
+    noise = np.random.default_rng(0).normal(0, 4e-3, exact.depth_raw.shape)  # 1/m
+    noisy_m = 1 / (1 / np.maximum(exact.depth_m(), 0.1) + noise)
+    raw = np.where(exact.depth_raw > 0, noisy_m * exact.depth_units_per_m, 0).astype(np.uint16)
+    noisy = replace(exact, depth_raw=raw)
+    counts = [len(frame_points(noisy, c, 0)) for c in (few, many)]
+    assert counts[1] == pytest.approx(4 * counts[0], rel=0.2)
+    np.testing.assert_array_equal(frame_points(exact, few, 0), frame_points(exact, many, 0))
