@@ -33,7 +33,7 @@ REALTIME: Final = replace(
         reference_views=8,
     ),
     sampling=SamplingPattern(free_samples=2, surface_samples=4, free_reach=1.0, surface_reach=1.0),
-    weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0),
+    weights=LossWeights(sdf_middle=1000.0, sdf_tail=100.0, blind_color=0.0),
     mapper=MapperConfig(
         rays=896,
         iterations=4,
@@ -48,6 +48,7 @@ REALTIME: Final = replace(
         decoder_rate=0.002,
         pose_rate=0.0,
         depth_window_px=5,
+        parts=1,
         patch_repeats=4,
         smoothness_every=8,
         smoothness_vertices=8,
@@ -77,7 +78,8 @@ ESLAM: Final = replace(
 # Hash grid and one-blob. Published as ten joint iterations over rays of all keyframes with two pose
 # steps; here eight of the mapper and two of the bundle adjustment. Its SDF and free-space weights,
 # 1000 and 10, are of means over all samples; ours are of means over the subsets of 12, of them 5 near
-# the surface, and 19 out of 43 samples, further balanced by the subsets' sizes.
+# the surface, and 19 out of 43 samples, further balanced by the subsets' sizes. Its weight of rays without
+# depth, 0.05, is 1 in its program, which puts it into a mask of truth values.
 CO_SLAM: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=0, truncation_m=0.1),

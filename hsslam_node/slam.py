@@ -87,7 +87,7 @@ class Slam:
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)
             self._attach(self.parameters)
-            self._tracker = open_tracker(config, self.store, seed)
+            self._tracker = open_tracker(config, self.store, seed, device.threads)
             self._tracker.resume(anywhere=True)
         elif localise_only:
             raise UserError("localise_only: expected a saved map")
@@ -156,9 +156,9 @@ class Slam:
         """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
         return self.map.render(T_world_cam, camera)
 
-    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
-        """The coloured mesh of what the keyframes saw; see `DenseMap.mesh`."""
-        return self.map.mesh(voxel_m)
+    def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
+        """The coloured mesh of what the keyframes saw, or of everything; see `DenseMap.mesh`."""
+        return self.map.mesh(voxel_m, everywhere=everywhere)
 
     def trajectory(self) -> Trajectory:
         """The poses of all frames but lost ones, each as refined since by way of its keyframe."""
@@ -205,7 +205,7 @@ class Slam:
         self.store = KeyframeStore.create(
             self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
         )
-        return open_tracker(self.config, self.store, self.seed)
+        return open_tracker(self.config, self.store, self.seed, self._device.threads)
 
     def _open_map(self, frame: Frame) -> None:
         c = self.config

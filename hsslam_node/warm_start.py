@@ -45,7 +45,9 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
         rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
         ba=dataclasses.replace(config.ba, enabled=False),
     )
-    slam = Slam(small, device=device)
+    slam = Slam(
+        small, device=dataclasses.replace(device, threads=1)
+    )  # the fork server may have no more
     for frame in textured_wall(3):
         slam.process(frame)
     return WarmStart(os.getpid(), time.monotonic() - start_s)

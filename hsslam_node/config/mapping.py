@@ -25,6 +25,9 @@ class LossWeights:
     """Weight of the SDF loss in the rest of the truncation band."""
     free_space: float = 5.0
     """Weight of the free-space loss."""
+    blind_color: float = 1.0
+    """Weight of the colour of a ray without depth, as a share of that of others; 0: pixels without depth give
+    no rays."""
     patch: float = 0.5
     """Weight of the structural loss over random patches (S3IM); 0 turns it off."""
     smoothness: float = 1e-6
@@ -92,6 +95,9 @@ class MapperConfig:
     """Ignore depth beyond this, m."""
     least_color_weight: float = 1e-3
     """On the CPU, samples below this rendering weight are grey (-17 % time per iteration); 0 turns it off."""
+    parts: int = 2
+    """Parts of a batch that the CPU computes at once where others need no core (lockstep), each with a
+    gradient of its own, as large as the map."""
     patch_repeats: int = 10
     """Number of random patches (M) of the structural loss."""
     patch_kernel_px: int = 3
@@ -112,6 +118,7 @@ class MapperConfig:
         expect_positive(
             self, "mapper", "plane_rate", "hash_rate", "decoder_rate", "smoothness_every"
         )
+        expect_in_range(self, "mapper", "parts", 1, 16)
         expect_positive(self, "mapper", "smoothness_cell_m", "patch_kernel_px", "patch_stride_px")
         expect_not_negative(self, "mapper", "iterations", "first_iterations", "depth_noise_m")
         expect_not_negative(self, "mapper", "last_iterations")

@@ -42,6 +42,10 @@ class BoundConfig:
     box: tuple[float, ...] = ()
     """The box itself, m: lowest x y z, then highest x y z; it does not grow. None: as above."""
 
+    first_camera: tuple[float, ...] = ()
+    """Where the first camera stands in the world of `box`: the rows of a 3x4 matrix that maps camera points
+    there, m. None: the camera's first place is the world's origin."""
+
     def __post_init__(self) -> None:
         low, high = self.box[:3], self.box[3:]
         is_box = len(self.box) == 6 and all(a < b for a, b in zip(low, high, strict=True))
@@ -49,8 +53,24 @@ class BoundConfig:
             raise UserError(
                 f"bound.box = {self.box}: expected six numbers, each of the first three below its other"
             )
+        if self.first_camera and not (self.box and _is_rigid(self.first_camera)):
+            raise UserError(
+                f"bound.first_camera = {self.first_camera}: expected the rows of a rigid 3x4 matrix, and "
+                "bound.box"
+            )
         expect_positive(self, "bound", "margin", "least_m", "growth_m", "farthest_m")
         if not self.most_m >= self.least_m:
             raise UserError(
                 f"bound.most_m = {self.most_m}: expected at least bound.least_m = {self.least_m}"
             )
+
+
+def _is_rigid(rows: tuple[float, ...]) -> bool:
+    """Whether these are the rows of a rotation and a translation, [3, 4]."""
+    if len(rows) != 12 or not all(map(math.isfinite, rows)):
+        return False
+    x, y, z = (rows[k : k + 3] for k in (0, 4, 8))
+    products = (sum(p * q for p, q in zip(a, b, strict=True)) for a in (x, y, z) for b in (x, y, z))
+    unit = (1, 0, 0, 0, 1, 0, 0, 0, 1)
+    volume = sum(x[i] * (y[i - 2] * z[i - 1] - y[i - 1] * z[i - 2]) for i in range(3))
+    return volume > 0 and all(abs(p - u) < 1e-4 for p, u in zip(products, unit, strict=True))

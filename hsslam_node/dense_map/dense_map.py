@@ -141,11 +141,21 @@ class DenseMap:
         color, _ = self._renderer.render(depth_m, camera, T_world_cam)
         return (255 * color + 0.5).astype(np.uint8), depth_m
 
-    def mesh(self, voxel_m: float = 0.02) -> "Trimesh":
-        """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty."""
-        from hsslam_node.meshing.extract_mesh import extract_mesh  # a tracker needs no mesh
+    def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
+        """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty.
+
+        `everywhere`: of all that the map says in its bound, guesses included.
+        """
+        from hsslam_node.meshing.extract_mesh import (  # a tracker needs no mesh
+            extract_mesh,
+            extract_whole_mesh,
+        )
 
         queries, keyframes = self._queries, self._keyframes
+        if everywhere:
+            return extract_whole_mesh(
+                queries.sdf, queries.color, self.bound, voxel_m, queries.threads
+            )
         return extract_mesh(
             queries.sdf,
             queries.color,

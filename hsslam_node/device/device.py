@@ -1,6 +1,7 @@
 """Where a process computes with the scene model; apart from `choose_device`, so that it imports no torch."""
 
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field
 from typing import Literal
 
 DeviceKind = Literal["cpu", "cuda", "interpreter"]
@@ -13,6 +14,9 @@ class Device:
     kind: DeviceKind
     name: str  # of the hardware
     reason: str  # why this one, in one line
+    threads: int = field(
+        default_factory=lambda: len(os.sched_getaffinity(0))
+    )  # that may compute at once
 
     @property
     def uses_triton(self) -> bool:

@@ -10,6 +10,14 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import camera_points, world_points
 
 
+def first_pose(config: BoundConfig) -> np.ndarray:
+    """T_world_cam [4, 4] of the first camera: the world's origin, if none is configured."""
+    T_world_cam = np.eye(4)
+    if config.first_camera:
+        T_world_cam[:3] = np.reshape(config.first_camera, (3, 4))
+    return T_world_cam
+
+
 def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
     """The box that is configured, else one about the first camera (the world's origin) that reaches past
     what it sees.

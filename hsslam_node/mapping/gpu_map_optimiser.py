@@ -23,9 +23,10 @@ from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.gpu_work_space import GpuWorkSpace
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1, ADAM_BETA2, ADAM_EPS, StepReport
-from hsslam_node.mapping.ray_batch import RayDraw
+from hsslam_node.mapping.ray_batch import RayDraw, place_blind_rays
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import (
+    keyframe_losses,
     learning_rates,
     patch_windows,
     ray_weights,
@@ -47,7 +48,7 @@ class GpuMapOptimiser:
         self._config = config
         self._parameters = parameters
         self._rays = rays
-        self._draw = RayDraw(config.mapper)
+        self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._device = device
         self._open()
 
@@ -102,7 +103,11 @@ class GpuMapOptimiser:
         generator.random(out=s.jitter.host[:R], dtype=np.float32)
         s.ray_count.host[0] = R
         s.slot.host[:R] = s.host_rays.slot[:R]
-        s.ray_weight.host[:R] = ray_weights(s.depth.host[:R], self._config.mapper)
+        place_blind_rays(s.host_rays.part(slice(R)), poses, self._field.bound)
+        weight = ray_weights(
+            s.depth.host[:R], self._config.mapper, self._config.weights.blind_color
+        )
+        s.ray_weight.host[:R] = weight
         s.poses.host[: len(poses)] = poses[:, :3]
         for array in (s.direction, s.depth, s.color, s.slot, s.ray_weight, s.jitter):
             array.send(R)
@@ -202,9 +207,7 @@ class GpuMapOptimiser:
     def _report(self, R: int, n: int, parts: "_Parts") -> StepReport:
         s, w = self._space, self._config.weights
         terms = s.terms.fetch().astype(np.float64)
-        ray_loss, slot = s.ray_loss.fetch(R), s.host_rays.slot[:R]
-        seen = np.maximum(np.bincount(slot, minlength=n), 1)
-        per_keyframe = np.bincount(slot, ray_loss, minlength=n) / seen
+        per_keyframe = keyframe_losses(s.ray_loss.fetch(R), s.host_rays.part(slice(R)), n)
         weight = np.array([w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space])
         loss = float(terms[_TERMS] @ weight)
         if parts.patch:

@@ -1,31 +1,27 @@
 """One optimisation step of the scene model over a batch of rays; mapping and BA share it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.device.threads import Threads
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.kernels.field.activations import field_activations
-from hsslam_node.kernels.field.backward import field_backward
-from hsslam_node.kernels.field.forward import color_forward, geometry_forward
-from hsslam_node.kernels.field.gradient import Gradient, gradient, touch_range
-from hsslam_node.kernels.field.layout import kernel_layout
+from hsslam_node.kernels.field.gradient import Gradient, add_gradient, gradient, touch_range
+from hsslam_node.kernels.field.layout import kernel_layout, levels_of
 from hsslam_node.kernels.mapping.adam import sparse_adam
 from hsslam_node.kernels.mapping.patch_ssim import patch_ssim_backward
-from hsslam_node.kernels.mapping.ray_batch import place_samples, pose_gradients
-from hsslam_node.kernels.mapping.rendering import (
-    losses_backward,
-    render_sums,
-    rendering_weights,
-    samples_with_color,
-)
 from hsslam_node.kernels.mapping.smoothness import smoothness_backward
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.mapping.ray_batch import RayDraw, ray_batch
+from hsslam_node.mapping.batch_part import BatchPart, batch_parts
+from hsslam_node.mapping.ray_batch import RayBatch, RayDraw, place_blind_rays, ray_batch
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.step_inputs import (
+    keyframe_losses,
     learning_rates,
     patch_windows,
     ray_weights,
@@ -33,6 +29,7 @@ from hsslam_node.mapping.step_inputs import (
     window_weights,
 )
 
+T = TypeVar("T")
 ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
 
 
@@ -43,34 +40,33 @@ class StepReport:
     rays: int
     outside: int  # samples outside the bound, masked out of every loss
     loss: float  # weighted sum of all terms
-    keyframe_loss: np.ndarray  # [n] mean weighted ray loss of each (no patch, no smoothness)
+    keyframe_loss: np.ndarray  # [n] see `keyframe_losses`; without patch and smoothness
     pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose; zeros unless asked for
 
 
 class MapOptimiser:
-    """Forward, losses, backward and Adam over the parameters, with private work space."""
+    """Forward, losses, backward and Adam over the parameters, with private work space.
 
-    def __init__(self, config: SlamConfig, parameters: FieldParameters, rays: int) -> None:
+    A batch is computed in `mapper.parts` parts, each with work space and gradient of its own, by up to
+    `threads` threads; the result does not depend on how many.
+    """
+
+    def __init__(
+        self, config: SlamConfig, parameters: FieldParameters, rays: int, threads: int = 1
+    ) -> None:
         self._config = config
         self._parameters = parameters
         self._field = parameters.layout
         self._layout = kernel_layout(self._field)
-        self._gradient: Gradient | None = None  # as large as the map: for who steps it
-        self._rays = rays
-        self._draw = RayDraw(config.mapper)
-        S = config.sampling.count
+        self._gradients: list[Gradient] = []  # as large as the map: for who steps it
+        self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._batch = ray_batch(rays)
-        self._acts = field_activations(self._layout, rays * S)
-        self._points = np.zeros((rays * S, 3), np.float32)
-        self._d_points = np.zeros((rays * S, 3), np.float32)
-        self._z = np.zeros((rays, S), np.float32)
-        self._weights = np.zeros((rays, S), np.float32)
-        self._d_sdf = np.zeros((rays, S), np.float32)
-        self._d_rgb = np.zeros((rays, S, 3), np.float32)
-        self._color = np.zeros((rays, 3), np.float32)
-        self._depth = np.zeros(rays, np.float32)
-        self._opacity = np.zeros(rays, np.float32)
-        self._ray_loss = np.zeros(rays, np.float32)
+        parts = config.mapper.parts
+        self._parts = [
+            BatchPart(self._layout, -(-rays // parts), config.sampling, config.field.truncation_m)
+            for _ in range(parts)
+        ]
+        self._threads = Threads(threads)
         w = config.weights
         self._loss_weight = np.array(
             [w.color, w.depth, w.sdf_middle, w.sdf_tail, w.free_space], np.float32
@@ -98,62 +94,59 @@ class MapOptimiser:
         `need`: where the rays go, else anywhere.
         """
         self._follow()
-        m, sampling = self._config.mapper, self._config.sampling
+        config, parts = self._config, self._parts
         R = self._draw.fill(self._batch, store, keyframes, counts, generator, need)
         if R == 0:
             return StepReport(0, 0, 0.0, np.zeros(len(keyframes)), np.zeros((len(keyframes), 6)))
-        S = sampling.count
-        T = self._config.field.truncation_m
+        S, batch = config.sampling.count, self._batch.part(slice(R))
+        place_blind_rays(batch, poses, self._field.bound)
         matrices = np.ascontiguousarray(poses[:, :3], np.float32)
         jitter = generator.random((R, S), np.float32)
-        z, points = self._z[:R], self._points[: R * S]
-        place_samples(
-            self._batch, R, matrices, jitter, sampling.free_samples, sampling.surface_samples,
-            np.float32(sampling.free_reach), np.float32(sampling.surface_reach * T), z, points,
-        )  # fmt: skip
-        params, acts = self._parameters.params, self._acts
-        geometry_forward(params, self._layout, points, R * S, acts)
-        sdf = acts.sdf[: R * S].reshape(R, S)
-        rgb = acts.rgb[: R * S].reshape(R, S, 3)
-        inside = acts.inside[: R * S].reshape(R, S)
-        beta = float(np.exp(params[self._layout.log_beta]))
-        weights, color, depth = self._weights[:R], self._color[:R], self._depth[:R]
-        rendering_weights(sdf, inside, beta, weights)
-        with_color = samples_with_color(weights, np.float32(m.least_color_weight), acts.color_row)
-        color_forward(params, self._layout, R * S, with_color, acts)
-        render_sums(rgb, z, weights, color, depth, self._opacity[:R])
+        params, layout, spans = self._parameters.params, self._layout, batch_parts(R, len(parts))
+        least = config.mapper.least_color_weight
 
+        def render(k: int) -> None:
+            rows = spans[k]
+            parts[k].render(params, layout, batch.part(rows), matrices, jitter[rows], least)
+
+        self._at_once(render)
         d_color = np.zeros((R, 3), np.float32)
         patch = 0.0
-        if update and self._config.weights.patch > 0:
-            patch = self._patch_term(R, d_color, generator)
-        terms = np.zeros(5)
-        ray_weight = ray_weights(self._batch.depth[:R], m)
-        d_log_beta = losses_backward(
-            sdf, rgb, inside, z, beta, weights, color, depth, self._batch.color[:R],
-            self._batch.depth[:R], ray_weight, self._loss_weight, T, d_color,
-            self._d_sdf[:R], self._d_rgb[:R], self._ray_loss[:R], terms,
-        )  # fmt: skip
+        if update and config.weights.patch > 0:
+            patch = self._patch_term(batch, d_color, generator)
+        weight = ray_weights(batch.depth, config.mapper, config.weights.blind_color)
+        counted = R, int(np.count_nonzero(batch.depth > 0))
+
+        def judge(k: int) -> None:
+            rows = spans[k]
+            parts[k].judge(
+                self._loss_weight, batch.color[rows], batch.depth[rows], weight[rows], d_color[rows],
+                counted,
+            )  # fmt: skip
+
         d_twist = np.zeros((len(keyframes), 6), np.float32)
         smooth = 0.0
-        if update:
-            grad = self._own_gradient()
+        if not update:
+            self._at_once(judge)
+        else:
+            gradients = self._own_gradients()
+            grad = gradients[0]
+
+            def backward(k: int) -> np.ndarray:
+                judge(k)
+                return parts[k].backward(params, layout, gradients[k], with_poses)
+
             with self._parameters.stepping(grad.values, grad.touched):
-                field_backward(
-                    params, self._layout, R * S, acts, self._d_sdf[:R].reshape(-1),
-                    self._d_rgb[:R].reshape(-1, 3), grad, self._d_points, with_poses,
-                )  # fmt: skip
-                if with_poses:
-                    pose_gradients(self._batch, R, matrices, z, self._d_points, d_twist)
+                d_twist = np.sum(self._at_once(backward), axis=0)
                 smooth = self._smoothness_term(generator, grad)
-                grad.values[self._layout.log_beta] += d_log_beta
-                touch_range(grad, self._layout.log_beta, self._layout.log_beta + 1)
-                self._adam(grad, rate_factor)
-        slot = self._batch.slot[:R]
-        n = np.maximum(np.bincount(slot, minlength=len(keyframes)), 1)
-        per_keyframe = np.bincount(slot, self._ray_loss[:R], minlength=len(keyframes)) / n
-        loss = float(terms @ self._loss_weight) + self._config.weights.patch * patch + smooth
-        outside = R * S - int(np.count_nonzero(inside))
+                grad.values[layout.log_beta] += sum(part.d_log_beta for part in parts)
+                touch_range(grad, layout.log_beta, layout.log_beta + 1)
+                self._adam(gradients, rate_factor)
+        terms = np.sum([part.terms for part in parts], axis=0)
+        ray_loss = np.concatenate([part.ray_loss for part in parts])
+        per_keyframe = keyframe_losses(ray_loss, batch, len(keyframes))
+        loss = float(terms @ self._loss_weight) + config.weights.patch * patch + smooth
+        outside = R * S - sum(int(np.count_nonzero(part.inside)) for part in parts)
         return StepReport(R, outside, loss, per_keyframe, d_twist.astype(np.float64))
 
     def push(self) -> None:
@@ -165,25 +158,33 @@ class MapOptimiser:
         if self._field is not self._parameters.layout:
             self._field = self._parameters.layout
             self._layout = kernel_layout(self._field)
-            self._gradient = None
+            self._gradients = []
 
-    def _own_gradient(self) -> Gradient:
-        """The gradient that all who step the map share; one of its own if memory is short."""
-        if self._gradient is None:
+    def _at_once(self, work: Callable[[int], T]) -> list[T]:
+        """What `work` returns for each part."""
+        return self._threads.run([partial(work, k) for k in range(len(self._parts))])
+
+    def _own_gradients(self) -> list[Gradient]:
+        """One for each part: first that which all who step the map share (one of its own if memory is
+        short), then others of this process."""
+        if not self._gradients:
             try:
-                self._gradient = gradient(self._layout, *self._parameters.gradient_arrays())
+                first = gradient(self._layout, *self._parameters.gradient_arrays())
             except OutOfMemoryError:
-                self._gradient = gradient(self._layout)
-        return self._gradient
+                first = gradient(self._layout)
+            self._gradients = [first, *(gradient(self._layout) for _ in self._parts[1:])]
+        return self._gradients
 
-    def _patch_term(self, R: int, d_color: np.ndarray, generator: np.random.Generator) -> float:
-        windows = patch_windows(R, self._config.mapper, generator)
+    def _patch_term(
+        self, batch: RayBatch, d_color: np.ndarray, generator: np.random.Generator
+    ) -> float:
+        windows = patch_windows(len(d_color), self._config.mapper, generator)
         if len(windows) == 0:
             return 0.0
+        color = np.concatenate([part.color for part in self._parts])
         return patch_ssim_backward(
-            self._color[:R], self._batch.color[:R], windows, self._window_weight,
-            self._config.weights.patch, d_color,
-        )  # fmt: skip
+            color, batch.color, windows, self._window_weight, self._config.weights.patch, d_color
+        )
 
     def _smoothness_term(self, generator: np.random.Generator, grad: Gradient) -> float:
         m, weight = self._config.mapper, self._config.weights.smoothness
@@ -192,14 +193,25 @@ class MapOptimiser:
         cube = smoothness_cube(
             self._parameters.layout.bound, m.smoothness_vertices, m.smoothness_cell_m, generator
         )
-        return weight * smoothness_backward(
-            self._parameters.params, self._layout, cube, weight, grad
-        )
+        levels = batch_parts(len(self._layout.hash_offset), len(self._parts))
 
-    def _adam(self, grad: Gradient, factor: float) -> None:
-        p = self._parameters
+        def pull(k: int) -> float:  # levels share nothing
+            layout = levels_of(self._layout, levels[k])
+            return smoothness_backward(self._parameters.params, layout, cube, weight, grad)
+
+        return weight * sum(self._at_once(pull))
+
+    def _adam(self, gradients: list[Gradient], factor: float) -> None:
+        p, parts = self._parameters, len(self._parts)
         rates = learning_rates(p.layout, self._config.mapper, factor)
-        sparse_adam(
-            p.params, p.first_moment, p.second_moment, grad, p.count_step(), rates,
-            ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at, p.page_stepped_at,
-        )  # fmt: skip
+        step = p.count_step()
+
+        def move(k: int) -> None:
+            for other in gradients[1:]:
+                add_gradient(gradients[0], other, k, parts)
+            sparse_adam(
+                p.params, p.first_moment, p.second_moment, gradients[0], step, rates,
+                ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at, p.page_stepped_at, k, parts,
+            )  # fmt: skip
+
+        self._at_once(move)

@@ -44,4 +44,4 @@ def open_map_optimiser(
         from hsslam_node.mapping.gpu_map_optimiser import GpuMapOptimiser
 
         return GpuMapOptimiser(config, parameters, rays, device)
-    return MapOptimiser(config, parameters, rays)
+    return MapOptimiser(config, parameters, rays, device.threads)

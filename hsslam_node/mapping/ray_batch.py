@@ -6,11 +6,13 @@ import numpy as np
 
 from hsslam_node.config.mapping import MapperConfig
 from hsslam_node.depth_noise import surface_limit
+from hsslam_node.geometry.bound import Bound
 from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
 
 _REMEMBERED = 8192  # keyframes; the noise of one takes 0.3 ms
+_NEAREST_M = 0.01  # reach of a ray from outside the bound
 
 
 class DepthAveraging:
@@ -44,9 +46,15 @@ class RayBatch(NamedTuple):
     """Arrays for up to R rays; `slot` numbers the keyframes of the batch."""
 
     direction: np.ndarray  # [R, 3] float32, camera frame, z = 1
-    depth: np.ndarray  # [R] float32 m, planar; every ray has a measurement
+    depth: np.ndarray  # [R] float32 m, planar; no measurement: less the reach of its samples
     color: np.ndarray  # [R, 3] float32 0..1
     slot: np.ndarray  # [R] int64
+
+    def part(self, rows: slice) -> "RayBatch":
+        """The same arrays, of these rays."""
+        return RayBatch(
+            self.direction[rows], self.depth[rows], self.color[rows], self.slot[rows]
+        )  # fmt: skip
 
 
 def ray_batch(rays: int) -> RayBatch:
@@ -62,8 +70,10 @@ def ray_batch(rays: int) -> RayBatch:
 class RayDraw:
     """How pixels become rays: which have depth, and which depth they are given."""
 
-    def __init__(self, config: MapperConfig) -> None:
+    def __init__(self, config: MapperConfig, *, blind: bool = False) -> None:
+        """`blind`: pixels without depth become rays as well; `place_blind_rays` gives them their reach."""
         self._max_depth_m = config.max_depth_m
+        self._blind = blind
         self._averaging = DepthAveraging(config.depth_window_px)
 
     def fill(
@@ -75,7 +85,7 @@ class RayDraw:
         generator: np.random.Generator,
         need: RayNeed | None = None,
     ) -> int:
-        """Fill the batch with random pixels that have depth, uniform or by `need`; returns how many rays.
+        """Fill the batch with random pixels, uniform or by `need`; returns how many rays.
 
         Args:
             keyframes: [n] ids; the rays of keyframes[k] get slot k.
@@ -103,6 +113,20 @@ class RayDraw:
             mine = slice(last[slot] - candidates[slot], last[slot])
             filled += gather_pixels(
                 color, depth_raw, 1.0 / store.depth_units_per_m, self._max_depth_m, K, uv[mine],
-                averaging.radius_px, same_surface, slot, batch, filled, int(wanted),
+                averaging.radius_px, same_surface, self._blind, slot, batch, filled, int(wanted),
             )  # fmt: skip
         return filled
+
+
+def place_blind_rays(batch: RayBatch, poses: np.ndarray, bound: Bound) -> None:
+    """Let the samples of rays without depth, seen from poses [slots, 4, 4], reach to where they leave the
+    bound: its planar depth, less than 0, becomes theirs."""
+    blind = np.flatnonzero(batch.depth <= 0)
+    if len(blind) == 0:
+        return
+    T_world_cam = poses[batch.slot[blind]]  # [n, 4, 4]
+    along = np.einsum("nij,nj->ni", T_world_cam[:, :3, :3], batch.direction[blind])
+    side = np.where(along > 0, bound.high, bound.low)  # [n, 3] m, of the walls ahead
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.where(along == 0, np.inf, (side - T_world_cam[:, :3, 3]) / along).min(axis=1)
+    batch.depth[blind] = -np.maximum(far, _NEAREST_M)

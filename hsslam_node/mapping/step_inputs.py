@@ -10,15 +10,26 @@ from torch import Tensor
 from hsslam_node.config import MapperConfig
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.layout import FieldLayout
+from hsslam_node.mapping.ray_batch import RayBatch
 
 _KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
 _SMALLEST_SIDE = 16
 
 
-def ray_weights(depth: np.ndarray, config: MapperConfig) -> np.ndarray:
-    """Weight [R] float32 of the depth and SDF terms of rays with this depth [R], m."""
+def ray_weights(depth: np.ndarray, config: MapperConfig, blind_color: float) -> np.ndarray:
+    """Weight [R] float32 of the depth and SDF terms of rays with this depth [R], m; without depth, of their
+    colour."""
     noise = config.depth_noise_m
-    return (1.0 / (1.0 + (noise * depth * depth / 0.01) ** 2)).astype(np.float32)
+    weight = (1.0 / (1.0 + (noise * depth * depth / 0.01) ** 2)).astype(np.float32)
+    weight[depth <= 0] = blind_color
+    return weight
+
+
+def keyframe_losses(ray_loss: np.ndarray, batch: RayBatch, keyframes: int) -> np.ndarray:
+    """Mean loss [keyframes] of the rays of each keyframe that have depth, so that holes change nothing."""
+    slot = batch.slot[batch.depth > 0]
+    n = np.maximum(np.bincount(slot, minlength=keyframes), 1)
+    return np.bincount(slot, ray_loss[batch.depth > 0], minlength=keyframes) / n
 
 
 def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The mesh of everything that a set of cameras saw, in one call."""
+"""The mesh of everything that a set of cameras saw, or of all that a map says, in one call."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +12,7 @@ from hsslam_node.meshing.block_surface import Block, QueryColor, QuerySdf, block
 from hsslam_node.meshing.faces_seen import faces_seen
 from hsslam_node.meshing.observed_space import ObservedSpace
 from hsslam_node.meshing.weld import BlockMesh, kept_faces, weld_blocks
+from hsslam_node.meshing.whole_space import WholeSpace
 
 
 def extract_mesh(
@@ -59,3 +60,24 @@ def extract_mesh(
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         seen = faces_seen(vertices, faces, camera, keyframes, pool)
     return kept_faces(mesh, seen, min_component_faces)
+
+
+def extract_whole_mesh(
+    query_sdf: QuerySdf,
+    query_color: QueryColor,
+    bound: Bound,
+    voxel_m: float,
+    threads: int = 1,
+) -> trimesh.Trimesh:
+    """Coloured triangle mesh of every surface in the bound, seen or not; arguments as in `extract_mesh`.
+
+    Every voxel is asked. What nothing was measured of is a guess: for evaluations, which cull meshes.
+    """
+    space = WholeSpace(bound, voxel_m)
+
+    def surface(block: Block) -> BlockMesh | None:
+        return block_surface(space, block, query_sdf, query_color)[0]
+
+    with ThreadPoolExecutor(threads) as pool:
+        blocks = [mesh for mesh in pool.map(surface, space.blocks()) if mesh]
+    return weld_blocks(blocks, space, 1)

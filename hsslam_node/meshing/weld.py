@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import trimesh
 from numba import njit
-
-from hsslam_node.meshing.observed_space import ObservedSpace
 
 _SNAP_CELLS = 1e-3  # vertices this close to a grid vertex are that vertex
 
@@ -22,8 +21,17 @@ class BlockMesh:
     colors: np.ndarray  # [V, 3] uint8
 
 
+class BlockGrid(Protocol):
+    """Where the vertices of blocks lie; `ObservedSpace` and `WholeSpace`."""
+
+    block_cells: int
+    block_count: tuple[int, int, int]
+
+    def vertex_positions(self, block: tuple[int, int, int], vertices: np.ndarray) -> np.ndarray: ...
+
+
 def weld_blocks(
-    blocks: Sequence[BlockMesh], space: ObservedSpace, min_component_faces: int
+    blocks: Sequence[BlockMesh], space: BlockGrid, min_component_faces: int
 ) -> trimesh.Trimesh:
     """One mesh in world metres; vertices on the same grid edge become one, small pieces go.
 
@@ -73,7 +81,7 @@ def without_specks(mesh: BlockMesh, block_cells: int, min_faces: int) -> BlockMe
     return BlockMesh(mesh.block, mesh.vertices[used], faces, mesh.colors[used])
 
 
-def _edge_keys(mesh: BlockMesh, space: ObservedSpace) -> np.ndarray:
+def _edge_keys(mesh: BlockMesh, space: BlockGrid) -> np.ndarray:
     """Place of each vertex on the doubled grid, odd along its edge, as one number, [V] int64."""
     nearest = np.rint(mesh.vertices)
     on_grid = np.abs(mesh.vertices - nearest) < _SNAP_CELLS

@@ -29,8 +29,10 @@ class FrameTracker(Protocol):
         ...
 
 
-def open_tracker(config: SlamConfig, store: KeyframeStore, seed: int) -> FrameTracker:
-    """A tracker by `config.tracker.method`."""
+def open_tracker(
+    config: SlamConfig, store: KeyframeStore, seed: int, threads: int = 1
+) -> FrameTracker:
+    """A tracker by `config.tracker.method`; tracking by rendering computes with up to `threads` threads."""
     if config.tracker.method == "rendering":
-        return RenderingTracker(config, store, seed)
+        return RenderingTracker(config, store, seed, threads=threads)
     return Tracker(config, store, seed)

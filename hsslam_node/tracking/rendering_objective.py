@@ -1,22 +1,26 @@
 """Rendering losses of random rays of a frame by its pose, on the CPU, and Adam on that pose."""
 
-from typing import Protocol
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from hsslam_node.config import RenderingTrackerConfig, SlamConfig
+from hsslam_node.device.threads import Threads
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_adam import PoseAdam
 from hsslam_node.geometry.se3 import moved_about_camera
-from hsslam_node.kernels.field.activations import FieldActivations, field_activations
-from hsslam_node.kernels.field.forward import field_forward
-from hsslam_node.kernels.field.pose_backward import field_pose_backward
-from hsslam_node.kernels.mapping.ray_batch import gather_pixels, place_samples, pose_gradients
-from hsslam_node.kernels.mapping.rendering import COLOR, losses_backward, render_forward
+from hsslam_node.kernels.mapping.ray_batch import gather_pixels
+from hsslam_node.kernels.mapping.rendering import COLOR
+from hsslam_node.mapping.batch_part import BatchPart, batch_parts
 from hsslam_node.mapping.ray_batch import ray_batch
 from hsslam_node.tracking.map_view import MapView
 
+T = TypeVar("T")
+
 _CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
+_PARTS = 2  # of a batch, which two threads compute
 
 
 class FrameRays:
@@ -48,7 +52,7 @@ class FrameRays:
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
         self.count = gather_pixels(
             frame.color, frame.depth_raw, 1.0 / frame.depth_units_per_m, self._max_depth_m, K, uv,
-            0, 0.0, 0, self.rays, 0, c.pixels,
+            0, 0.0, False, 0, self.rays, 0, c.pixels,
         )  # fmt: skip
         self._generator.random(out=self.jitter[: self.count], dtype=np.float32)
 
@@ -60,24 +64,14 @@ class RenderingObjective:
     the loss is a smooth function of the pose.
     """
 
-    def __init__(self, config: SlamConfig, seed: int) -> None:
+    def __init__(self, config: SlamConfig, seed: int, threads: int = 1) -> None:
+        """`threads`: that compute at once, at most two; the result does not depend on how many."""
+        self._slam = config
         self._config = config.rendering_tracker
-        self._sampling = config.sampling
-        self._truncation_m = config.field.truncation_m
-        R, S = self._config.pixels, config.sampling.count
         self._frame_rays = FrameRays(config, seed)
         self._rays = self._frame_rays.rays
-        self._acts: FieldActivations | None = None
-        self._points = np.zeros((R * S, 3), np.float32)
-        self._d_points = np.zeros((R * S, 3), np.float32)
-        self._z = np.zeros((R, S), np.float32)
-        self._weights = np.zeros((R, S), np.float32)
-        self._d_sdf = np.zeros((R, S), np.float32)
-        self._d_rgb = np.zeros((R, S, 3), np.float32)
-        self._color = np.zeros((R, 3), np.float32)
-        self._depth = np.zeros(R, np.float32)
-        self._opacity = np.zeros(R, np.float32)
-        self._ray_loss = np.zeros(R, np.float32)
+        self._parts: list[BatchPart] = []
+        self._threads = Threads(threads)
         c = self._config
         self._loss_weight = np.array(
             [c.color, c.depth, c.sdf_middle, c.sdf_tail, c.free_space], np.float32
@@ -86,8 +80,10 @@ class RenderingObjective:
     def observe(self, frame: Frame, view: MapView) -> None:
         """Take this frame and this map."""
         self._view = view
-        if self._acts is None:
-            self._acts = field_activations(view.layout, len(self._points))
+        if not self._parts:
+            rays = -(-self._config.pixels // _PARTS)
+            sampling, T = self._slam.sampling, self._slam.field.truncation_m
+            self._parts = [BatchPart(view.layout, rays, sampling, T) for _ in range(_PARTS)]
         self._frame_rays.observe(frame)
 
     def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:
@@ -101,36 +97,37 @@ class RenderingObjective:
         return loss, gradient
 
     def _evaluate(self, T_world_cam: np.ndarray, R: int) -> tuple[float, np.ndarray]:
-        assert self._acts is not None
-        params, layout, acts, s = self._view.params, self._view.layout, self._acts, self._sampling
-        T, S = self._truncation_m, s.count
+        params, layout, parts = self._view.params, self._view.layout, self._parts
         matrices = np.ascontiguousarray(T_world_cam[None, :3], np.float32)
-        z, points = self._z[:R], self._points[: R * S]
-        place_samples(
-            self._rays, R, matrices, self._frame_rays.jitter, s.free_samples, s.surface_samples,
-            np.float32(s.free_reach), np.float32(s.surface_reach * T), z, points,
-        )  # fmt: skip
-        field_forward(params, layout, points, R * S, acts)
-        sdf = acts.sdf[: R * S].reshape(R, S)
-        rgb = acts.rgb[: R * S].reshape(R, S, 3)
-        inside = acts.inside[: R * S].reshape(R, S)
-        weights, color, depth = self._weights[:R], self._color[:R], self._depth[:R]
-        beta = float(np.exp(params[layout.log_beta]))
-        render_forward(sdf, rgb, inside, z, beta, weights, color, depth, self._opacity[:R])
+        spans, jitter = batch_parts(R, len(parts)), self._frame_rays.jitter
+        least = self._slam.mapper.least_color_weight
+
+        def render(k: int) -> None:
+            rows = spans[k]
+            parts[k].render(params, layout, self._rays.part(rows), matrices, jitter[rows], least)
+
+        self._at_once(render)
+        color, depth = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("color", "depth")
+        )
         measured_color, measured_depth, loss_weight = self._without_outliers(R, color, depth)
-        terms = np.zeros(5)
-        losses_backward(
-            sdf, rgb, inside, z, beta, weights, color, depth, measured_color, measured_depth,
-            np.ones(R, np.float32), loss_weight, T, np.zeros((R, 3), np.float32),
-            self._d_sdf[:R], self._d_rgb[:R], self._ray_loss[:R], terms,
-        )  # fmt: skip
-        field_pose_backward(
-            params, layout, R * S, acts, self._d_sdf[:R].reshape(-1),
-            self._d_rgb[:R].reshape(-1, 3), self._d_points,
-        )  # fmt: skip
-        d_twist = np.zeros((1, 6), np.float32)
-        pose_gradients(self._rays, R, matrices, z, self._d_points, d_twist)
+        d_color, weight = np.zeros((R, 3), np.float32), np.ones(R, np.float32)
+        counted = R, int(np.count_nonzero(measured_depth > 0))
+
+        def backward(k: int) -> np.ndarray:
+            rows = spans[k]
+            parts[k].judge(
+                loss_weight, measured_color[rows], measured_depth[rows], weight[rows], d_color[rows],
+                counted,
+            )  # fmt: skip
+            return parts[k].pose_backward(params, layout)
+
+        d_twist = np.sum(self._at_once(backward), axis=0)
+        terms = np.sum([part.terms for part in parts], axis=0)
         return float(terms @ loss_weight), d_twist[0].astype(np.float64)
+
+    def _at_once(self, work: Callable[[int], T]) -> list[T]:
+        return self._threads.run([partial(work, k) for k in range(len(self._parts))])
 
     def _without_outliers(
         self, R: int, color: np.ndarray, depth: np.ndarray

@@ -12,6 +12,7 @@ from hsslam_node.kernels.field.sdf_query import query_sdf
 from hsslam_node.kernels.tracking.alignment import add_sdf_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import first_pose
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_objective import PoseObjective, RenderingObjective, descend
 from hsslam_node.tracking.tracked_frame import (
@@ -67,7 +68,11 @@ class RenderingTracker:
         store: KeyframeStore,
         seed: int,
         objective: PoseObjective | None = None,
+        *,
+        threads: int = 1,
     ) -> None:
+        """`threads`: that compute at once."""
+        self._threads = threads
         self._slam = config
         self._config = config.tracker
         self._store = store
@@ -128,15 +133,16 @@ class RenderingTracker:
 
             self._objective = GpuRenderingObjective(self._slam, self._seed, view)
         else:
-            self._objective = RenderingObjective(self._slam, self._seed)
+            self._objective = RenderingObjective(self._slam, self._seed, self._threads)
         return self._objective
 
     def _start(self, frame: Frame, points: int) -> TrackResult:
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
-        k = self._store.append(frame, np.eye(4))
+        T_world_cam = first_pose(self._slam.bound)
+        k = self._store.append(frame, T_world_cam)
         self._last = TrackedFrame(frame, k, np.eye(4))
-        return TrackResult.first(frame.index, k)
+        return TrackResult.first(frame.index, k, T_world_cam)
 
     def _is_good(self, fit: SurfaceFit, T: np.ndarray, guess: np.ndarray) -> bool:
         step = se3_log(inverse(guess) @ T)

@@ -88,10 +88,10 @@ class TrackResult:
     )
 
     @classmethod
-    def first(cls, frame_index: int, keyframe: int) -> "TrackResult":
+    def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":
         """Of the frame that the world's origin is fixed to."""
         return cls(
-            frame_index=frame_index, status="initial", T_world_cam=np.eye(4), keyframe=keyframe,
+            frame_index=frame_index, status="initial", T_world_cam=T_world_cam, keyframe=keyframe,
             T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
         )  # fmt: skip
 

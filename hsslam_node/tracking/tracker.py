@@ -10,6 +10,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.bound import first_pose
 from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.acceptance import (
     is_acceptable,
@@ -131,11 +132,12 @@ class Tracker:
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
         if points < _FEWEST_POINTS or self._localise_only:  # nothing to start a map on
             return TrackResult.without_map(frame.index)
-        k = self._store.append(frame, np.eye(4))
+        T_world_cam = first_pose(self._slam.bound)
+        k = self._store.append(frame, T_world_cam)
         self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
-        return TrackResult.first(frame.index, k)
+        return TrackResult.first(frame.index, k, T_world_cam)
 
     def _guesses(
         self, frame: Frame, prediction: np.ndarray, *, after_gap: bool

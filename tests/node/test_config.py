@@ -32,7 +32,7 @@ ABOVE_ZERO = {
 }
 ZERO_OR_MORE = {
     "field": "hash_levels",
-    "weights": "color depth sdf_middle sdf_tail free_space patch smoothness",
+    "weights": "color depth sdf_middle sdf_tail free_space blind_color patch smoothness",
     "mapper": "iterations first_iterations last_iterations depth_noise_m patch_repeats pose_rate",
     "tracker": "border_px photometric_pixels surface_weight surface_noise sdf_sigma_slope sdf_weight "
     "reference_views surface_points",
@@ -44,6 +44,8 @@ ZERO_OR_MORE = {
 OTHERS = [  # value, and the nearest one that is good
     ("mapper", "depth_window_px", 0, 1),
     ("tracker", "depth_window_px", 16, 15),
+    ("mapper", "parts", 0, 1),
+    ("mapper", "parts", 17, 16),
     ("field", "hash_table_log2", 7, 8),
     ("field", "hash_table_log2", 25, 24),
     ("field", "plane_channels", 24, 32),
@@ -153,7 +155,7 @@ def test_every_number_is_tested_here():
     """A new parameter without a test of its limits fails."""
     known = {*_fields(ABOVE_ZERO), *_fields(ZERO_OR_MORE), *((g, n) for g, n, _, _ in OTHERS)}
     known |= {("sampling", "free_samples"), ("sampling", "surface_samples")}
-    known |= {("pose_graph", "neighbours"), ("bound", "box")}
+    known |= {("pose_graph", "neighbours"), ("bound", "box"), ("bound", "first_camera")}
     for group in dataclasses.fields(SlamConfig):
         for field in dataclasses.fields(getattr(SlamConfig(), group.name)):
             if field.type in (bool, "bool"):

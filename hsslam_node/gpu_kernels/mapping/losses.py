@@ -39,10 +39,11 @@ def losses_backward(
     """Losses of the first `ray_count` rays and their gradients by SDF [R, S] and colour [R, S, 3].
 
     `loss_weight` [5] and `terms` [5] are in the order colour, depth, SDF middle, SDF tail, free space;
-    `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise); `d_color_extra` [R, 3]
-    is the gradient of other losses by the rendered colour; `ray_count` [1] int32. `ray_loss` [R]
-    becomes the weighted loss of each ray, `terms` the terms, and the gradient by log beta is added to
-    `d_log_beta` [1]. Rays beyond `ray_count` get zeros. See `reference/losses.py`.
+    `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise), and the colour of a ray
+    without depth; `d_color_extra` [R, 3] is the gradient of other losses by the rendered colour;
+    `ray_count` [1] int32. `ray_loss` [R] becomes the weighted loss of each ray, `terms` the terms, and the
+    gradient by log beta is added to `d_log_beta` [1]. Rays beyond `ray_count` get zeros. See
+    `reference/losses.py`.
     """
     R, S = z.shape
     terms.zero_()
@@ -79,7 +80,8 @@ def _losses_backward(
     # colour and depth: g, the gradient by the weight of each sample
     loss = tl.zeros([B], tl.float32)
     g = tl.zeros([B, SP], tl.float32)
-    k_color = tl.load(loss_weight + _COLOR)
+    blind = tl.load(ray_weight + r, mask=real & (D <= 0), other=1.0)
+    k_color = tl.load(loss_weight + _COLOR) * blind
     for c in tl.static_range(3):
         e = tl.load(color + 3 * r + c, mask=real, other=0.0)
         e -= tl.load(measured_color + 3 * r + c, mask=real, other=0.0)
@@ -88,7 +90,7 @@ def _losses_backward(
         d_color = (k_color * (2.0 / 3.0) * per_ray * e + extra)[:, None]
         g += d_color * tl.load(rgb + 3 * k + c, mask=live, other=0.0)
         tl.store(d_rgb + 3 * k + c, w * d_color, mask=on)
-    tl.atomic_add(terms + _COLOR, tl.sum(loss, axis=0) * per_ray, sem="relaxed")
+    tl.atomic_add(terms + _COLOR, tl.sum(loss * blind, axis=0) * per_ray, sem="relaxed")
     loss *= k_color
     e = tl.load(depth + r, mask=real, other=0.0) - D
     square = e * e * trust

@@ -48,8 +48,9 @@ def place_samples(
     """Sample depths z [R, S] m, sorted near to far, and points [R * S, 3] m, world.
 
     poses [slots, 3, 4] T_world_cam; jitter [R, S] in 0..1 places each sample within its stratum
-    (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half). Rays
-    beyond `ray_count` [1] int32 get points that are not numbers, which the field takes for outside.
+    (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half; of a ray
+    without measurement, whose depth is -far, all over [0, far]). Rays beyond `ray_count` [1] int32 get
+    points that are not numbers, which the field takes for outside.
     """
     R, S = z.shape
     B = block_size(BLOCK, z)
@@ -113,7 +114,8 @@ def _sample_depth(s, place, D, free_reach, half, FREE: tl.constexpr, SURFACE: tl
     free = (index + place) / max(FREE, 1) * free_reach * D
     t = (index - FREE + place) / max(SURFACE, 1)
     surface = tl.maximum(D + (2.0 * t - 1.0) * half, 0.0)
-    return tl.where(s < FREE, free, surface)
+    blind = (index + place) / (FREE + SURFACE) * -D
+    return tl.where(D < 0.0, blind, tl.where(s < FREE, free, surface))
 
 
 @triton.jit

@@ -9,8 +9,18 @@ import numpy as np
 from numba import njit
 
 from hsslam_node.kernels.field.layout import KernelLayout
-from hsslam_node.kernels.simd import aligned_zeros
+from hsslam_node.kernels.simd import (
+    add,
+    aligned_zeros,
+    any_not_zero,
+    load,
+    lowest_bit,
+    spread,
+    store,
+)
 from hsslam_node.map.parameter_arrays import PAGE
+
+STRIPE = 64  # pages in turn for each worker: what is touched lies together
 
 
 class Gradient(NamedTuple):
@@ -53,3 +63,24 @@ def touch_range(grad, first, last):
     """Mark all chunks of floats first to last - 1."""
     for chunk in range(first >> 4, ((last - 1) >> 4) + 1):
         grad.touched[chunk >> 6] |= np.uint64(1) << np.uint64(chunk & 63)
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def add_gradient(grad, other, worker, workers):
+    """Add `other` to `grad` and clear it, in the stripes of `worker` of `workers`, which share nothing."""
+    zero = spread(np.float32(0.0))
+    chunks = grad.values.shape[0] >> 4
+    for page in range(grad.touched.shape[0]):
+        if page // STRIPE % workers != worker:
+            continue
+        left = other.touched[page]
+        other.touched[page] = 0
+        start, stop = page * PAGE, min((page + 1) * PAGE, chunks)
+        for chunk in range(max(start, other.unmarked[0]), min(stop, other.unmarked[1])):
+            left |= np.uint64(any_not_zero(other.values, chunk << 4)) << np.uint64(chunk & 63)
+        grad.touched[page] |= left
+        while left != 0:
+            o = (page * PAGE + lowest_bit(left)) << 4
+            left &= left - np.uint64(1)
+            store(grad.values, o, add(load(grad.values, o), load(other.values, o)))
+            store(other.values, o, zero)

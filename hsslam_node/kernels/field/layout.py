@@ -39,6 +39,12 @@ class KernelLayout(NamedTuple):
     parameter_count: int
 
 
+def levels_of(layout: KernelLayout, levels: slice) -> KernelLayout:
+    """The layout with these levels of the hash grid alone."""
+    names = ("hash_offset", "hash_first", "hash_count", "hash_scale", "hash_mask")
+    return layout._replace(**{name: getattr(layout, name)[levels] for name in names})
+
+
 def kernel_layout(layout: FieldLayout) -> KernelLayout:
     """Flatten a `FieldLayout` for the kernels."""
     blocks = layout.blocks

@@ -6,6 +6,7 @@ Twin: `gpu_kernels/mapping/adam.py`. Tests compare it with `torch.optim.Adam`.
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.field.gradient import STRIPE
 from hsslam_node.kernels.simd import (
     any_not_zero,
     div,
@@ -34,6 +35,8 @@ def sparse_adam(
     beta2,
     stepped_at,
     page_stepped_at,
+    worker,
+    workers,
 ):
     """One step over the touched 16-float chunks, in memory order, clearing their gradient.
 
@@ -41,7 +44,8 @@ def sparse_adam(
     moments do not decay; the bias correction uses the global `step` (from 1). `rates` [K, 3] are
     regions (first float, last float + 1, learning rate), multiples of 16. `stepped_at` [P / 16] int32
     becomes `step` for the chunks that moved, which copies of the parameters lack then, and so does
-    `page_stepped_at` for pages of 64 chunks. Marks and gradient of what no rate was given for stay.
+    `page_stepped_at` for pages of 64 chunks. Marks and gradient of what no rate was given for stay. Several
+    `workers` may step at once, each the stripes of pages that are its.
     """
     correction1 = 1.0 - beta1**step
     correction2 = spread(np.float32(1.0 / np.sqrt(1.0 - beta2**step)))
@@ -52,6 +56,8 @@ def sparse_adam(
         rate = spread(np.float32(rates[r, 2] / correction1))
         first_chunk, last_chunk = int(rates[r, 0]) >> 4, int(rates[r, 1]) >> 4
         for page in range(first_chunk // PAGE, (last_chunk + PAGE - 1) // PAGE):
+            if page // STRIPE % workers != worker:
+                continue
             left = _take_touched(grad, page, first_chunk, last_chunk)
             if left != 0:
                 page_stepped_at[page] = step

@@ -11,14 +11,16 @@ from hsslam_node.kernels.depth_mean import mean_depth
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def gather_pixels(
-    color, depth_raw, metres_per_unit, max_depth_m, K, uv, radius_px, same_surface, slot, rays, first,
-    wanted,
+    color, depth_raw, metres_per_unit, max_depth_m, K, uv, radius_px, same_surface, blind, slot, rays,
+    first, wanted,
 ):  # fmt: skip
-    """Take the first `wanted` candidates that have depth; returns how many were found.
+    """Take the first `wanted` candidates that have depth, with `blind` those without, too; returns how many
+    were found.
 
     color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy, uv [N, 2] px. Writes into
     `rays` (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R])
-    from row `first` on. The depth is the `mean_depth` about the pixel, or with `same_surface` 0 its own.
+    from row `first` on. Depth beyond `max_depth_m` is passed over, none is 0. The depth is the `mean_depth`
+    about the pixel, or with `same_surface` 0 its own.
     """
     found = 0
     for k in range(uv.shape[0]):
@@ -27,13 +29,13 @@ def gather_pixels(
         u = uv[k, 0]
         v = uv[k, 1]
         d = np.float32(depth_raw[v, u]) * np.float32(metres_per_unit)
-        if d <= 0.0 or d > max_depth_m:
+        if d > max_depth_m or (d <= 0.0 and not blind):
             continue
         r = first + found
         rays.direction[r, 0] = (np.float32(u) - K[2]) / K[0]
         rays.direction[r, 1] = (np.float32(v) - K[3]) / K[1]
         rays.direction[r, 2] = np.float32(1.0)
-        if same_surface > 0.0:
+        if same_surface > 0.0 and d > 0.0:
             d = mean_depth(depth_raw, u, v, metres_per_unit, radius_px, same_surface)
         rays.depth[r] = d
         for c in range(3):
@@ -59,13 +61,16 @@ def place_samples(
     """Sample depths z [R, S] m, sorted near to far, and points [R * S, 3] m, world.
 
     poses [slots, 3, 4] float32 T_world_cam; jitter [R, S] in 0..1 places each sample within its
-    stratum (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half).
+    stratum (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half;
+    of a ray without measurement, whose depth is -far, all over [0, far]).
     """
     S = free_samples + surface_samples
     for r in range(n_rays):
         D = rays.depth[r]
         for s in range(S):
-            if s < free_samples:
+            if D < 0.0:
+                value = (np.float32(s) + jitter[r, s]) / np.float32(S) * -D
+            elif s < free_samples:
                 t = (np.float32(s) + jitter[r, s]) / np.float32(free_samples)
                 value = t * free_reach * D
             else:

@@ -76,37 +76,35 @@ def samples_with_color(weights, least, sample):
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def losses_backward(
     sdf, rgb, inside, z, beta, weights, color, depth, measured_color, measured_depth, ray_weight,
-    loss_weight, truncation_m, d_color_extra, d_sdf, d_rgb, ray_loss, terms,
+    loss_weight, truncation_m, d_color_extra, batch_rays, batch_depths, d_sdf, d_rgb, ray_loss, terms,
 ):  # fmt: skip
     """Losses of all rays and their gradients by SDF [R, S] and colour [R, S, 3] of the samples.
 
     `loss_weight` [5] and `terms` [5] in the order COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE;
-    `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise); `d_color_extra`
-    [R, 3] is the gradient of other losses by the rendered colour. `ray_loss` [R] becomes the
-    weighted loss of each ray. Returns the gradient by log beta. See `reference/losses.py`.
+    `ray_weight` [R] scales the depth and SDF terms of a ray (its depth noise), and the colour of a ray
+    without depth; `d_color_extra` [R, 3] is the gradient of other losses by the rendered colour. The rays
+    are part of a batch of `batch_rays`, `batch_depths` of them with depth: means are over these. `ray_loss`
+    [R] becomes the weighted loss of each ray. Returns the gradient by log beta. See `reference/losses.py`.
     """
     R, S = z.shape
     one = np.float32(1.0)
     b = np.float32(beta)
     T = np.float32(truncation_m)
     d_log_beta = 0.0
-    with_depth = 0
-    for r in range(R):
-        if measured_depth[r] > 0:
-            with_depth += 1
-    per_ray = one / np.float32(R)
-    per_depth = one / np.float32(max(with_depth, 1))
+    per_ray = one / np.float32(batch_rays)
+    per_depth = one / np.float32(max(batch_depths, 1))
     terms[:] = 0.0
     d_color = np.empty(3, np.float32)
     for r in range(R):
         D = measured_depth[r]
         loss = np.float32(0.0)
+        share = loss_weight[COLOR] if D > 0 else loss_weight[COLOR] * ray_weight[r]
         for c in range(3):
             e = color[r, c] - measured_color[r, c]
             loss += e * e / np.float32(3.0)
-            d_color[c] = (
-                loss_weight[COLOR] * np.float32(2.0 / 3.0) * e * per_ray + d_color_extra[r, c]
-            )
+            d_color[c] = share * np.float32(2.0 / 3.0) * e * per_ray + d_color_extra[r, c]
+        if not D > 0:
+            loss *= ray_weight[r]
         terms[COLOR] += loss * per_ray
         loss *= loss_weight[COLOR]
         d_depth = np.float32(0.0)

@@ -11,6 +11,7 @@ from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
+from hsslam_bench.checks.paper import paper_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -44,6 +45,7 @@ def catalogue() -> list[Check]:
         *growth_checks(),
         *kernel_checks(),
         *baseline_checks(),
+        *paper_checks(),
         *gpu_checks(),
         *map_term_checks(),
         *covariance_checks(),

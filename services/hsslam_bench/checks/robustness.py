@@ -23,7 +23,6 @@ _BASELINES = ("eslam", "co-slam")
 _OURS = "realtime"
 _SEQUENCE, _FRAMES = "house", 100
 _SPEED_UP = 20.0
-_PAPER_FRAMES = 40  # seven seconds each on one core
 
 
 def robustness_checks() -> list[Check]:
@@ -119,8 +118,8 @@ def _scored_share(run: ServeRun) -> float:
 
 
 def baseline_checks() -> list[Check]:
-    """Speed and accuracy beside each of the presets; those of preset paper have no bound."""
-    return [*(check for preset in _BASELINES for check in _against(preset)), _paper()]
+    """Speed and accuracy beside each of the presets of publications."""
+    return [check for preset in _BASELINES for check in _against(preset)]
 
 
 def _against(preset: str) -> list[Check]:
@@ -152,22 +151,6 @@ def _against(preset: str) -> list[Check]:
         Check(f"baselines:{preset}:fps", f"{of}: speed", f"{_SPEED_UP:g} x", speed),
         Check(f"baselines:{preset}:ate", f"{of}: ATE RMSE, final", "no worse", accuracy),
     ]
-
-
-def _paper() -> Check:
-    def measure(session: Session) -> Measured:
-        found = _found(session, "paper", _PAPER_FRAMES)
-        return Measured(
-            f"{found['fps']:.2f} frames a second, ATE RMSE {100 * found['rmse_m']:.2f} cm, "
-            f"lost {found['lost']}",
-            None,
-            found,
-            found["fps"],
-            "higher",
-        )
-
-    frames = f"{_SEQUENCE}, first {_PAPER_FRAMES} frames"
-    return Check("paper", f"{frames}, one thread: preset paper, speed and accuracy", "", measure)
 
 
 def _found(session: Session, preset: str, frames: int = _FRAMES) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Speed and accuracy of one preset in one process, as JSON on stdout.
 
-`python -m hsslam_bench.scripts.preset_speed PRESET SOURCE FRAMES`, alone, one numeric thread:
-tracking and mapping of a frame one after the other, so that no preset gains by leaving work out.
+`python -m hsslam_bench.scripts.preset_speed PRESET SOURCE FRAMES`, alone: tracking and mapping of a frame
+one after the other, so that no preset gains by leaving work out.
 """
 
 import argparse
 import json
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,12 +39,13 @@ def main() -> None:
     parser.add_argument("frames", type=int)
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
     parser.add_argument("--quick", action="store_true", help="a few frames, a poor first map")
+    parser.add_argument("--threads", type=int, default=1, help="that compute at once on the CPU")
     arguments = parser.parse_args()
     config = _preset(arguments.preset)
     frames = arguments.frames
     if arguments.quick:
         config, frames = with_poor_first_map(config), min(frames, _QUICK_FRAMES)
-    device = choose_device(arguments.device)
+    device = replace(choose_device(arguments.device), threads=arguments.threads)
     print(json.dumps(preset_speed(config, arguments.source, frames, device)))
 
 

@@ -22,8 +22,10 @@ from hsslam_bench.tables.figures import disagreements, markdown_table, measured_
 from hsslam_bench.tables.options import TableOptions
 from hsslam_bench.tables.paper_tables import LITERATURE, METHOD_OF_PRESET, TABLES, PaperTable
 from hsslam_bench.tables.plan import Plan, RunResult, plan_table
+from hsslam_bench.tables.published.scene_settings import settings_of
 from hsslam_bench.tables.result_file import ResultFile
 from hsslam_bench.tables.run_job import rescored, run_job
+from hsslam_node.presets import PresetName
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.summary import source_commit
 
@@ -125,7 +127,8 @@ def _print(
     notes = _protocol(options, results, table.metrics)
     if table.sequences:
         notes += disagreements(rows, table.metrics)
-    console.print(rich_table(table.title, rows, table.metrics))
+    title = f"{table.title}, preset {options.preset}"
+    console.print(rich_table(title, rows, table.metrics))
     for note in notes:
         console.print(note, soft_wrap=True)
     text = markdown_table(rows, table.metrics) + "".join(f"\n{note}\n" for note in notes)
@@ -146,11 +149,23 @@ def _protocol(
     if scored:
         used.append(f"scored by {', '.join(scored)}")
     if options.device == "cpu":
-        used.append("frames/s of processor time, one thread")
-    lines = [f"{'; '.join(used)}."]
+        used.append("frames/s of processor time")
+    lines = [f"{'; '.join(used)}.", *_values(options.preset, results)]
     if set(LITERATURE) & set(metrics):
         lines.append(
             "lit.: the protocol of the literature, as the paper's numbers; else ours, exact."
         )
     failed = [f"{r.row} {r.sequence} seed {r.seed}: {r.error}" for r in results if r.error]
     return lines + [f"failed: {text}" for text in failed]
+
+
+def _values(preset: PresetName, results: Sequence[RunResult]) -> list[str]:
+    """A line for each sequence or group of them that the preset has values of its own for."""
+    names: dict[str, list[str]] = {}
+    for sequence in dict.fromkeys(result.sequence for result in results):
+        settings = settings_of(preset, sequence)
+        changed = [f"{name} = {value:g}" for name, value in settings.overrides.items()]
+        if changed:
+            text = f"values of {settings.data_set}: {', '.join(changed)}"
+            names.setdefault(text, []).append(sequence)
+    return [f"{', '.join(sequences)}: {text}." for text, sequences in names.items()]

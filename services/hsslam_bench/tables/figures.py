@@ -12,7 +12,7 @@ from rich.text import Text
 from hsslam_bench.tables.paper_tables import PaperRow, PaperTable
 from hsslam_bench.tables.plan import RunResult
 
-HIGHER_IS_BETTER = ("completion_pct", "completion_lit_pct", "fps")
+HIGHER_IS_BETTER = ("completion_pct", "completion_lit_pct", "psnr_db", "ssim", "fps")
 _UNORDERED = ("model_mib", "fps", "lost")  # what the paper's ablation says nothing about
 _HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
     {
@@ -23,6 +23,8 @@ _HEADS: Mapping[str, tuple[str, int]] = MappingProxyType(  # title, digits
         "completion_lit_cm": ("comp. lit. cm", 2),
         "completion_lit_pct": ("comp. lit. %", 2),
         "depth_l1_cm": ("depth L1 cm", 2),
+        "psnr_db": ("PSNR dB", 2),
+        "ssim": ("SSIM", 3),
         "ate_cm": ("ATE cm", 3),
         "ate_mean_cm": ("ATE mean cm", 3),
         "ate_online_cm": ("ATE online cm", 3),

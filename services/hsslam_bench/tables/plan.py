@@ -10,9 +10,10 @@ import msgspec
 
 from hsslam_bench.tables.options import TableOptions, data_folder, parsed_overrides, with_overrides
 from hsslam_bench.tables.paper_tables import TUM, PaperRow, PaperTable, TableName
+from hsslam_bench.tables.published.scene_settings import settings_of
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError, did_you_mean
-from hsslam_node.presets import PRESETS
+from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.sources.download.tum_archive import TumArchive
 from hsslam_node.sources.options import SourceOptions
 
@@ -70,6 +71,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     protocol: str  # in words; preset and changes to it are in the configuration
     config: SlamConfig
     frames: SourceOptions
+    box: tuple[float, ...] = ()  # that the map covers, in the truth's world, m; none: as configured
     device: Literal["auto", "cpu", "cuda"] = "cpu"
 
     @property
@@ -120,9 +122,9 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
     Raises:
         UserError: no such row or parameter, a value that it cannot have, or a download that fails.
     """
-    rows = _rows(table, options.rows)
-    base = with_overrides(PRESETS[options.preset], parsed_overrides(options.set))
-    configs = {row.name: with_overrides(base, row.overrides) for row in rows}
+    rows = tuple(titled(row, options.preset) for row in _rows(table, options.rows))
+    given = parsed_overrides(options.set)
+    with_overrides(PRESETS[options.preset], given)  # what is wrong with them is said at once
     frames = SourceOptions(noise=options.noise, stride=options.stride, frames=options.frames)
     if options.sequences and not table.sequences:
         raise UserError(f"--sequences: the rows of {table.name} are sequences: expected --rows")
@@ -140,6 +142,8 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                     reason = f"{place} is not on disk; {_WHERE_FROM}"
                     skipped[sequence] = f"skipped {sequence}: {reason}"
                     continue
+                settings = settings_of(options.preset, sequence)
+                base = with_overrides(PRESETS[options.preset], {**settings.overrides, **given})
                 jobs.append(
                     Job(
                         table=table.name,
@@ -147,13 +151,21 @@ def plan_table(table: PaperTable, options: TableOptions) -> Plan:
                         sequence=sequence,
                         source=source or "",
                         seed=seed,
-                        protocol=options.protocol,
-                        config=configs[row.name],
+                        protocol=f"{options.protocol}{settings.protocol}",
+                        config=with_overrides(base, row.overrides),
                         frames=replace(frames, seed=seed),
+                        box=settings.box,
                         device=options.device,
                     )
                 )
     return Plan(rows, tuple(jobs), tuple(skipped.values()))
+
+
+def titled(row: PaperRow, preset: PresetName) -> PaperRow:
+    """The row under the name of what is measured: `realtime` is not the paper's method."""
+    if row.name == "full" and preset == "realtime":
+        return replace(row, title=f"preset {preset}")
+    return row
 
 
 def _named(sequences: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,13 +1,14 @@
 """One run of a table, in a process of its own: `python -m ... FOLDER/JOB.json [--score]`.
 
-Tracks and maps every frame in turn, with one numeric thread, as lockstep does; leaves trajectories, mesh
-and `result.json` in FOLDER. With `--score` the trajectories and mesh are there already. Progress is a line
-on stdout, "frames done" and "frames in all".
+Tracks and maps every frame in turn, as lockstep does; leaves trajectories, mesh, map and `result.json` in
+FOLDER. With `--score` the trajectories, mesh and map are there already. Progress is a line on stdout,
+"frames done" and "frames in all".
 """
 
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,14 @@ import numpy as np
 import torch
 
 from hsslam_bench.tables.plan import Job
+from hsslam_node.config import BoundConfig
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.device.device import Device
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.evaluate_run import evaluate_run
+from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
+from hsslam_node.evaluation.evaluate_run import evaluate_run, run_trajectories
+from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
+from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.map.pose_log import LOST, online_trajectory
@@ -29,6 +34,7 @@ from hsslam_node.sources.source import Source
 from hsslam_node.warm_start import warm_start
 
 RESULT = "result.json"
+_MAP = "map.safetensors"
 _TELL_EVERY = 5  # frames
 _CM = 100.0
 
@@ -57,8 +63,10 @@ def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dic
     torch.set_num_threads(1)
     source = open_source(job.source, job.frames)  # what is wrong with it is told at once
     device = choose_device(job.device)
-    warm_start(job.config, device)  # machine code is loaded, for all rows alike
-    slam = Slam(job.config, job.seed, device=device)
+    truth = open_ground_truth(job.source, job.frames)
+    config = replace(job.config, bound=bound_in_box(job, truth))
+    warm_start(config, device)  # machine code is loaded, for all rows alike
+    slam = Slam(config, job.seed, device=device)
     seconds = _track(source, slam, report, device)
     rows = slam.pose_log.rows()
     if slam.store is None or slam.parameters is None:
@@ -69,10 +77,12 @@ def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dic
     stamps = slam.store.stamps_ns()[: len(poses)]
     write_tum(folder / "keyframes.txt", Trajectory(stamps, poses))
     params = slam.parameters
-    voxel_m = job.config.mesher.final_voxel_m
-    mesh = slam.mesh(voxel_m)
+    # the literature meshes all of its box, and the protocols cull: that needs a box, and a truth to cull by
+    everywhere = bool(job.box) and truth is not None and truth.load_mesh is not None
+    mesh = slam.mesh(config.mesher.final_voxel_m, everywhere=everywhere)
     if len(mesh.faces):
         mesh.export(folder / "mesh.ply")
+    slam.save(folder / _MAP)
     found = score(job, folder)
     sizes = params.layout.size_bytes_by_part()
     found["details"] |= {
@@ -91,9 +101,25 @@ def table_run(job: Job, folder: Path, report: Callable[[int, int], None]) -> dic
     return found
 
 
+def bound_in_box(job: Job, truth: GroundTruth | None) -> BoundConfig:
+    """The bound of the job's configuration, with its box and the first camera's place in it.
+
+    As in the originals the first pose is given, so that a box fits. It places the world and nothing else.
+    """
+    if not job.box or truth is None:
+        return job.config.bound
+    first = truth.T_world_cam[0][:3].ravel().tolist()
+    return replace(job.config.bound, box=job.box, first_camera=tuple(first))
+
+
 def score(job: Job, folder: Path) -> dict[str, Any]:
-    """The accuracy of the trajectories and the mesh in `folder`, as `table_run` returns it."""
+    """The accuracy of the trajectories, the mesh and the map in `folder`, as `table_run` returns it."""
     report = evaluate_run(folder, job.source, job.frames) or {}
+    if (folder / _MAP).exists():
+        final = {"final": run_trajectories(folder)["final"]}
+        subject = Subject(job.source, job.frames, final, map=folder / _MAP, slam=job.config)
+        figures = Evaluator(subject, Wanted(consistency=False)).evaluate().figures
+        report["rendering"] = scores_as_json(figures.get("rendering", {}))
     return {"values": _accuracy(report), "details": {"evaluation": report}}
 
 
@@ -121,6 +147,7 @@ def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
     ate, mesh = report.get("ate", {}), report.get("mesh", {})
     published = report.get("mesh_literature", {})
     final, online = ate.get("final", {}), ate.get("online", {})
+    rendering = report.get("rendering") or {}
     found = {
         "ate_cm": _times(final.get("rmse_m"), _CM),
         "ate_mean_cm": _times(final.get("mean_m"), _CM),
@@ -132,6 +159,8 @@ def _accuracy(report: dict[str, Any]) -> dict[str, float | None]:
         "completion_lit_cm": _times(published.get("completion_mean_m"), _CM),
         "completion_lit_pct": _times(published.get("completion_ratio_5cm"), 100.0),
         "depth_l1_cm": _times(mesh.get("depth_l1_m"), _CM),
+        "psnr_db": rendering.get("psnr_db"),
+        "ssim": rendering.get("ssim"),
     }
     return {name: value for name, value in found.items() if value is not None}
 

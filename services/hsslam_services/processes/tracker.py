@@ -89,7 +89,9 @@ class _TrackerLoop:
         self._was_lost = False
         store = self._link.store()
         if store is not None and store.count > 0:
-            self._tracker = open_tracker(worker.options.slam, store, worker.options.seed)
+            self._tracker = open_tracker(
+                worker.options.slam, store, worker.options.seed, self._device.threads
+            )
             self._tracker.resume(anywhere=store.inherited > 0)
             if self._log.count > 0:
                 worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
@@ -158,7 +160,7 @@ class _TrackerLoop:
                 frame.depth_units_per_m,
                 options.slam.keyframes.capacity,
             )
-            self._tracker = open_tracker(options.slam, store, options.seed)
+            self._tracker = open_tracker(options.slam, store, options.seed, self._device.threads)
         localise_only = self._mode.localise_only
         views = self._map_views()
         with self._worker.timed("track"):

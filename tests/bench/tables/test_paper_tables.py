@@ -32,7 +32,17 @@ DOCUMENTED = {
     "F": ({"oneblob_bins": 0}, 32 + 64, 64 + 15),
     "G": ({"patch": 0.0}, 144, 127),
     "H": ({"enabled": False}, 144, 127),
-    "I": ({"selection": "uniform", "top_keyframes": 512}, 144, 127),
+    "I": (
+        {
+            "selection": "uniform",
+            "top_keyframes": 512,
+            "rays": 2048,
+            "iterations": 2,
+            "every_keyframes": 1,
+        },
+        144,
+        127,
+    ),
 }
 
 
@@ -96,6 +106,11 @@ def test_a_row_learns(row):
     losses = [mapper.initialise(slam.store).loss for _ in range(12)]
     assert np.isfinite(losses).all()
     assert np.mean(losses[-3:]) < 0.7 * losses[0], losses
+
+
+def test_row_i_is_the_bundle_adjustment_of_preset_co_slam():
+    ours, theirs = _config("I").ba, PRESETS["co-slam"].ba
+    assert ours == dataclasses.replace(theirs, loss_threshold=ours.loss_threshold)
 
 
 def test_the_paper_prefers_its_own_method_in_every_table():

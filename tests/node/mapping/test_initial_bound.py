@@ -10,8 +10,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.layout import FieldLayout
-from hsslam_node.mapping.bound import initial_bound
-from tests.small_room import room_frames, with_black
+from hsslam_node.mapping.bound import first_pose, initial_bound
+from hsslam_node.slam import Slam
+from tests.small_room import SMALL, room_frames, with_black
 
 
 def _wall(depth_m: float) -> Frame:
@@ -75,3 +76,35 @@ def test_the_sides_of_a_box_are_rounded_up_to_whole_cells():
     config = BoundConfig(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 2.0))
     laid_out = FieldLayout.over(FieldConfig(), initial_bound(_wall(2.0), config, 8.0)).bound
     np.testing.assert_allclose(laid_out.extent_m, [2.16, 2.16, 3.12])
+
+
+_TURNED = (0.0, -1.0, 0.0, 1.5, 1.0, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0, -0.2)  # rows of T_world_cam
+
+
+def test_a_first_camera_stands_where_it_is_told_in_its_box():
+    box = (-1.0, -2.0, -3.0, 4.0, 5.0, 6.0)
+    config = BoundConfig(box=box, first_camera=_TURNED)
+    np.testing.assert_array_equal(first_pose(config)[:3].ravel(), _TURNED)
+    np.testing.assert_array_equal(first_pose(BoundConfig(box=box)), np.eye(4))
+    for tracker in ("alignment", "rendering"):
+        small = replace(SMALL, tracker=replace(SMALL.tracker, method=tracker), bound=config)
+        mapper = replace(small.mapper, first_iterations=1)
+        slam = Slam(replace(small, mapper=mapper))
+        result = slam.process(room_frames()[0])
+        assert slam.store is not None and result.status == "initial"
+        np.testing.assert_array_equal(result.T_world_cam, first_pose(config))
+        np.testing.assert_array_equal(slam.store.pose(0), first_pose(config))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"first_camera": _TURNED},  # no box
+        {"box": (0, 0, 0, 1, 1, 1), "first_camera": _TURNED[:11]},
+        {"box": (0, 0, 0, 1, 1, 1), "first_camera": (2.0, *_TURNED[1:])},
+        {"box": (0, 0, 0, 1, 1, 1), "first_camera": (0.0, 1.0, *_TURNED[2:])},  # a mirror
+    ],
+)
+def test_a_first_camera_is_a_rigid_pose_in_a_box(given):
+    with pytest.raises(UserError, match=r"^bound\.first_camera = .*expected the rows of a rigid"):
+        BoundConfig(**given)

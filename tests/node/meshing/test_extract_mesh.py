@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from trimesh.grouping import group_rows
 
-from hsslam_node.meshing.extract_mesh import extract_mesh
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.bound import Bound
+from hsslam_node.meshing.extract_mesh import extract_mesh, extract_whole_mesh
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +81,31 @@ def test_small_pieces_are_left_out(scene):
 
     mesh = extract_mesh(with_speck, scene.color, scene.bound, scene.camera, scene.keyframes)
     assert len(mesh.split(only_watertight=False)) == 2
+
+
+def test_the_whole_mesh_has_what_was_seen_and_the_skins_behind_it(scene, mesh):
+    asked = []
+
+    def query(points):
+        asked.append(len(points))
+        return scene.sdf(points)
+
+    whole = extract_whole_mesh(query, scene.color, scene.bound, 0.03, threads=2)
+    assert whole.area > 1.8 * mesh.area
+    distance = scene.distance(np.asarray(whole.vertices))
+    on_surface, on_skin = np.abs(distance) < 6e-3, np.abs(distance + 0.06) < 0.04
+    assert (on_surface | on_skin).all() and on_surface.any() and on_skin.any()
+    assert len(group_rows(whole.edges_sorted, require_count=1)) == 0
+    assert sum(asked) > np.prod(np.floor(scene.bound.extent_m / 0.03))  # everywhere
+
+
+def test_the_whole_mesh_ends_with_the_bound(scene):
+    plane = extract_whole_mesh(
+        lambda points: points[:, 1] - 0.01,
+        scene.color,
+        Bound((-0.5, -0.5, -1.3), (0.5, 0.5, 1.3)),
+        0.1,
+    )
+    assert plane.area == pytest.approx(1.0 * 2.6, rel=1e-3)
+    with pytest.raises(UserError, match=r"mesh\.voxel_m = 0"):
+        extract_whole_mesh(scene.sdf, scene.color, scene.bound, 0)

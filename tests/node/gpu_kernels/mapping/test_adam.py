@@ -33,8 +33,9 @@ def test_steps_are_those_of_the_twin(close):
         gpu_grad.values.copy_(on_device(grad.values))
         gpu_grad.touched.copy_(on_device(marks))
         cpu.sparse_adam(
-            params, *moments, grad, step, RATES, 1e-15, 0.9, 0.99, stepped_at, page_stepped_at
-        )
+            params, *moments, grad, step, RATES, 1e-15, 0.9, 0.99, stepped_at, page_stepped_at,
+            0, 1,
+        )  # fmt: skip
         sparse_adam(
             *gpu, gpu_grad, on_device(np.array([step], np.int32)), on_device(RATES), 1e-15, 0.9,
             0.99, gpu_stepped,

@@ -62,7 +62,8 @@ def test_ray_weights_and_ray_losses_are_the_twin(close):
     weights, color, depth, _ = rendered
     cpu.losses_backward(
         f["sdf"], f["rgb"], inside, f["z"], BETA, weights, color, depth, f["measured_color"],
-        f["measured_depth"], ray_weight, WEIGHT, T, f["extra"], e_sdf, e_rgb, e_loss, e_terms,
+        f["measured_depth"], ray_weight, WEIGHT, T, f["extra"], R,
+        np.count_nonzero(f["measured_depth"]), e_sdf, e_rgb, e_loss, e_terms,
     )  # fmt: skip
     close(ray_loss, e_loss)
     close(terms, e_terms)

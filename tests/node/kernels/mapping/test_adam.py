@@ -1,8 +1,9 @@
 import numpy as np
 import torch
 
-from hsslam_node.kernels.field.gradient import Gradient, touch_range
+from hsslam_node.kernels.field.gradient import STRIPE, Gradient, add_gradient, touch_range
 from hsslam_node.kernels.mapping.adam import sparse_adam
+from hsslam_node.map.parameter_arrays import PAGE
 from tests.node.kernels.marks import touch, touched_chunks
 
 P = 640
@@ -23,7 +24,7 @@ def _step(params, grad, moments, stepped_at, step):
 def _step_at(rates, params, grad, moments, stepped_at, step):
     pages = np.zeros(1, np.int32)
     sparse_adam(
-        params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stepped_at, pages
+        params, moments[0], moments[1], grad, step, rates, 1e-15, 0.9, 0.99, stepped_at, pages, 0, 1
     )
     assert pages[0] == step
 
@@ -103,7 +104,9 @@ def test_only_what_is_marked_is_looked_at():
         grad.values[16 * chunk : 16 * chunk + 16] = 2.0
         touch_range(grad, 16 * chunk, 16 * chunk + 16)
     rates = np.array([[0, 16 * chunks, 0.25]])
-    sparse_adam(params, moments[0], moments[1], grad, 3, rates, 1e-15, 0.9, 0.99, stepped_at, pages)
+    sparse_adam(
+        params, moments[0], moments[1], grad, 3, rates, 1e-15, 0.9, 0.99, stepped_at, pages, 0, 1
+    )
     moved = np.flatnonzero((params != 1.0).reshape(-1, 16).all(axis=1))
     assert moved.tolist() == marked == np.flatnonzero(stepped_at == 3).tolist()
     assert np.flatnonzero(pages).tolist() == [0, 100, chunks // 64 - 1]
@@ -120,3 +123,36 @@ def test_hash_tables_are_stepped_by_their_gradient_alone():
     stepped = [10, 11, 20, 29]
     assert np.flatnonzero(stepped_at).tolist() == stepped
     assert np.flatnonzero(grad.values).tolist() == [16 * 9, 16 * 30]  # not marked: not seen
+
+
+def test_workers_step_each_its_stripes():
+    """Together they leave what one leaves, of the sum of two gradients, and both gradients empty."""
+    P = 16 * PAGE * (3 * STRIPE + 5)
+    hashes = np.array([200, 400], np.int64)  # chunks
+    rates = np.array([[0, 1600, 0.1], [1600, P - 3200, 0.2], [P - 3200, P, 0.3]])
+    left = []
+    for workers in (1, 2, 3):
+        rng = np.random.default_rng(0)
+        grads = [
+            Gradient(np.zeros(P, np.float32), np.zeros(P // 16 // PAGE, np.uint64), hashes)
+            for _ in range(2)
+        ]
+        for grad in grads:
+            for chunk in rng.choice(P // 16, 3000, replace=False):
+                grad.values[16 * chunk : 16 * chunk + 16] = rng.normal(size=16)
+                if not hashes[0] <= chunk < hashes[1]:
+                    touch_range(grad, 16 * chunk, 16 * chunk + 16)
+        params, moments = np.zeros(P, np.float32), np.zeros((2, P), np.float32)
+        stepped_at, pages = np.zeros(P // 16, np.int32), np.zeros(P // 16 // PAGE, np.int32)
+        for worker in range(workers):
+            add_gradient(*grads, worker, workers)
+            sparse_adam(
+                params, *moments, grads[0], 1, rates, 1e-15, 0.9, 0.99, stepped_at, pages,
+                worker, workers,
+            )  # fmt: skip
+        assert not any(array.any() for grad in grads for array in grad[:2])
+        left.append((params, *moments, stepped_at, pages))
+    assert np.count_nonzero(left[0][3]) > 5000
+    for other in left[1:]:
+        for array, expected in zip(other, left[0], strict=True):
+            np.testing.assert_array_equal(array, expected)

@@ -87,7 +87,7 @@ def test_pixels_without_depth_are_passed_over():
     uv = np.stack([rng.integers(0, 30, 200), rng.integers(0, 20, 200)], axis=1)
     rays = ray_batch(40)
     K = np.array([25.0, 26.0, 14.5, 9.5], np.float32)
-    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, 0, 0.0, 3, rays, 10, 25)
+    found = gather_pixels(color, depth, 1e-3, 6.0, K, uv, 0, 0.0, False, 3, rays, 10, 25)
     assert found == 25 and (rays.slot[10:35] == 3).all() and not rays.depth[35:].any()
     d = rays.direction[10:35]
     u = np.rint(d[:, 0] * 25 + 14.5).astype(int)
@@ -109,7 +109,9 @@ def test_depth_is_the_mean_of_the_inverse_depth_of_pairs_on_the_same_surface():
     rays = ray_batch(len(u))
     K = np.array([25.0, 26.0, 8.5, 6.5], np.float32)
     uv = np.stack([u, v], axis=1)
-    found = gather_pixels(color, depth, 1e-4, 6.0, K, uv, radius_px, same, 0, rays, 0, len(u))
+    found = gather_pixels(
+        color, depth, 1e-4, 6.0, K, uv, radius_px, same, False, 0, rays, 0, len(u)
+    )
     assert found == len(u)
     measured = np.divide(1e4, depth, out=np.zeros(depth.shape), where=depth > 0)
     for k in range(found):

@@ -53,8 +53,8 @@ def _kernel(f, inside):
     ray_loss, terms = np.empty(R, np.float32), np.empty(5, np.float64)
     d_log_beta = losses_backward(
         f["sdf"], f["rgb"], inside, f["z"], BETA, weights, color, depth, f["measured_color"],
-        f["measured_depth"], np.ones(R, np.float32), WEIGHT, T, f["extra"], d_sdf, d_rgb, ray_loss,
-        terms,
+        f["measured_depth"], np.ones(R, np.float32), WEIGHT, T, f["extra"], R,
+        np.count_nonzero(f["measured_depth"]), d_sdf, d_rgb, ray_loss, terms,
     )  # fmt: skip
     return (weights, color, depth, opacity), terms, (d_sdf, d_rgb, d_log_beta), ray_loss
 

@@ -1,0 +1,1 @@
+"""What the methods of comparison have published beside their numbers."""
