@@ -108,6 +108,6 @@ def test_the_table_says_its_values_and_its_preset(tmp_path, capsys):
         assert table_command("ablation", [*arguments, "--show"]) == 0
         assert f"Ablation (Table II), preset {preset}" in capsys.readouterr().out
         text = out.with_suffix(".md").read_text()
-        assert f"| {title} | 1.25" in text
+        assert f"| {title} |" in text and "| 1.250 (" in text
         values = "fr1/desk: values of TUM RGB-D: rendering_tracker.translation_rate = 0.01, "
         assert (values in text) == (preset == "paper")
