@@ -11,7 +11,6 @@ from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
-from hsslam_bench.checks.paper import paper_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -23,6 +22,7 @@ from hsslam_bench.checks.soak import soak_checks
 from hsslam_bench.checks.speed import gpu_checks, kernel_checks
 from hsslam_bench.checks.viewer import frozen_checks, viewer_checks
 from hsslam_bench.peers.rows import peer_checks
+from hsslam_bench.tables.rows import paper_checks
 
 
 def catalogue() -> list[Check]:

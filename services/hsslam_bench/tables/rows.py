@@ -1,4 +1,6 @@
-"""Preset `paper`: its speed, whole sequences, and rows of the ablation; all but the speed by name only."""
+"""Rows of the benchmark for preset `paper`: its speed; by name whole sequences, and rows of the ablation.
+
+Apart from `checks`, which the results read.
 
 import json
 import math
