@@ -140,7 +140,8 @@ def _expect_path(heard: list[Heard], logged: dict[int, Pose]) -> None:
         nearest = int(stamps[np.abs(stamps - _stamp_ns(stamped)).argmin()])
         pose = logged[nearest]
         T_map_base = _ROBOT.base_pose(transform(np.array(pose.t), np.array(pose.q)))
-        assert np.linalg.norm(_matrix(stamped.pose)[:3, 3] - T_map_base[:3, 3]) < 0.1
+        by_path, by_log = (T @ _ROBOT.T_base_cam for T in (_matrix(stamped.pose), T_map_base))
+        assert np.linalg.norm(by_path[:3, 3] - by_log[:3, 3]) < 0.1
 
 
 def _expect_points(heard: list[Heard], logged: dict[int, Pose]) -> None:
