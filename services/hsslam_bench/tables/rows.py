@@ -1,6 +1,7 @@
 """Rows of the benchmark for preset `paper`: its speed; by name whole sequences, and rows of the ablation.
 
 Apart from `checks`, which the results read.
+"""
 
 import json
 import math

@@ -14,7 +14,7 @@ from hsslam_bench.tables.table_run import bound_in_box
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.presets import PRESETS
+from hsslam_node.presets import PRESETS, PresetName
 
 _EVERY = [(table.name, row.name) for table in TABLES.values() for row in table.rows]
 _SEQUENCES = [name for table, name in _EVERY if table != "ablation"]
@@ -94,7 +94,8 @@ def test_the_first_camera_stands_in_the_box_as_it_does_in_the_truth(tmp_path):
 def test_the_table_says_its_values_and_its_preset(tmp_path, capsys):
     (tmp_path / "rgbd_dataset_freiburg1_desk").mkdir()
     out, where = tmp_path / "t.json", ("--rows", "full", "--seeds", "0", "--sequences", "fr1/desk")
-    for preset, title in (("realtime", "preset realtime"), ("paper", "HS-SLAM")):
+    titles: dict[PresetName, str] = {"realtime": "preset realtime", "paper": "HS-SLAM"}
+    for preset, title in titles.items():
         options = TableOptions(
             data=tmp_path, preset=preset, rows=("full",), seeds=(0,), sequences=("fr1/desk",)
         )

@@ -145,10 +145,10 @@ def test_workers_step_each_its_stripes():
         params, moments = np.zeros(P, np.float32), np.zeros((2, P), np.float32)
         stepped_at, pages = np.zeros(P // 16, np.int32), np.zeros(P // 16 // PAGE, np.int32)
         for worker in range(workers):
-            add_gradient(*grads, worker, workers)
+            add_gradient(grads[0], grads[1], worker, workers)
             sparse_adam(
-                params, *moments, grads[0], 1, rates, 1e-15, 0.9, 0.99, stepped_at, pages,
-                worker, workers,
+                params, moments[0], moments[1], grads[0], 1, rates, 1e-15, 0.9, 0.99, stepped_at,
+                pages, worker, workers,
             )  # fmt: skip
         assert not any(array.any() for grad in grads for array in grad[:2])
         left.append((params, *moments, stepped_at, pages))
