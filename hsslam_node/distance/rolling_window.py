@@ -17,6 +17,7 @@ from hsslam_node.meshing.observed_space import surface_shift_m
 SIZE_M = (10.0, 10.0, 2.5)
 _BELOW = 0.05  # of the height, below the floor
 _WIDTH_PX = 320  # of the pixels looked at, at least
+_FLOOR_VIEWS = 16  # in which the floor is looked for; 50 ms
 _MOST_KEYFRAMES = 64  # that a window is marked from anew; 0.3 s
 _MOST_REFERENCES = 256  # keyframes whose corrections are looked at
 _SHIFT = 0.5  # voxels by which marks may be off
@@ -82,11 +83,13 @@ class RollingWindow:
             return False
         self._looked_at = count
         keyframes = keyframes_of_store(self._store)
+        chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
+        views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
         if self._T_level_world is None:
-            found = find_floor(keyframes.views, keyframes.camera)
+            found = find_floor(views, keyframes.camera)
         else:
             up = self._T_level_world[2, :3]
-            found = find_floor(keyframes.views, keyframes.camera, up, "--base-T-camera")
+            found = find_floor(views, keyframes.camera, up, "--base-T-camera")
         T_before, before = self.T_floor_world, self.floor
         self.floor = found
         if before is not None:
