@@ -23,6 +23,7 @@ _HEADERS = {header.name: header for header in process_headers()}
 # besides its own file, a process opens topics in the folders that serve it alone
 _ROOMS = {
     "camera": ("camera/*.py", "bus/peers.py"),
+    "ros2_out": ("ros2/floor_out.py",),
     "supervisor": ("supervisor/*.py", "health/*.py", "requests/*.py"),
 }
 

@@ -12,6 +12,7 @@ import trimesh
 
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
@@ -46,9 +47,12 @@ def _save_all(run: RunInfo) -> dict[str, Any]:
 
 
 def _fill(arena: Arena, config) -> None:
-    slam = Slam(config, seed=0, arrays=arena)  # it logs its poses there as well
+    slam = Slam(config, seed=0, arrays=arena)
     for frame in open_source("synth:room", SourceOptions(synth=_ROOM, frames=_FRAMES)).frames():
         slam.process(frame)
+    log = PoseLog(arena)  # the tracker's
+    for row in slam.pose_log.rows():
+        log.append(row)
 
 
 def test_trajectories_map_and_mesh_are_written(make_run: Callable[..., RunInfo]):
