@@ -79,9 +79,8 @@ def map_given_to_a_command(experiment: Experiment) -> Finding:
     done = subprocess.run(command, capture_output=True, text=True)
     lines = done.stderr.strip().splitlines()
     is_line = len(lines) == 1 and lines[0].startswith("error: ")
-    return Finding(
-        done.returncode != 2 or not is_line, f"exit code {done.returncode}: {lines[-1:]}"
-    )
+    told = "".join(lines[-1:]).replace(str(path), path.name)
+    return Finding(done.returncode != 2 or not is_line, f"exit code {done.returncode}: {told!r}")
 
 
 def _damaged(whole: bytes, rng: np.random.Generator) -> bytes:
