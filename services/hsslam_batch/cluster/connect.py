@@ -13,7 +13,7 @@ _QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
 
 @contextlib.contextmanager
 def connected(address: str) -> Iterator[None]:
-    """Ray is there in the block; one of our own ends with it.
+    """Ray is there in the block; one of its own ends with it.
 
     Raises:
         UserError: no Ray at the address, or one of another version.
@@ -27,8 +27,8 @@ def connected(address: str) -> Iterator[None]:
             ray.init("local", include_dashboard=False, object_store_memory=_STORE_BYTES, **common)
         else:
             ray.init(address, **common)
-    except (ConnectionError, RuntimeError, ValueError, ImportError) as error:
-        reason = str(error).strip().splitlines()[0]
+    except Exception as error:  # of many kinds, Exception itself among them
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
             f"--address {address}: {reason}: expected local, auto (a cluster of this machine), "
             "HOST:PORT or ray://HOST:PORT"
