@@ -49,13 +49,10 @@ def work_command(args: Sequence[str]) -> int:
             print(msgspec.json.encode(Frames(frames)).decode(), flush=True)
 
     try:
-        outcome = serve_log(batch, log, terms, cancel_fds, tell_frames)
+        with batch.expect_writable():
+            outcome = serve_log(batch, log, terms, cancel_fds, tell_frames)
     except CancelledError:
         raise KeyboardInterrupt from None
-    except OSError as error:
-        raise UserError(
-            f"{batch.out}: {error.strerror}: expected a folder that can be written"
-        ) from None
     _tell(options.json, outcome)
     return ENDS.get(outcome.kind, _FAILED)
 

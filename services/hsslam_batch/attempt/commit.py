@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_batch.attempt.outcome import Outcome
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import DONE, Batch
 from hsslam_node.durable_file import sync_folder, write_durably
 
 
@@ -21,7 +21,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
     target = batch.run_dir(outcome.id)
     if _is_done(batch, outcome):
         return
-    _remove(batch, target)
+    _remove(target)
     target.parent.mkdir(exist_ok=True)
     run_dir.rename(target)
     sync_folder(target.parent)
@@ -38,7 +38,7 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
     """
     if _is_done(batch, outcome):
         return
-    _remove(batch, batch.run_dir(outcome.id))
+    _remove(batch.run_dir(outcome.id))
     path = batch.failed_file(outcome.id)
     path.parent.mkdir(exist_ok=True)
     write_durably(path, _encoded(outcome))
@@ -59,9 +59,9 @@ def _is_done(batch: Batch, outcome: Outcome) -> bool:
     return found is not None and found.is_done
 
 
-def _remove(batch: Batch, folder: Path) -> None:
+def _remove(folder: Path) -> None:
     """Take the row away first: what is half removed does not count."""
-    (folder / batch.done_file("").name).unlink(missing_ok=True)
+    (folder / DONE).unlink(missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
 
 

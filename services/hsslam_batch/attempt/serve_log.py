@@ -25,10 +25,9 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
+from hsslam_services.arena.arena_folder import remove_arena
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
-
-_ARENA = "hsslam-"  # begins the name of its folder
 
 
 class CancelledError(Exception):
@@ -178,9 +177,8 @@ def _frames_so_far(run_dir: Path) -> int:
 def _remove_arena(run_dir: Path) -> None:
     """Of a run that did not end in order: shared memory that no process uses any more."""
     with contextlib.suppress(UserError):
-        arena = Path(RunInfo.read(run_dir).arena_dir)
-        if arena.name.startswith(_ARENA):
-            shutil.rmtree(arena, ignore_errors=True)
+        if arena := RunInfo.read(run_dir).arena_dir:
+            remove_arena(Path(arena))
 
 
 def _nbytes(folder: Path) -> int:

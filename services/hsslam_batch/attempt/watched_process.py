@@ -12,13 +12,14 @@ import select
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import psutil
 
+from hsslam_services.bus.dead_pools import pools_of
 from hsslam_services.launch.parent_death import adopt_orphans, die_with_parent
 from hsslam_services.run.memory import read_pss_mb
 
@@ -26,8 +27,6 @@ _LOOK_S = 1.0
 _MEMORY_EVERY_S = 2.0  # the kernel walks all pages for it
 _GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
 _BETWEEN_SIGNALS_S = 0.3
-_POOLS = "/dev/shm/"
-_POOL_SUFFIX = ".zenoh"
 
 Why = Literal["", "timeout", "memory", "cancelled"]
 
@@ -87,11 +86,12 @@ def watch(
                 heard = select.select([end_fd, *cancel_fds], [], [], _LOOK_S)[0]
                 why = "cancelled" if any(fd in heard for fd in cancel_fds) else ""
     finally:
-        pools = _pools(psutil.Process().children(recursive=True))
+        below = psutil.Process().children(recursive=True)
+        pools = [pools_of(each.pid) for each in below]  # a process that is killed leaves them
         _end(process)
         os.close(end_fd)
         _kill_all()
-        for pool in pools:
+        for pool in set().union(*pools):
             pool.unlink(missing_ok=True)
     wall_s = time.monotonic() - start_s
     return End(process.returncode, why, wall_s, _core_s() - core_s, memory.peak_mb)
@@ -139,19 +139,6 @@ def _kill_all() -> None:
             with contextlib.suppress(psutil.Error):
                 process.kill()
         psutil.wait_procs(below, timeout=_GRACE_S)
-
-
-def _pools(processes: Iterable[psutil.Process]) -> set[Path]:
-    """zenoh's files in /dev/shm that these processes have open; one that is killed leaves them."""
-    found = set()
-    for process in processes:
-        with contextlib.suppress(OSError):
-            for entry in Path(f"/proc/{process.pid}/fd").iterdir():
-                with contextlib.suppress(OSError):
-                    path = str(entry.readlink())
-                    if path.startswith(_POOLS) and path.endswith(_POOL_SUFFIX):
-                        found.add(Path(path))
-    return found
 
 
 def _core_s() -> float:

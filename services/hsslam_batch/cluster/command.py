@@ -48,17 +48,12 @@ def run_command(args: Sequence[str]) -> int:
     open_logs = {one.index for one in waiting}
     over = [outcome for index, outcome in found.items() if outcome and index not in open_logs]
     tally = Tally(logs, over)
-    try:
-        with _alone(batch):
-            shutil.rmtree(batch.work, ignore_errors=True)  # of a run that was killed
-            stopped = _run(batch, logs, waiting, tally, options)
-            write_runs(batch, logs)
-            if not tally.left:
-                shutil.rmtree(batch.work, ignore_errors=True)
-    except OSError as error:
-        raise UserError(
-            f"{batch.out}: {error.strerror}: expected a folder that can be written"
-        ) from None
+    with batch.expect_writable(), _alone(batch):
+        shutil.rmtree(batch.work, ignore_errors=True)  # of a run that was killed
+        stopped = _run(batch, logs, waiting, tally, options)
+        write_runs(batch, logs)
+        if not tally.left:
+            shutil.rmtree(batch.work, ignore_errors=True)
     print(tally.line())
     if stopped and tally.left:
         return _INTERRUPTED

@@ -9,7 +9,9 @@ OUT/failed/ID.json      the row of a log that has no result
 OUT/.work/ID.N/         the N-th attempt at a log, while it goes on
 """
 
+import contextlib
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,6 +69,20 @@ class Batch:
     def rrd_file(self, log_id: str) -> Path:
         """The recording of a log, in one folder with all others, as a data set of rerun."""
         return self.out / "rrd" / f"{log_id}.rrd"
+
+    @contextlib.contextmanager
+    def expect_writable(self) -> Iterator[None]:
+        """In the block an OSError is that of a folder that cannot be written.
+
+        Raises:
+            UserError: in its place.
+        """
+        try:
+            yield
+        except OSError as error:
+            raise UserError(
+                f"{self.out}: {error.strerror}: expected a folder that can be written"
+            ) from None
 
     def expect_same_code(self) -> None:
         """Raises:

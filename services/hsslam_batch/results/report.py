@@ -13,7 +13,6 @@ from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.comparison import FIGURES, Row, compare, newly_failed, worst
 from hsslam_batch.results.runs_table import read_runs, write_runs
 from hsslam_batch.results.tally import duration
-from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 
 _WORSE = 1
@@ -39,12 +38,8 @@ def report_command(args: Sequence[str]) -> int:
 
 def _rows(out: Path) -> list[Row]:
     batch = read_batch(out)
-    try:
+    with batch.expect_writable():
         write_runs(batch, read_manifest(batch.out))
-    except OSError as error:
-        raise UserError(
-            f"{batch.out}: {error.strerror}: expected a folder that can be written"
-        ) from None
     return list(read_runs(batch.out))
 
 

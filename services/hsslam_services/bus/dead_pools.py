@@ -7,6 +7,8 @@ run takes a pool that is some pages smaller.
 
 import contextlib
 import mmap
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from hsslam_services.arena.shared_pages import give_back, held_bytes
@@ -24,13 +26,15 @@ def pool_bytes(process_number: int, most: int = POOL_BYTES) -> int:
 def bytes_of_pools(router_pid: int) -> int:
     """Memory of all pools and tables of zenoh in a run: its router has those of each sender open."""
     files = []
-    with contextlib.suppress(OSError):  # the router's process has ended
-        for entry in Path(f"/proc/{router_pid}/fd").iterdir():
-            with contextlib.suppress(OSError):  # closed meanwhile
-                path = str(entry.readlink())
-                if path.startswith(_SHM) and _SUFFIX in path:  # one without a name is "(deleted)"
-                    files.append(entry.stat())
+    for entry, _ in _open_pools(router_pid):
+        with contextlib.suppress(OSError):  # closed meanwhile
+            files.append(entry.stat())
     return held_bytes(files)
+
+
+def pools_of(pid: int) -> set[Path]:
+    """The pools and tables that a process has open and that have a name."""
+    return {Path(path) for _, path in _open_pools(pid) if path.endswith(_SUFFIX)}
 
 
 def free_pools(process_number: int, most: int = POOL_BYTES) -> int:
@@ -40,13 +44,21 @@ def free_pools(process_number: int, most: int = POOL_BYTES) -> int:
     """
     wanted = pool_bytes(process_number, most)
     freed = 0
-    for entry in list(Path("/proc/self/fd").iterdir()):
+    for entry, path in list(_open_pools(os.getpid())):
         with contextlib.suppress(OSError):
-            path = str(entry.readlink())
-            if not path.startswith(_SHM) or not path.endswith(_SUFFIX):
-                continue  # another file, or one that is freed already
-            if entry.stat().st_size == wanted:  # of the open file, not of its name
+            # freed already if it has no name; the size is that of the open file
+            if path.endswith(_SUFFIX) and entry.stat().st_size == wanted:
                 give_back(int(entry.name), 0, wanted)
                 freed += wanted
                 Path(path).unlink()
     return freed
+
+
+def _open_pools(pid: int) -> Iterator[tuple[Path, str]]:
+    """zenoh's files that a process has open: entry in /proc, and path; one without a name is "(deleted)"."""
+    with contextlib.suppress(OSError):  # the process has ended
+        for entry in Path(f"/proc/{pid}/fd").iterdir():
+            with contextlib.suppress(OSError):  # closed meanwhile
+                path = str(entry.readlink())
+                if path.startswith(_SHM) and _SUFFIX in path:
+                    yield entry, path

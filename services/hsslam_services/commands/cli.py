@@ -15,7 +15,8 @@ from hsslam_services.commands.options.layers import merged
 from hsslam_services.commands.options.parser import parsed
 
 _Options = TypeVar("_Options")
-Subcommand = Callable[[Sequence[str]], None]
+Subcommand = Callable[[Sequence[str]], int | None]
+"""Takes the words behind its name; returns its exit code, None for 0."""
 _EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
 
 QUESTIONS = ("-h", "--help", "--help-all", "--version")
@@ -46,9 +47,15 @@ def answer_questions(cls: type, prog: str, args: Sequence[str], default: object)
 
 
 def run_subcommand(
-    prog: str, purpose: str, commands: Mapping[str, tuple[Subcommand, str]], args: Sequence[str]
-) -> None:
+    prog: str,
+    purpose: str,
+    commands: Mapping[str, tuple[Subcommand, str]],
+    args: Sequence[str],
+    exit_codes: str = _EXIT_CODES,
+) -> int | None:
     """Run the subcommand that the first word names; `commands`: what runs it, and what it does, by name.
+
+    `exit_codes`: a line on them for the help (empty: each command has its own).
 
     Raises:
         UserError: there is no such subcommand.
@@ -58,14 +65,15 @@ def run_subcommand(
         print(f"usage: {prog} {'|'.join(commands)} ...\n\n{purpose}")
         for command, (_, what) in commands.items():
             print(f"  {prog} {command:<10}{what}")
-        print(f"\n{_EXIT_CODES}\nEach command has its own --help.")
+        print("", *filter(None, [exit_codes]), "Each command has its own --help.", sep="\n")
     elif name == "--version":
         print(f"{prog} {__version__}")
     elif name in commands:
-        commands[name][0](rest)
+        return commands[name][0](rest)
     else:
         known = list(commands)
         raise UserError(f"{name}: expected {', '.join(known)}{did_you_mean(name, known)}")
+    return None
 
 
 def exit_code(command: Callable[[], int | None]) -> int:
