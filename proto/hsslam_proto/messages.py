@@ -119,12 +119,12 @@ class Pose(Message, frozen=True, kw_only=True):
     odometry: Odometry = []
 
     def __post_init__(self) -> None:
-        _expect_pose(self.t, self.q)
+        expect_pose(self.t, self.q)
         _expect_count(self, "covariance", 21)
         _expect_count(self, "odometry", 7)
         if self.odometry:
             x, y, z, *q = self.odometry
-            _expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
+            expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
@@ -138,7 +138,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
     map_epoch: Index = 0
 
     def __post_init__(self) -> None:
-        _expect_pose(self.t, self.q)
+        expect_pose(self.t, self.q)
 
 
 class MapVersion(Message, frozen=True, kw_only=True):
@@ -173,7 +173,7 @@ class Correction(Message, frozen=True, kw_only=True):
         if not len(self.keyframes) == len(self.t) == len(self.q):
             raise ValueError("keyframes, t and q: expected one of each per keyframe")
         for t, q in zip(self.t, self.q, strict=True):
-            _expect_pose(t, q)
+            expect_pose(t, q)
 
 
 class Mesh(Message, frozen=True, kw_only=True):
@@ -192,9 +192,7 @@ class Mesh(Message, frozen=True, kw_only=True):
         counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
         counts["colors"] = 3 * self.vertex_count
         for name, nbytes in counts.items():
-            size = memoryview(getattr(self, name)).nbytes
-            if size != nbytes:
-                raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+            expect_bytes(self, name, nbytes)
         if self.face_count and np.frombuffer(self.faces, "<u4").max() >= self.vertex_count:
             raise ValueError(f"faces name more than the {self.vertex_count} vertices")
         if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
@@ -212,9 +210,7 @@ class View(Message, frozen=True, kw_only=True):
     map_epoch: Index = 0
 
     def __post_init__(self) -> None:
-        size, expected = memoryview(self.color).nbytes, 3 * self.width_px * self.height_px
-        if size != expected:
-            raise ValueError(f"color has {size} bytes: expected {expected}")
+        expect_bytes(self, "color", 3 * self.width_px * self.height_px)
 
 
 class Step(Message, frozen=True, kw_only=True):
@@ -274,6 +270,13 @@ class Stop(Message, frozen=True, kw_only=True):
     reason: Text
 
 
+def expect_bytes(message: Message, name: str, nbytes: int) -> None:
+    """ValueError unless a field of bytes has this many."""
+    size = memoryview(getattr(message, name)).nbytes
+    if size != nbytes:
+        raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+
+
 def _expect_finite(message: Message, *names: str) -> None:
     for name in names:
         value = getattr(message, name)
@@ -289,7 +292,8 @@ def _expect_count(message: Message, name: str, count: int) -> None:
         raise ValueError(f"{name} = {values}: expected finite numbers")
 
 
-def _expect_pose(t: Vector, q: Quaternion) -> None:
+def expect_pose(t: Vector, q: Quaternion) -> None:
+    """ValueError unless these are finite, and the quaternion xyzw of unit length."""
     if not (all(map(math.isfinite, t)) and all(map(math.isfinite, q))):
         raise ValueError(f"pose t = {t}, q = {q}: expected finite numbers")
     norm = math.hypot(*q)

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from hsslam_proto.messages import Counters, Index, Message, Name, Real, Text
+from hsslam_proto.messages import Counters, Index, Message, Name, Real, Text, expect_bytes
 
 Mode = Literal["mapping", "localise-only"]
 MOST_POINTS, POINT_BYTES = 100_000, 12  # of a query
@@ -96,9 +96,7 @@ class TrajectoryRows(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         for name, width in (("stamps_ns", 8), ("poses", 56)):
-            size = memoryview(getattr(self, name)).nbytes
-            if size != width * self.count:
-                raise ValueError(f"{name} has {size} bytes: expected {width * self.count}")
+            expect_bytes(self, name, width * self.count)
 
 
 class SavedMap(Message, frozen=True, kw_only=True):
@@ -128,9 +126,7 @@ class PointAnswers(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         for name, width in (("distance_m", 4), ("gradient", 12), ("known", 1), ("certainty", 4)):
-            size = memoryview(getattr(self, name)).nbytes
-            if size != width * self.count:
-                raise ValueError(f"{name} has {size} bytes: expected {width * self.count}")
+            expect_bytes(self, name, width * self.count)
 
 
 class Done(Message, frozen=True, kw_only=True):

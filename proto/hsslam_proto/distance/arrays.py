@@ -5,6 +5,7 @@ import numpy as np
 from hsslam_node.distance.states import BLOCK_SIDE as SIDE
 from hsslam_node.distance.states import NOT_KNOWN_MM
 from hsslam_node.geometry.se3 import transform
+from hsslam_proto.block_revisions import Block
 from hsslam_proto.distance.messages import Esdf, EsdfBlocks, Grid, Raster
 
 
@@ -19,7 +20,7 @@ def slice_m(message: Esdf) -> np.ndarray:
     return _metres(mm)
 
 
-def blocks_m(message: EsdfBlocks) -> dict[tuple[int, int, int], np.ndarray]:
+def blocks_m(message: EsdfBlocks) -> dict[Block, np.ndarray]:
     """Distances [16, 16, 16] (z, y, x) float32 m of each block; nan: not known."""
     places = np.frombuffer(message.blocks, "<i4").reshape(-1, 3).tolist()
     mm = np.frombuffer(message.distance_mm, "<i2").reshape(-1, SIDE, SIDE, SIDE)

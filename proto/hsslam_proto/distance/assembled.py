@@ -5,35 +5,30 @@ import numpy as np
 from hsslam_node.distance.states import BLOCK_SIDE as SIDE
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.geometry.se3 import inverse
+from hsslam_proto.block_revisions import Block, BlockRevisions
 from hsslam_proto.distance.arrays import T_world_raster, blocks_m
 from hsslam_proto.distance.messages import EsdfBlocks
-
-_NONE_YET = (-1, -1)
 
 
 class AssembledDistances:
     """All blocks as of the messages so far, in whatever order they come; memory is that of a window."""
 
     def __init__(self) -> None:
-        self._epoch = _NONE_YET
+        self._revisions = BlockRevisions()
         self._newest: EsdfBlocks | None = None
-        self._revisions: dict[tuple[int, int, int], int] = {}
-        self._blocks: dict[tuple[int, int, int], np.ndarray] = {}
+        self._blocks: dict[Block, np.ndarray] = {}
 
     def add(self, message: EsdfBlocks) -> None:
         """Take in one message."""
-        epoch = (message.map_epoch, message.series)
-        if epoch < self._epoch:
+        map_epoch, series, revision = message.map_epoch, message.series, message.revision
+        if self._revisions.is_past(map_epoch, series):
             return
-        if epoch > self._epoch:
-            self._epoch, self._newest = epoch, None
+        news = self._revisions.news(map_epoch, series, revision, blocks_m(message))
+        if self._revisions.begins_anew:
+            self._newest = None
             self._blocks.clear()
-            self._revisions.clear()
-        for place, distance_m in blocks_m(message).items():
-            if message.revision >= self._revisions.get(place, -1):
-                self._revisions[place] = message.revision
-                self._blocks[place] = distance_m
-        if self._newest is None or message.revision >= self._newest.revision:
+        self._blocks.update(news)
+        if self._newest is None or revision >= self._newest.revision:
             self._newest = message
         self._forget_outside(self._newest)
 
@@ -58,5 +53,7 @@ class AssembledDistances:
     def _forget_outside(self, newest: EsdfBlocks) -> None:
         low = np.array(newest.first) // SIDE
         high = (np.array(newest.first) + newest.voxels - 1) // SIDE
-        for place in [p for p in self._blocks if ((p < low) | (p > high)).any()]:
-            del self._blocks[place], self._revisions[place]
+        outside = [place for place in self._blocks if ((place < low) | (place > high)).any()]
+        self._revisions.forget(outside)
+        for place in outside:
+            del self._blocks[place]

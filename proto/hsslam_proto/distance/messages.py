@@ -1,13 +1,22 @@
 """Messages of what is free about the camera, and how far surfaces are."""
 
-import math
 from typing import Annotated
 
-import numpy as np
 from msgspec import Meta
 
 from hsslam_node.distance.states import BLOCK_SIDE as SIDE
-from hsslam_proto.messages import Index, Message, Name, Quaternion, Real, SizePx, StampNs, Vector
+from hsslam_proto.messages import (
+    Index,
+    Message,
+    Name,
+    Quaternion,
+    Real,
+    SizePx,
+    StampNs,
+    Vector,
+    expect_bytes,
+    expect_pose,
+)
 
 BlockVoxels = Annotated[int, Meta(ge=SIDE, le=SIDE)]
 
@@ -49,7 +58,7 @@ class Grid(Raster, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _expect_bytes(self, "cells", self.width * self.height)
+        expect_bytes(self, "cells", self.width * self.height)
 
 
 class Esdf(Raster, frozen=True, kw_only=True):
@@ -63,7 +72,7 @@ class Esdf(Raster, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _expect_bytes(self, "distance_mm", 2 * self.width * self.height)
+        expect_bytes(self, "distance_mm", 2 * self.width * self.height)
 
 
 class EsdfBlocks(Message, frozen=True, kw_only=True):
@@ -97,18 +106,11 @@ class EsdfBlocks(Message, frozen=True, kw_only=True):
         if max(map(abs, self.first)) >= 2**31:
             raise ValueError(f"first = {self.first}: expected voxels below 2^31")
         count = memoryview(self.blocks).nbytes // 12
-        _expect_bytes(self, "blocks", 12 * count)
-        _expect_bytes(self, "distance_mm", 2 * SIDE**3 * count)
+        expect_bytes(self, "blocks", 12 * count)
+        expect_bytes(self, "distance_mm", 2 * SIDE**3 * count)
 
 
 def _expect_place(message: Raster | EsdfBlocks, side_m: float, name: str) -> None:
     if not 0 < side_m < 1e3:
         raise ValueError(f"{name} = {side_m}: expected metres above 0")
-    if not abs(math.hypot(*message.q) - 1) <= 1e-3 or not np.isfinite(message.t).all():
-        raise ValueError(f"t = {message.t}, q = {message.q}: expected a pose, xyzw")
-
-
-def _expect_bytes(message: Message, name: str, nbytes: int) -> None:
-    size = memoryview(getattr(message, name)).nbytes
-    if size != nbytes:
-        raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+    expect_pose(message.t, message.q)

@@ -14,7 +14,8 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 
-from hsslam_proto.mesh.codec import Block, Triangles, mesh_arrays
+from hsslam_proto.block_revisions import Block
+from hsslam_proto.mesh.codec import Triangles, mesh_arrays
 from hsslam_proto.messages import Mesh
 
 _LENGTH_DELIMITED, _FIXED_64 = 2, 1

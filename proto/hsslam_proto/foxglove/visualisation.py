@@ -16,10 +16,11 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from hsslam_proto import messages
+from hsslam_proto.block_revisions import Block
 from hsslam_proto.distance.messages import Grid
 from hsslam_proto.foxglove.grid import drawn_grid
 from hsslam_proto.foxglove.mesh import blocks_update, scene_update
-from hsslam_proto.mesh.codec import Block, Triangles
+from hsslam_proto.mesh.codec import Triangles
 from hsslam_proto.messages import Message, Quaternion, Vector
 
 WORLD, CAMERA = "world", "camera"

@@ -6,49 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsslam_proto.block_revisions import Block, BlockRevisions
 from hsslam_proto.mesh.blocks_message import MeshBlocks
-from hsslam_proto.mesh.codec import Block, BlockLattice, Triangles, block_triangles
+from hsslam_proto.mesh.codec import BlockLattice, Triangles, block_triangles
 
-_NONE_YET = (-1, -1)
 _SNAP_CELLS = 1e-2  # vertices this close to a lattice vertex are that vertex
-
-
-class BlockRevisions:
-    """Says which blocks of a message are news, in whatever order messages come; memory is that of the blocks.
-
-    `begins_anew`: whether blocks that were sent before the last message are gone, with their mesher or map.
-    """
-
-    def __init__(self) -> None:
-        self.begins_anew = False
-        self._epoch = _NONE_YET
-        self._revisions: dict[Block, int] = {}
-
-    def begin(self, map_epoch: int) -> bool:
-        """Take no more blocks of earlier map epochs; whether there were any."""
-        is_later = map_epoch > self._epoch[0]
-        if is_later:
-            self._epoch = (map_epoch, -1)
-            self._revisions.clear()
-        return is_later
-
-    def news(self, message: MeshBlocks) -> dict[Block, Triangles | None]:
-        """The blocks of a message that are newer than those before; None: no surface any more."""
-        epoch = (message.map_epoch, message.series)
-        is_later = epoch > self._epoch
-        self.begins_anew = is_later and self._epoch != _NONE_YET
-        if is_later:
-            self._epoch = epoch
-            self._revisions.clear()
-        if epoch < self._epoch:
-            return {}
-        newer = {
-            block: triangles
-            for block, triangles in block_triangles(message).items()
-            if message.revision >= self._revisions.get(block, -1)
-        }
-        self._revisions.update(dict.fromkeys(newer, message.revision))
-        return newer
 
 
 class BlockNews(NamedTuple):
@@ -76,7 +38,7 @@ class PendingBlocks:
     def add(self, message: MeshBlocks) -> None:
         """Take in one message."""
         with self._lock:
-            news = self._revisions.news(message)
+            news = _news(self._revisions, message)
             if self._revisions.begins_anew:
                 self._blocks, self._anew = {}, True
             self._blocks.update(news)
@@ -109,7 +71,7 @@ class AssembledMesh:
 
     def add(self, message: MeshBlocks) -> None:
         """Take in one message."""
-        news = self._revisions.news(message)
+        news = _news(self._revisions, message)
         if self._revisions.begins_anew:
             self.map_version = 0
             self._blocks.clear()
@@ -138,6 +100,12 @@ class AssembledMesh:
         a, b, c = (faces := inverse.reshape(-1)[faces]).T
         faces = faces[(a != b) & (b != c) & (c != a)].astype(np.uint32)
         return Triangles(vertices[first], faces, colors[first])
+
+
+def _news(revisions: BlockRevisions, message: MeshBlocks) -> dict[Block, Triangles | None]:
+    """The blocks of a message that are newer than those before; None: no surface any more."""
+    blocks = block_triangles(message)
+    return revisions.news(message.map_epoch, message.series, message.revision, blocks)
 
 
 def _edges(vertices: np.ndarray, voxel_m: float) -> np.ndarray:

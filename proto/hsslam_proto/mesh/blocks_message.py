@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_proto.messages import Index, Message, Real
+from hsslam_proto.messages import Index, Message, Real, expect_bytes
 
 
 class MeshBlocks(Message, frozen=True, kw_only=True):
@@ -34,22 +34,16 @@ class MeshBlocks(Message, frozen=True, kw_only=True):
         for name in ("voxel_m", "block_m"):
             if not 0 < getattr(self, name) < 1e6:
                 raise ValueError(f"{name} = {getattr(self, name)}: expected metres above 0")
-        _expect_bytes(self, "blocks", 12, memoryview(self.vertex_counts).nbytes // 4)
-        _expect_bytes(self, "vertex_counts", 4, memoryview(self.blocks).nbytes // 12)
-        _expect_bytes(self, "face_counts", 4, memoryview(self.blocks).nbytes // 12)
+        expect_bytes(self, "blocks", 12 * (memoryview(self.vertex_counts).nbytes // 4))
+        expect_bytes(self, "vertex_counts", 4 * (memoryview(self.blocks).nbytes // 12))
+        expect_bytes(self, "face_counts", 4 * (memoryview(self.blocks).nbytes // 12))
         vertex_counts = np.frombuffer(self.vertex_counts, "<u4").astype(np.int64)
         face_counts = np.frombuffer(self.face_counts, "<u4").astype(np.int64)
-        _expect_bytes(self, "vertices", 12, int(vertex_counts.sum()))
-        _expect_bytes(self, "colors", 3, int(vertex_counts.sum()))
-        _expect_bytes(self, "faces", 12, int(face_counts.sum()))
+        expect_bytes(self, "vertices", 12 * int(vertex_counts.sum()))
+        expect_bytes(self, "colors", 3 * int(vertex_counts.sum()))
+        expect_bytes(self, "faces", 12 * int(face_counts.sum()))
         faces = np.frombuffer(self.faces, "<u4").reshape(-1, 3)
         if (faces >= np.repeat(vertex_counts, face_counts)[:, None]).any():
             raise ValueError("faces name more than the vertices of their block")
         if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
             raise ValueError("vertices: expected finite numbers")
-
-
-def _expect_bytes(message: MeshBlocks, name: str, each: int, count: int) -> None:
-    size = memoryview(getattr(message, name)).nbytes
-    if size != each * count:
-        raise ValueError(f"{name} has {size} bytes: expected {each * count}")

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hsslam_proto.block_revisions import Block
 from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.messages import Mesh
-
-Block = tuple[int, int, int]
 
 
 class Triangles(NamedTuple):

@@ -3,8 +3,9 @@
 import numpy as np
 import rerun as rr
 
+from hsslam_proto.block_revisions import Block
 from hsslam_proto.mesh.assembled import PendingBlocks
-from hsslam_proto.mesh.codec import Block, Triangles, mesh_arrays
+from hsslam_proto.mesh.codec import Triangles, mesh_arrays
 from hsslam_proto.messages import Mesh
 
 ENTITY = "world/mesh"
