@@ -14,9 +14,8 @@ class Device:
     kind: DeviceKind
     name: str  # of the hardware
     reason: str  # why this one, in one line
-    threads: int = field(
-        default_factory=lambda: len(os.sched_getaffinity(0))
-    )  # that may compute at once
+    # that may compute at once
+    threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
 
     @property
     def uses_triton(self) -> bool:

@@ -16,9 +16,7 @@ _TOLERANCE_MM = 5
 class Blocks(NamedTuple):
     """Cubes of SIDE voxels on the lattice of a grid."""
 
-    places: (
-        np.ndarray
-    )  # [B, 3] int32 (x, y, z): a block begins at voxel SIDE * place of the lattice
+    places: np.ndarray  # [B, 3] int32 (x, y, z): a block begins at voxel SIDE * place
     distance_mm: np.ndarray  # [B, SIDE, SIDE, SIDE] int16 (z, y, x); NOT_KNOWN_MM
 
 

@@ -62,12 +62,12 @@ class DistanceMap:
         T = self.T_grid_world
         indices = self.grid.indices(points @ T[:3, :3].T + T[:3, 3])
         certain = found.known.copy()
-        seen_m = self._distance_to_unknown_m[tuple(indices[certain].T)]
+        seen_m = self.to_unknown_m[tuple(indices[certain].T)]
         certain[certain] = seen_m > found.distance_m[certain] - self.grid.voxel_m
         return certain
 
     @cached_property
-    def _distance_to_unknown_m(self) -> np.ndarray:
+    def to_unknown_m(self) -> np.ndarray:
         """[nx, ny, nz] m from the middle of a voxel to that of the nearest one that was not seen."""
         outside = np.pad(self.states != UNKNOWN, 1)
         inner = (slice(1, -1),) * 3

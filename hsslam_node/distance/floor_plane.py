@@ -13,12 +13,8 @@ from hsslam_node.geometry.view_from_above import mean_up
 UpSource = Literal["gravity", "--up", "--base-T-camera", "floor plane", "camera poses"]
 _MOST_VIEWS = 40
 _ROWS_PX = 90  # of the image that is looked at
-_CONES_DEG = (
-    40.0,
-    25.0,
-    15.0,
-    8.0,
-)  # about the direction so far: of normals that count for the next
+# about the direction so far: of normals that count for the next
+_CONES_DEG = (40.0, 25.0, 15.0, 8.0)
 _BIN_M = 0.02
 _PEAK_SHARE = 0.25  # of the points at the best supported height: a lower floor has at least this
 _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
@@ -38,6 +34,16 @@ class FloorPlane:
     def __post_init__(self) -> None:
         if not np.isclose(np.linalg.norm(self.up), 1.0, atol=1e-6):
             raise ValueError(f"up {self.up} is no direction")
+
+    @property
+    def up_text(self) -> str:
+        """`up`, for people."""
+        return " ".join(f"{part + 0.0:.3f}" for part in self.up)
+
+    @property
+    def height_text(self) -> str:
+        """`height_m`, for people."""
+        return f"the floor at {self.height_m:.2f} m along it"
 
     @property
     def T_floor_world(self) -> np.ndarray:

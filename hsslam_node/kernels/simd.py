@@ -1,4 +1,7 @@
-"""Vectors of 16 float32 inside njit kernels, for what the loop vectoriser does not find by itself.
+"""Vectors of 16 numbers inside njit kernels, for what the loop vectoriser does not find by itself.
+
+`load`, `store` and `spread` are for vectors of float32 and of uint32 (`KEYS`, see `simd_keys.py`), all else
+here is for float32.
 
 A vector is one AVX-512 register (two of AVX, four of NEON). Arrays are addressed by a flat offset, in
 elements, from their first element and must be C-contiguous; nothing is checked. Arrays of
@@ -17,57 +20,67 @@ from numba.extending import intrinsic, register_model
 
 operation: Any = intrinsic  # called without the first parameter, which type checkers do not know
 WIDTH = 16
-FLOAT = ir.FloatType()
+FLOAT, WORD = ir.FloatType(), ir.IntType(32)
 VECTOR = ir.VectorType(FLOAT, WIDTH)
 
 
 class LanesType(types.Type):
-    """The numba type of 16 float32."""
+    """The numba type of 16 numbers of a kind, which LLVM calls `element`."""
 
-    def __init__(self) -> None:
-        super().__init__(name="Lanes")
+    def __init__(self, name: str, number: types.Number, element: ir.Type) -> None:
+        super().__init__(name=name)
+        self.number = number
+        self.vector = ir.VectorType(element, WIDTH)
 
 
-LANES = LanesType()
+LANES = LanesType("Lanes", types.float32, FLOAT)
+KEYS = LanesType("Keys", types.uint32, WORD)
+
+
+def _lanes_of(number: types.Type) -> LanesType:
+    return KEYS if types.unliteral(number) == types.uint32 else LANES
 
 
 @register_model(LanesType)
 class _LanesModel(PrimitiveModel):
     def __init__(self, dmm, fe_type) -> None:
-        super().__init__(dmm, fe_type, VECTOR)
+        super().__init__(dmm, fe_type, fe_type.vector)
 
 
 @operation
 def load(typingctx, array, offset):
-    """The 16 floats from `offset` on."""
+    """The 16 numbers from `offset` on."""
+    lanes = _lanes_of(array.dtype)
 
     def codegen(context, builder, signature, args):
-        place = place_of(context, builder, signature.args[0], args[0], args[1], VECTOR)
+        place = place_of(context, builder, signature.args[0], args[0], args[1], lanes.vector)
         return builder.load(place, align=4)
 
-    return LANES(array, types.intp), codegen
+    return lanes(array, types.intp), codegen
 
 
 @operation
 def store(typingctx, array, offset, lanes):
-    """Write 16 floats from `offset` on."""
+    """Write 16 numbers from `offset` on."""
+    wanted = _lanes_of(array.dtype)
 
     def codegen(context, builder, signature, args):
-        place = place_of(context, builder, signature.args[0], args[0], args[1], VECTOR)
+        place = place_of(context, builder, signature.args[0], args[0], args[1], wanted.vector)
         builder.store(args[2], place, align=4)
         return context.get_dummy_value()
 
-    return types.void(array, types.intp, LANES), codegen
+    return types.void(array, types.intp, wanted), codegen
 
 
 @operation
 def spread(typingctx, value):
-    """One float in all lanes."""
+    """One number in all lanes."""
+    lanes = _lanes_of(value)
 
     def codegen(context, builder, signature, args):
-        return broadcast(builder, args[0], VECTOR)
+        return broadcast(builder, args[0], lanes.vector)
 
-    return LANES(types.float32), codegen
+    return lanes(lanes.number), codegen
 
 
 @operation

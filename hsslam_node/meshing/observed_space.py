@@ -3,40 +3,24 @@
 import numpy as np
 from numba import njit
 
-from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.meshing.block_grid import BlockGrid
 
 CLOSE_CELLS = 2  # marks grow by this many cells, then shrink by one: gaps close, no second skin
 CONTINUOUS = 0.04  # neighbouring pixels whose depth differs by a smaller share lie on one surface
 HALO = CLOSE_CELLS + 1
 
 
-class ObservedSpace:
-    """A vertex grid over the bound, cut into blocks, that remembers where depth was measured.
-
-    Vertex (0, 0, 0) lies at the low corner. Block b covers the vertices from `block_cells * b` to
-    `block_cells * (b + 1)`, both included: neighbours share a layer of vertices.
-
-    Args:
-        bound: space to mesh.
-        voxel_m: distance of two vertices, m.
-        block_cells: cells along a side of a block.
-    """
+class ObservedSpace(BlockGrid):
+    """A `BlockGrid` that remembers where depth was measured."""
 
     def __init__(self, bound: Bound, voxel_m: float = 0.03, block_cells: int = 32) -> None:
-        if not voxel_m > 0:
-            raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
-        self.bound = bound
-        self.voxel_m = voxel_m
-        self.block_cells = block_cells
-        cells = np.maximum(np.floor(bound.extent_m / voxel_m + 1e-6), 1).astype(int)
-        blocks = -(-cells // block_cells)
-        self.block_count: tuple[int, int, int] = (int(blocks[0]), int(blocks[1]), int(blocks[2]))
+        super().__init__(bound, voxel_m, block_cells)
         # A halo on every side spares all border cases. Memory is taken where marks are made.
-        self._surface = np.zeros(blocks * block_cells + 1 + 2 * HALO, np.uint8)
+        vertices = np.multiply(self.block_count, block_cells) + 1
+        self._surface = np.zeros(vertices + 2 * HALO, np.uint8)
         self._occupied = np.zeros(self.block_count, np.bool_)
-        self._limit = cells.astype(np.int64)  # last vertex inside the bound
 
     def observe(
         self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 2
@@ -62,7 +46,7 @@ class ObservedSpace:
             T,
             stride_px,
             self._surface,
-            self._limit,
+            self.limit,
             self._occupied,
             self.block_cells,
         )
@@ -75,14 +59,9 @@ class ObservedSpace:
         """Cells of a block whose eight vertices are near observed surface, [n, n, n] bool."""
         cells = observed_cells(np.ascontiguousarray(self._surface[self._slices(block)]))
         for axis in range(3):  # no cell beyond the bound
-            room = max(int(self._limit[axis]) - block[axis] * self.block_cells, 0)
+            room = max(int(self.limit[axis]) - block[axis] * self.block_cells, 0)
             cells[(slice(None),) * axis + (slice(room, None),)] = False
         return cells
-
-    def vertex_positions(self, block: tuple[int, int, int], vertices: np.ndarray) -> np.ndarray:
-        """World positions [N, 3] float32 m of vertices [N, 3] of a block; fractions allowed."""
-        grid = np.multiply(block, self.block_cells) + vertices
-        return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
 
     def _slices(self, block: tuple[int, int, int]) -> tuple[slice, slice, slice]:
         """The vertices of a block with the halo around them."""

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import trimesh
 from numba import njit
+
+from hsslam_node.meshing.block_grid import BlockGrid
 
 _SNAP_CELLS = 1e-3  # vertices this close to a grid vertex are that vertex
 
@@ -19,15 +20,6 @@ class BlockMesh:
     vertices: np.ndarray  # [V, 3] float32, cells from the block's first vertex
     faces: np.ndarray  # [F, 3] int32
     colors: np.ndarray  # [V, 3] uint8
-
-
-class BlockGrid(Protocol):
-    """Where the vertices of blocks lie; `ObservedSpace` and `WholeSpace`."""
-
-    block_cells: int
-    block_count: tuple[int, int, int]
-
-    def vertex_positions(self, block: tuple[int, int, int], vertices: np.ndarray) -> np.ndarray: ...
 
 
 def weld_blocks(

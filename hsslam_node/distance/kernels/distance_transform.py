@@ -11,14 +11,11 @@ import math
 import numpy as np
 from numba import njit
 
-from hsslam_node.kernels.simd import WIDTH
+from hsslam_node.kernels.simd import WIDTH, load, spread, store
 from hsslam_node.kernels.simd_keys import (
     add_keys,
     largest_key,
     least_keys,
-    load_keys,
-    spread_key,
-    store_keys,
     where_less,
     where_set,
 )
@@ -72,12 +69,12 @@ def nearest_sites(keys, needed, far, bits):
 def _limits(keys, needed, j, limit):
     """One more than the largest key that is needed in each 16 columns (j, i), 0 if none is."""
     nz, ny, width = keys.shape
-    zero, one = spread_key(np.uint32(0)), spread_key(np.uint32(1))
+    zero, one = spread(np.uint32(0)), spread(np.uint32(1))
     for group in range(len(limit)):
         most = zero
         for k in range(nz):
             at = (k * ny + j) * width + group * WIDTH
-            key = where_set(needed, at, add_keys(load_keys(keys, at), one), zero)
+            key = where_set(needed, at, add_keys(load(keys, at), one), zero)
             most = where_less(most, key, key, most)
         limit[group] = largest_key(most)
 
@@ -92,8 +89,8 @@ def no_site(far, bits):
 def _sweep_y(keys, far, bits):
     """Nearest sites along y, by a sweep to and fro."""
     nz, ny, width = keys.shape
-    none, zero = spread_key(no_site(far, bits)), spread_key(np.uint32(0))
-    one, two = spread_key(np.uint32(1 << bits)), spread_key(np.uint32(2 << bits))
+    none, zero = spread(no_site(far, bits)), spread(np.uint32(0))
+    one, two = spread(np.uint32(1 << bits)), spread(np.uint32(2 << bits))
     for k in range(nz):
         for start in range(0, width, WIDTH):
             for sweep in range(2):
@@ -101,33 +98,33 @@ def _sweep_y(keys, far, bits):
                 for step in range(ny):
                     j = step if sweep == 0 else ny - 1 - step
                     at = (k * ny + j) * width + start
-                    key = load_keys(keys, at)
+                    key = load(keys, at)
                     last = where_less(key, one, key, last)
                     square = where_less(key, one, zero, least_keys(add_keys(square, odd), none))
                     odd = where_less(key, one, one, least_keys(add_keys(odd, two), none))
-                    store_keys(keys, at, least_keys(key, least_keys(add_keys(last, square), none)))
+                    store(keys, at, least_keys(key, least_keys(add_keys(last, square), none)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _along_x(line, limit, far, bits, out):
     """Nearest sites among those of a line, [width]; none that is farther than the limit of its 16 columns."""
-    none = spread_key(no_site(far, bits))
+    none = spread(no_site(far, bits))
     for group in range(len(limit)):
         start = group * WIDTH
         if limit[group] == 0:
-            store_keys(out, start, none)
+            store(out, start, none)
             continue
         at = far + _AT_ONCE + start
-        best = load_keys(line, at)
+        best = load(line, at)
         most = min(limit[group], largest_key(best))
         for first in range(1, far + 1, _AT_ONCE):
             if np.uint32((first * first) << bits) > most:
                 break
             for d in range(first, first + _AT_ONCE):
-                nearer = least_keys(load_keys(line, at - d), load_keys(line, at + d))
-                best = least_keys(best, add_keys(nearer, spread_key(np.uint32((d * d) << bits))))
+                nearer = least_keys(load(line, at - d), load(line, at + d))
+                best = least_keys(best, add_keys(nearer, spread(np.uint32((d * d) << bits))))
             most = min(most, largest_key(best))
-        store_keys(out, start, best)
+        store(out, start, best)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -137,21 +134,19 @@ def _along_z(keys, needed, j, start, column, no_key, reach, bits):
     `column` [nz + 2 (reach + 4), 16]: room for a copy, between rows of `no_key`.
     """
     nz, ny, width = keys.shape
-    zero, none = spread_key(np.uint32(0)), spread_key(no_key)
+    zero, none = spread(np.uint32(0)), spread(no_key)
     margin = reach + _AT_ONCE
     for k in range(nz):
-        store_keys(column, (margin + k) * WIDTH, load_keys(keys, (k * ny + j) * width + start))
+        store(column, (margin + k) * WIDTH, load(keys, (k * ny + j) * width + start))
     for k in range(nz):
         place, at = (k * ny + j) * width + start, (margin + k) * WIDTH
-        best = where_set(needed, place, load_keys(column, at), zero)
+        best = where_set(needed, place, load(column, at), zero)
         most = largest_key(best)
         for first in range(1, reach + 1, _AT_ONCE):
             if np.uint32((first * first) << bits) > most:
                 break
             for d in range(first, first + _AT_ONCE):
-                nearer = least_keys(
-                    load_keys(column, at - d * WIDTH), load_keys(column, at + d * WIDTH)
-                )
-                best = least_keys(best, add_keys(nearer, spread_key(np.uint32((d * d) << bits))))
+                nearer = least_keys(load(column, at - d * WIDTH), load(column, at + d * WIDTH))
+                best = least_keys(best, add_keys(nearer, spread(np.uint32((d * d) << bits))))
             most = min(most, largest_key(best))
-        store_keys(keys, place, least_keys(where_set(needed, place, best, none), none))
+        store(keys, place, least_keys(where_set(needed, place, best, none), none))

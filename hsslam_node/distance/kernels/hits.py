@@ -15,10 +15,8 @@ _IN_VOXEL = 0.55  # of its side, from its middle: what lies between two voxels i
 _SPREAD_M = 0.2  # of pixels that see one surface: no hit is made of the nearer ones alone
 _FEWEST_PX = 2.0
 _UNIT_M = 4.0  # a hit at this distance has weight 1, a nearer one more: depth noise grows with z^2
-_MOST_HIT, _MOST_WEIGHT = (
-    15.0,
-    120.0,
-)  # weights of a hit and of a place, which goes on following hits
+_MOST_HIT = 15.0  # weight of a hit
+_MOST_WEIGHT = 120.0  # of a place, which goes on following hits
 _STILL = 2  # steps: a place that moves no more leaves its plane as it is
 
 _INDEX = (1 << 20) - 1  # mask of one of the three in `Touched.voxel`

@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import torch
-from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
 from hsslam_bench.free_space.distance_errors import TrueDistances, measure_from
@@ -23,7 +22,6 @@ from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.floor_plane import find_floor
-from hsslam_node.distance.states import UNKNOWN
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import inverse
@@ -98,11 +96,9 @@ def level_of(distances: DistanceMap, spec: str, options: SourceOptions) -> Level
     T = inverse(distances.T_grid_world)
     points = grid.centres(indices) @ T[:3, :3].T + T[:3, 3]
     measure = measure_from(mesh, inverse(truth.T_world_cam[0]))
-    unseen = np.pad(distances.states == UNKNOWN, 1, constant_values=True)
-    to_unseen = np.asarray(distance_transform_edt(~unseen))[1:-1, 1:-1, 1:-1][:, :, z]
     # behind a surface nothing is seen: what is farther away than it does not matter
     distance_m = distances.distance_m[:, :, z]
-    is_seen = to_unseen * grid.voxel_m > np.fmin(RADIUS_M, distance_m - grid.voxel_m)
+    is_seen = distances.to_unknown_m[:, :, z] > np.fmin(RADIUS_M, distance_m - grid.voxel_m)
     true_m = measure(points).distance_m.reshape(nx, ny)
     return Level(points.reshape(nx, ny, 3), distance_m, true_m, measure, is_seen)
 

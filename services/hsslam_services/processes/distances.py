@@ -132,11 +132,8 @@ class _DistancesLoop:
         if floor is self._told:
             return
         self._told = floor
-        up = " ".join(f"{part + 0.0:.3f}" for part in floor.up)
-        self._worker.event(
-            "info",
-            f"grid: up is {up} by {floor.source}, the floor at {floor.height_m:.2f} m along it",
-        )
+        text = f"grid: up is {floor.up_text} by {floor.source}, {floor.height_text}"
+        self._worker.event("info", text)
 
 
 class _PublishedBlocks:

@@ -1,13 +1,11 @@
 import numpy as np
 from numba import njit
 
+from hsslam_node.kernels.simd import load, spread, store
 from hsslam_node.kernels.simd_keys import (
     add_keys,
     largest_key,
     least_keys,
-    load_keys,
-    spread_key,
-    store_keys,
     where_less,
     where_set,
 )
@@ -17,11 +15,11 @@ RNG = np.random.default_rng(0)
 
 @njit
 def _arithmetic(a, b, mask, out):
-    x, y = load_keys(a, 3), load_keys(b, 1)
-    store_keys(out, 0, add_keys(x, y))
-    store_keys(out, 16, least_keys(x, y))
-    store_keys(out, 32, where_less(x, y, spread_key(np.uint32(7)), x))
-    store_keys(out, 48, where_set(mask, 2, x, y))
+    x, y = load(a, 3), load(b, 1)
+    store(out, 0, add_keys(x, y))
+    store(out, 16, least_keys(x, y))
+    store(out, 32, where_less(x, y, spread(np.uint32(7)), x))
+    store(out, 48, where_set(mask, 2, x, y))
     return largest_key(x)
 
 

@@ -9,11 +9,9 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
 from hsslam_node.distance.nav2_files import write_nav2_files
-from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.whole_space import (
     expect_out,
-    expect_up,
-    expect_voxel,
+    expect_space,
     floor_and_distances,
     map_file,
     told_up,
@@ -54,11 +52,7 @@ class GridOptions:
     """Side of a cell, m."""
 
     def __post_init__(self) -> None:
-        if not self.from_height_m < self.to_height_m:
-            given = f"--from-height-m {self.from_height_m:g} --to-height-m {self.to_height_m:g}"
-            raise UserError(f"{given}: expected the second above the first")
-        expect_up(self.up)
-        expect_voxel(self.voxel)
+        expect_space(self.from_height_m, self.to_height_m, self.up, self.voxel)
 
 
 def write_grid(options: GridOptions) -> None:

@@ -27,16 +27,17 @@ def map_file(text: str, command: str) -> Path:
     return path / MAP_NAME if path.is_dir() else path
 
 
-def expect_up(up: tuple[float, ...]) -> None:
-    """UserError unless `--up` is a direction, or not given."""
+def expect_space(
+    from_height_m: float, to_height_m: float, up: tuple[float, ...], voxel_m: float
+) -> None:
+    """UserError unless heights rise, `up` is a direction or not given, and the voxel makes sense."""
+    if not from_height_m < to_height_m:
+        given = f"--from-height-m {from_height_m:g} --to-height-m {to_height_m:g}"
+        raise UserError(f"{given}: expected the second above the first")
     length = math.hypot(*up)
     if up and not (len(up) == 3 and math.isfinite(length) and length > 0):
         given = " ".join(f"{number:g}" for number in up)
         raise UserError(f"--up {given}: expected a direction X Y Z in the world frame of the map")
-
-
-def expect_voxel(voxel_m: float) -> None:
-    """UserError unless `--voxel` is a size that makes sense."""
     if not (math.isfinite(voxel_m) and 0.01 <= voxel_m <= 0.5):
         raise UserError(f"--voxel {voxel_m}: expected 0.01 to 0.5 m")
 
@@ -58,5 +59,4 @@ def floor_and_distances(
 
 def told_up(floor: FloorPlane) -> str:
     """Which way is up, and by what, in a line."""
-    up = " ".join(f"{part + 0.0:.3f}" for part in floor.up)
-    return f"up is {up} by its {floor.source}, the floor at {floor.height_m:.2f} m along it"
+    return f"up is {floor.up_text} by its {floor.source}, {floor.height_text}"

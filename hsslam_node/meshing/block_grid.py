@@ -1,0 +1,38 @@
+"""The vertex grid of a mesh, cut into blocks; alone, as what was seen and all of a bound are cut alike."""
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.bound import Bound
+
+
+class BlockGrid:
+    """A vertex grid over the bound, cut into blocks.
+
+    Vertex (0, 0, 0) lies at the low corner. Block b covers the vertices from `block_cells * b` to
+    `block_cells * (b + 1)`, both included: neighbours share a layer of vertices.
+
+    Args:
+        bound: space to mesh.
+        voxel_m: distance of two vertices, m.
+        block_cells: cells along a side of a block.
+
+    Raises:
+        UserError: the distance is not above 0.
+    """
+
+    def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:
+        if not voxel_m > 0:
+            raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
+        self.bound = bound
+        self.voxel_m = voxel_m
+        self.block_cells = block_cells
+        cells = np.maximum(np.floor(bound.extent_m / voxel_m + 1e-6), 1)
+        self.limit = cells.astype(np.int64)  # [3], the last vertex inside the bound
+        blocks = -(-self.limit // block_cells)
+        self.block_count: tuple[int, int, int] = (int(blocks[0]), int(blocks[1]), int(blocks[2]))
+
+    def vertex_positions(self, block: tuple[int, int, int], vertices: np.ndarray) -> np.ndarray:
+        """World positions [N, 3] float32 m of vertices [N, 3] of a block; fractions allowed."""
+        grid = np.multiply(block, self.block_cells) + vertices
+        return (np.asarray(self.bound.low) + grid * self.voxel_m).astype(np.float32)
