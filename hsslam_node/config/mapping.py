@@ -26,8 +26,7 @@ class LossWeights:
     free_space: float = 5.0
     """Weight of the free-space loss."""
     blind_color: float = 1.0
-    """Weight of the colour of a ray without depth, as a share of that of others; 0: pixels without depth give
-    no rays."""
+    """Colour weight of a ray without depth, relative to one with depth; 0 leaves out pixels without depth."""
     patch: float = 0.5
     """Weight of the structural loss over random patches (S3IM); 0 turns it off."""
     smoothness: float = 1e-6
@@ -96,8 +95,7 @@ class MapperConfig:
     least_color_weight: float = 1e-3
     """On the CPU, samples below this rendering weight are grey (-17 % time per iteration); 0 turns it off."""
     parts: int = 2
-    """Parts of a batch that the CPU computes at once where others need no core (lockstep), each with a
-    gradient of its own, as large as the map."""
+    """Parts of a batch, which the CPU runs at once in lockstep; each has a gradient as large as the map."""
     patch_repeats: int = 10
     """Number of random patches (M) of the structural loss."""
     patch_kernel_px: int = 3

@@ -33,7 +33,7 @@ class DistanceBlocks:
         self._values = np.empty((0, 0, 0), np.int16)  # mm, of all their voxels
 
     def renew(self, distances: DistanceMap) -> Blocks:
-        """The blocks that have changed; the grid must have the voxels and the shape of that before."""
+        """The blocks that have changed. All grids have voxels of one size, and one shape."""
         grid = self.grid = distances.grid
         low = np.array(grid.first[::-1])
         first = low // SIDE

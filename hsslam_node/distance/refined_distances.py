@@ -5,9 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from hsslam_node.distance.distance_map import DistanceMap, Distances
-from hsslam_node.kernels.field.layout import kernel_layout
-from hsslam_node.kernels.field.sdf_query import query_sdf
-from hsslam_node.map.layout import FieldLayout
 
 QuerySdf = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """points [N, 3] float32 m, world -> signed distance [N] and its gradient [N, 3] per m, in truncations."""
@@ -26,7 +23,7 @@ class RefinedDistances:
 
     Args:
         distances: of the same world as the field.
-        query: the field.
+        query: the field, as `MapQueries.sdf_and_gradient`.
         truncation_m: of the field, m.
     """
 
@@ -55,21 +52,6 @@ class RefinedDistances:
             share[:, None] * gradient_m / slope[:, None] + rest[:, None] * found.gradient[near]
         )
         return found
-
-
-def field_query(layout: FieldLayout, params: np.ndarray) -> QuerySdf:
-    """The field of a map; `params` [P] are read in place. Outside its bound the value is 1, without slope."""
-    flat = kernel_layout(layout)
-
-    def query(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        n = len(points)
-        sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
-        gradient = np.empty((n, 3), np.float32)
-        points = np.ascontiguousarray(points, np.float32)
-        query_sdf(params, flat, points, sdf, inside, gradient, True)
-        return sdf, gradient
-
-    return query
 
 
 def _fading(value: np.ndarray, full: float, none: float) -> np.ndarray:

@@ -17,7 +17,7 @@ class DepthExtremes(NamedTuple):
     """What kernels take; a hole is a pixel that measured no surface, a tile has 8 x 8 pixels."""
 
     depth: np.ndarray  # [h, w] float32 m, planar; 0: a hole
-    nearest: np.ndarray  # [3, h, w] float32 m, up to so many pixels away; 0: there is a hole
+    nearest: np.ndarray  # [3, h, w] float32 m, least within REACHES_PX; 0: there is a hole
     tile_nearest: np.ndarray  # [ceil(h / 8), ceil(w / 8)] float32 m; 0: it has a hole
     tile_farthest: np.ndarray  # same; 0: it has nothing else
     fx: float  # of the pixels above, as are the others

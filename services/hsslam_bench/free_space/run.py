@@ -20,12 +20,13 @@ from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.config import SlamConfig
 from hsslam_node.distance.distance_meter import FAR_M, DistanceMeter
 from hsslam_node.distance.floor_plane import find_floor
-from hsslam_node.distance.refined_distances import QuerySdf, RefinedDistances, field_query
+from hsslam_node.distance.refined_distances import QuerySdf, RefinedDistances
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.meshing.map_queries import MapQueries
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options import SourceOptions
@@ -113,7 +114,9 @@ def tracked_views(config: SlamConfig, spec: str, options: SourceOptions) -> Seen
     kept = store.kept()
     poses = store.poses_of(kept)
     views = [(store.frame(int(k)).depth_m(), T) for k, T in zip(kept, poses, strict=True)]
-    return Seen(store.camera, views, field_query(parameters.layout, parameters.params))
+    return Seen(
+        store.camera, views, MapQueries(parameters.layout, parameters.params).sdf_and_gradient
+    )
 
 
 if __name__ == "__main__":

@@ -6,13 +6,14 @@ import pytest
 from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.floor_plane import find_floor
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
-from hsslam_node.distance.refined_distances import RefinedDistances, field_query
+from hsslam_node.distance.refined_distances import RefinedDistances
 from hsslam_node.distance.states import FREE
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances as true_distances
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.meshing.map_queries import MapQueries
 from tests.node.distance.conftest import wall
 from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
 
@@ -67,7 +68,7 @@ def test_free_space_is_free_in_truth(truth):
 
 def test_the_field_refines_distances_near_surfaces(found, free_points, truth):
     room = mapped_room()
-    query = field_query(room.parameters.layout, room.parameters.params)
+    query = MapQueries(room.parameters.layout, room.parameters.params).sdf_and_gradient
     refined = RefinedDistances(found, query, SMALL.field.truncation_m).query(free_points)
     plain = found.query(free_points)
     far = plain.distance_m > SMALL.field.truncation_m
@@ -82,7 +83,7 @@ def test_refined_distances_have_no_step(found, views):
     """Along rays from the first camera into the walls, in steps of a millimetre."""
     room = mapped_room()
     refined = RefinedDistances(
-        found, field_query(room.parameters.layout, room.parameters.params), 0.06
+        found, MapQueries(room.parameters.layout, room.parameters.params).sdf_and_gradient, 0.06
     )
     along = np.arange(0.5, 2.5, 0.001)
     for direction in ((0.1, 0.0, 1.0), (-0.2, 0.1, 1.0)):
