@@ -1,4 +1,4 @@
-"""All of the space in a bound, seen or not, cut into blocks: for meshes that an evaluation culls."""
+"""All of the space in a bound, seen or not, in blocks; apart, as only evaluations, which cull meshes, want it."""
 
 import numpy as np
 
