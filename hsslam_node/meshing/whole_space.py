@@ -1,4 +1,4 @@
-"""All of the space in a bound, seen or not, in blocks; apart, as only an evaluation, which culls, wants it."""
+"""All of the space in a bound, seen or not, in blocks; apart, as only evaluations, which cull, want it."""
 
 import numpy as np
 
