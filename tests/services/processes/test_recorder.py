@@ -1,4 +1,3 @@
-import json
 import signal
 import subprocess
 import sys
@@ -7,36 +6,17 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import psutil
 import rerun_cli
-from mcap.reader import make_reader
 
 from hsslam_proto import messages, topics
-from hsslam_proto.codec import decode, encoding_of
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
-from hsslam_services.commands.log.newest_mesh import newest_mesh
-from hsslam_services.log.file_index import is_finished
+from hsslam_services.log.parted_log import LogSettings
 from hsslam_services.processes.recorder import Recorder
 from hsslam_services.run.process_result import read_result
-from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
-
-_LATE_BYTES = 100e6
-RECORDER = """
-import json, signal, sys
-from pathlib import Path
-from hsslam_services.bus.bus import Bus
-from hsslam_services.processes.recorder import Recorder
-stop = []
-signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
-with Bus(sys.argv[1], "r", "recorder") as bus:
-    recorder = Recorder(bus, Path(sys.argv[2]), "run-1", "none", lambda *e: print(*e, flush=True))
-    print("ready", flush=True)
-    while not stop:
-        recorder.spin_once()
-    print(json.dumps(recorder.close()), flush=True)
-"""
+from tests.services.recorded import read_log
+from tests.services.wire_samples import frame, keyframe, mesh, pose
 
 
 def test_in_lockstep_each_frame_that_is_logged_or_refused_has_a_step(endpoint, tmp_path):
@@ -92,7 +72,7 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
         meshes.put(mesh(final=True))
         outside.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=30))
         summary = recorder.close()
-    read = _read(tmp_path / "run.mcap")
+    read = read_log(tmp_path / "run.mcap")
     assert [m.index for m in read["out/pose"]] == list(range(30))
     assert [m.index for m in read["in/frame"]] == list(range(1, 30))
     assert [m.id for m in read["out/keyframe"]] == [0, 1]
@@ -152,82 +132,6 @@ def test_rerun_reads_the_log(endpoint, tmp_path):
     assert "/viz/camera/image" in printed
 
 
-def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
-    with Bus(endpoint, "r", "tracker") as bus:
-        poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
-        meshes = bus.publisher(topics.MESH_BLOCKS)
-        meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
-        first = _start(endpoint, tmp_path)
-        meshes.put(blocks(2, 0, 1))
-        meshes.put(blocks(3, 2))
-        for index in range(100):
-            poses.put(pose(index))
-            if index % 10 == 0:
-                keyframes.put(keyframe(index // 10))
-            time.sleep(0.02)
-        first.kill()
-        first.wait()
-        for index in range(100, 120):
-            poses.put(pose(index))
-        second = _start(endpoint, tmp_path)
-        for index in range(120, 140):
-            poses.put(pose(index))
-            time.sleep(0.02)
-        second.send_signal(signal.SIGTERM)
-        assert second.wait(timeout=20) == 0, second.communicate()
-    assert is_finished(tmp_path / "run.mcap")
-    one, two = _read(tmp_path / "run.mcap"), _read(tmp_path / "run.1.mcap")
-    indices = [m.index for m in one["out/pose"] + two["out/pose"]]
-    assert sorted(indices) == list(range(140))  # none lost, none twice
-    assert [m.id for m in one["out/keyframe"] + two.get("out/keyframe", [])] == list(range(10))
-    assert two["out/mesh_blocks"]  # a part opens alone: it has all blocks
-    for part in ("run.mcap", "run.1.mcap"):
-        mesh = newest_mesh([tmp_path / part])
-        assert mesh is not None and len(mesh.faces) == 3
-    summary = json.loads(second.stdout.read().splitlines()[-1])
-    assert summary["poses_logged"] == 140
-    assert summary["parts"] == ["run.mcap", "run.1.mcap"]
-
-
-def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
-    """100 MB are in the log: its successor needs neither time nor memory for them, nor a second copy."""
-    with Bus(endpoint, "r", "tracker") as bus:
-        poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
-        began_s = time.monotonic()
-        first = _start(endpoint, tmp_path)
-        first_s = time.monotonic() - began_s
-        noise = np.random.default_rng(0).bytes(2**22)
-        small = frame(0, compressed=True)
-        big = msgspec.structs.replace(small, color=memoryview(bytes(small.color) + noise))
-        sent = 0
-        while (tmp_path / "run.mcap").stat().st_size < _LATE_BYTES:
-            frames.put(msgspec.structs.replace(big, index=sent))
-            poses.put(pose(sent))
-            sent += 1
-            time.sleep(0.03)
-        first.kill()
-        first.wait()
-        began_s = time.monotonic()
-        second = _start(endpoint, tmp_path)
-        before = psutil.Process(second.pid).memory_info().rss
-        poses.put(pose(sent))
-        most, seconds = before, time.monotonic() - began_s
-        while not is_finished(tmp_path / "run.mcap"):
-            most = max(most, psutil.Process(second.pid).memory_info().rss)
-            time.sleep(0.02)
-            assert not (tmp_path / ".run.mcap.recovering").exists()
-        second.send_signal(signal.SIGTERM)
-        assert second.wait(timeout=20) == 0, second.communicate()
-    assert seconds < 3 * first_s + 2  # as long as the start with an empty folder
-    assert most - before < 100e6
-    one, two = _read(tmp_path / "run.mcap"), _read(tmp_path / "run.1.mcap")
-    indices = [m.index for m in one["out/pose"] + two["out/pose"]]
-    assert sorted(indices) == list(range(sent + 1))
-    summary = json.loads(second.stdout.read().splitlines()[-1])
-    assert summary["poses_logged"] == sent + 1
-    assert not (tmp_path / ".run.mcap.recorded").exists()
-
-
 def test_a_nearly_full_disk_stops_large_things_until_there_is_room(endpoint, disk, monkeypatch):
     monkeypatch.setattr("hsslam_services.log.mcap_writer.RESERVE_BYTES", 40 * 2**20)
     folder = disk.folder / "run"
@@ -260,7 +164,7 @@ def test_a_nearly_full_disk_stops_large_things_until_there_is_room(endpoint, dis
     assert [level for level, _ in events] == ["warning", "info"]
     assert "run.rrd" in events[0][1]
     assert (folder / "run.rrd").stat().st_size > rrd_bytes
-    read = _read(folder / "run.mcap")
+    read = read_log(folder / "run.mcap")
     assert [m.index for m in read["out/pose"]] == list(range(30))
     assert [m.index for m in read["in/frame"]] == [*range(10), *range(20, 30)]
     assert (summary["frames_dropped"], summary["complete"]) == (10, True)
@@ -277,11 +181,28 @@ def test_short_space_stops_frames_but_not_poses(endpoint, tmp_path, monkeypatch)
             frames.put(frame(index))
             poses.put(pose(index))
         summary = recorder.close()
-    read = _read(tmp_path / "run.mcap")
+    read = read_log(tmp_path / "run.mcap")
     assert len(read["out/pose"]) == 5
     assert "in/frame" not in read
     assert len(events) == 1 and "disk nearly full" in events[0][1]
     assert summary["frames_dropped"] == 5
+
+
+def test_each_part_of_the_log_has_a_file_for_rerun(endpoint, tmp_path):
+    settings = LogSettings(part_bytes=5_000)
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None, settings)
+        frames, poses = outside.publisher(topics.FRAME), outside.publisher(topics.POSE)
+        _spin(recorder, 0.3)
+        for index in range(40):
+            frames.put(frame(index))
+            poses.put(pose(index))
+            _spin(recorder, 0.06)
+        parts = recorder.close()["parts"]
+    assert len(parts) > 2
+    recordings = [(tmp_path / part).with_suffix(".rrd") for part in parts]
+    rerun = str(Path(rerun_cli.__file__).parent / "rerun")
+    subprocess.run([rerun, "rrd", "verify", *recordings], check=True, capture_output=True)
 
 
 def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):
@@ -292,25 +213,15 @@ def test_compressed_frames_are_logged_as_they_came(endpoint, tmp_path):
         _spin(recorder, 0.3)
         frames.put(sent)
         recorder.close()
-    (logged,) = _read(tmp_path / "run.mcap")["in/frame"]
+    (logged,) = read_log(tmp_path / "run.mcap")["in/frame"]
     assert bytes(logged.color) == bytes(sent.color)
     assert bytes(logged.depth) == bytes(sent.depth)
-
-
-def _start(endpoint, run_dir) -> subprocess.Popen:
-    process = subprocess.Popen(
-        [sys.executable, "-c", RECORDER, endpoint, str(run_dir)], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    while "ready" not in process.stdout.readline():
-        pass
-    return process
 
 
 def _wait_for_subscriber(publisher: Publisher) -> None:
     """Return when the router knows of one: what is sent before is lost."""
     deadline = time.monotonic() + 30
-    while not publisher._publisher.matching_status.matching:
+    while not publisher.has_subscribers():
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -319,15 +230,3 @@ def _spin(recorder, seconds) -> None:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         recorder.spin_once(0.05)
-
-
-def _read(path) -> dict[str, list]:
-    by_key = {topic.key("r"): topic for topic in topics.TOPICS}
-    out: dict[str, list] = {}
-    with path.open("rb") as stream:
-        for _, channel, message in make_reader(stream).iter_messages():
-            topic = by_key.get(channel.topic)
-            if topic is not None:
-                decoded = decode(topic, message.data, encoding_of(topic))
-                out.setdefault(topic.name, []).append(decoded)
-    return out
