@@ -15,10 +15,11 @@ from hsslam_proto.messages import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import Request
 from hsslam_proto.topics import Topic
+from hsslam_services.bus.kept_messages import get_state
 from hsslam_services.bus.passed_on import PassedOnAnswers, pass_on
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.requests import RequestQueue
-from hsslam_services.bus.subscription import Subscription, get_state
+from hsslam_services.bus.subscription import Subscription
 from hsslam_services.bus.zenoh_session import (
     NO_SETTINGS,
     Settings,

@@ -4,7 +4,6 @@ import contextlib
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -15,12 +14,12 @@ from hsslam_proto.codec import Rejected, check, decode
 from hsslam_proto.envelope import Envelope
 from hsslam_proto.messages import Message
 from hsslam_proto.topics import Topic
+from hsslam_services.bus.kept_messages import get_history, get_state
 
 M = TypeVar("M", bound=Message)
 _KEPT_REJECTIONS = 16
 _LARGE_BYTES = 2**23
 _RING, _LARGE_RING = 1024, 64  # messages between two turns of the reader; of topics of large ones
-_STATE_S = 10.0  # for a publisher to answer
 _PUBLISHERS = 64  # whose sequences are followed
 
 
@@ -59,6 +58,7 @@ class Subscription(Generic[M]):
         self._refused = 0
         self._rejections: deque[Rejected] = deque(maxlen=_KEPT_REJECTIONS)
         self._next_sequence: OrderedDict[int, int] = OrderedDict()
+        self._history_until: dict[int, int] = {}  # sequence by publisher
         self._arrivals = arrivals
         self._waiting: deque[Received[M]] = deque()
         self._depth = depth
@@ -66,7 +66,10 @@ class Subscription(Generic[M]):
         self._subscriber = _declare(session, key, zenoh.handlers.RingChannel(ring), history)
         # recv() on the subscriber itself would make undeclare() fail while the thread waits in it
         self._thread = threading.Thread(
-            target=self._read, args=(self._subscriber.handler,), name=topic.name, daemon=True
+            target=self._read,
+            args=(self._subscriber.handler, history and topic.history > 0),
+            name=topic.name,
+            daemon=True,
         )
         self._thread.start()
         if history and topic.keeps_state:
@@ -140,7 +143,10 @@ class Subscription(Generic[M]):
         self._subscriber.undeclare()
         self._thread.join(timeout=2.0)
 
-    def _read(self, handler: zenoh.Handler[zenoh.Sample]) -> None:
+    def _read(self, handler: zenoh.Handler[zenoh.Sample], history: bool) -> None:
+        """Take what publishers kept, then what has come since the declaration, without what was kept."""
+        if history:
+            self._read_history()
         sample: zenoh.Sample | None
         while True:
             try:
@@ -154,6 +160,12 @@ class Subscription(Generic[M]):
             except zenoh.ZError:  # the subscriber is undeclared or the session closed
                 return
 
+    def _read_history(self) -> None:
+        with contextlib.suppress(zenoh.ZError):  # the session is closed
+            for sample in get_history(self._session, self._key):
+                self._take(sample)
+        self._history_until = dict(self._next_sequence)
+
     def _read_state(self) -> None:
         with contextlib.suppress(zenoh.ZError):  # the session is closed
             for sample in get_state(self._session, self._key):
@@ -161,6 +173,8 @@ class Subscription(Generic[M]):
 
     def _take(self, sample: zenoh.Sample) -> None:
         received = self._readable(sample)
+        if isinstance(received, Received) and self._is_from_history(received.envelope):
+            return
         with self._arrivals:
             self.received += 1
             if isinstance(received, Rejected):
@@ -191,6 +205,12 @@ class Subscription(Generic[M]):
             return message
         return Received(message, payload, envelope, time.time_ns())
 
+    def _is_from_history(self, envelope: Envelope | None) -> bool:
+        """Whether this message was among those that its publisher kept before."""
+        return envelope is not None and envelope.sequence < self._history_until.get(
+            envelope.publisher, 0
+        )
+
     def _count_gap(self, envelope: Envelope) -> None:
         expected = self._next_sequence.pop(envelope.publisher, None)
         if expected is not None and envelope.sequence > expected:
@@ -198,16 +218,6 @@ class Subscription(Generic[M]):
         self._next_sequence[envelope.publisher] = max(expected or 0, envelope.sequence + 1)
         if len(self._next_sequence) > _PUBLISHERS:
             self._next_sequence.popitem(last=False)
-
-
-def get_state(
-    session: zenoh.Session, key: str, timeout_s: float = _STATE_S
-) -> Iterator[zenoh.Sample]:
-    """What the publisher of a topic that keeps its state answers: none, if there is no publisher."""
-    each = zenoh.ConsolidationMode.NONE  # all replies have the same key
-    for reply in session.get(key, consolidation=each, timeout=timeout_s):
-        if reply.ok is not None:
-            yield reply.ok
 
 
 def _declare(
@@ -222,6 +232,5 @@ def _declare(
         session,
         key,
         ring,
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
     )

@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.zenoh_session import open_client
-from tests.services.wire_samples import blocks, frame, keyframe
+from tests.services.wire_samples import blocks, frame, keyframe, pose
 
 _BLOCKED_S = 0.25  # no bound on speed: a publisher that waits for a reader waits 1 s
 
@@ -87,6 +87,22 @@ def test_late_subscribers_get_what_was_kept(endpoint):
         assert got == list(range(30))
         assert late.wait(0.3) is None
         assert [_expect(live_only).id for _ in range(10)] == list(range(20, 30))
+
+
+def test_what_was_kept_comes_whole_and_first_while_new_messages_come(endpoint):
+    with Bus(endpoint, "r", "a") as a:
+        poses = a.publisher(topics.POSE)
+        for start in range(0, 600, 30):
+            for index in range(start, start + 15):
+                poses.put(pose(index))
+            with Bus(endpoint, "r", "b") as b:
+                late = b.subscribe(topics.POSE, depth=1024, history=True)
+                for index in range(start + 15, start + 30):
+                    poses.put(pose(index))
+                    time.sleep(0.001)
+                assert [_expect(late).index for _ in range(start + 30)] == list(range(start + 30))
+                assert late.wait(0.01) is None
+                assert late.dropped == 0
 
 
 def test_who_comes_late_asks_for_all_that_messages_amount_to(endpoint):

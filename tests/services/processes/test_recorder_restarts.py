@@ -83,6 +83,7 @@ def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
         big = msgspec.structs.replace(small, color=memoryview(bytes(small.color) + noise))
         sent = 0
         while (tmp_path / "run.mcap").stat().st_size < _LATE_BYTES:
+            assert sent < 1000, (first.poll(), (tmp_path / "run.mcap").stat().st_size)
             frames.put(msgspec.structs.replace(big, index=sent))
             poses.put(pose(sent))
             sent += 1
@@ -94,10 +95,14 @@ def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
         before = psutil.Process(second.pid).memory_info().rss
         poses.put(pose(sent))
         most, seconds = before, time.monotonic() - began_s
+        deadline = began_s + 60
         while not is_finished(tmp_path / "run.mcap"):
             most = max(most, psutil.Process(second.pid).memory_info().rss)
             time.sleep(0.02)
             assert not (tmp_path / ".run.mcap.recovering").exists()
+            if time.monotonic() > deadline:
+                second.terminate()
+                raise AssertionError(second.communicate())
         second.send_signal(signal.SIGTERM)
         assert second.wait(timeout=20) == 0, second.communicate()
     assert seconds < 3 * first_s + 2  # as long as the start with an empty folder
@@ -115,6 +120,6 @@ def _start(endpoint, run_dir) -> subprocess.Popen:
         [sys.executable, "-c", RECORDER, endpoint, str(run_dir)], stdout=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
-    while "ready" not in process.stdout.readline():
-        pass
+    said = iter(process.stdout.readline, "")
+    assert any("ready" in line for line in said), f"the recorder ended with {process.wait()}"
     return process
