@@ -91,7 +91,10 @@ class Gap:
 
 
 def whole_records(stream: IO[bytes], size: int, start: int = 0) -> Iterator[Found | Gap]:
-    """Walk the file from `start` to its DataEnd record, or to its end; one chunk is in memory at a time."""
+    """Walk the file from `start` to its DataEnd record, or to its end; one chunk is in memory at a time.
+
+    `size` is that of the file. Another process may shorten it meanwhile: what is gone is a gap.
+    """
     if start == 0:
         stream.seek(0)
         start = len(MAGIC) if stream.read(len(MAGIC)) == MAGIC else 0
@@ -203,7 +206,10 @@ def _head(stream: IO[bytes], position: int, size: int) -> tuple[int, int] | None
     if position + _HEAD.size > size:
         return None
     stream.seek(position)
-    opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
+    head = stream.read(_HEAD.size)
+    if len(head) < _HEAD.size:  # another shortens the file
+        return None
+    opcode, length = _HEAD.unpack(head)
     return (opcode, length) if length <= size - position - _HEAD.size else None
 
 
@@ -229,7 +235,7 @@ def _following(stream: IO[bytes], position: int, size: int) -> int:
         for match in _CANDIDATE.finditer(content):
             if record_at(stream, window + match.start(), size) is not None:
                 return window + match.start()
-        if window + len(content) >= size:
+        if len(content) <= _HEAD.size or window + len(content) >= size:
             break
         window += len(content) - _HEAD.size
     return size

@@ -84,8 +84,8 @@ class Recorder:
         self._unusable = 0
         self._beating: set[str] = set()
         try:
-            self._unfinished = UnfinishedParts(run_dir, report)
             self._recorded = RecordedSoFar(run_dir, run_id)
+            self._unfinished = UnfinishedParts(run_dir, report)  # after it has read their ends
             self._log = PartedLog(run_dir, bus.robot, log)
         except OSError as error:
             raise UserError(
