@@ -9,6 +9,7 @@ import time
 import msgspec
 import numpy as np
 import psutil
+import pytest
 
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
@@ -34,12 +35,32 @@ with Bus(sys.argv[1], "r", "recorder") as bus:
 """
 
 
-def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
+@pytest.fixture
+def start(endpoint, tmp_path):
+    """Start a recorder of the run folder; what is left of them ends with the test."""
+    started = []
+
+    def start_one() -> subprocess.Popen:
+        command = [sys.executable, "-c", RECORDER, endpoint, str(tmp_path)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout is not None
+        said = iter(process.stdout.readline, "")
+        assert any("ready" in line for line in said), f"the recorder ended with {process.wait()}"
+        return process
+
+    yield start_one
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, start):
     with Bus(endpoint, "r", "tracker") as bus:
         poses, keyframes = bus.publisher(topics.POSE), bus.publisher(topics.KEYFRAME)
         meshes = bus.publisher(topics.MESH_BLOCKS)
         meshes.answer_with(lambda: [blocks(3, 0, 1, 2)])
-        first = _start(endpoint, tmp_path)
+        first = start()
         meshes.put(blocks(2, 0, 1))
         meshes.put(blocks(3, 2))
         for index in range(100):
@@ -51,7 +72,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
         first.wait()
         for index in range(100, 120):
             poses.put(pose(index))
-        second = _start(endpoint, tmp_path)
+        second = start()
         for index in range(120, 140):
             poses.put(pose(index))
             time.sleep(0.02)
@@ -71,12 +92,12 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path):
     assert summary["parts"] == ["run.mcap", "run.1.mcap"]
 
 
-def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
+def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path, start):
     """100 MB are in the log: its successor needs neither time nor memory for them, nor a second copy."""
     with Bus(endpoint, "r", "tracker") as bus:
         poses, frames = bus.publisher(topics.POSE), bus.publisher(topics.FRAME)
         began_s = time.monotonic()
-        first = _start(endpoint, tmp_path)
+        first = start()
         first_s = time.monotonic() - began_s
         noise = np.random.default_rng(0).bytes(2**22)
         small = frame(0, compressed=True)
@@ -91,7 +112,7 @@ def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
         first.kill()
         first.wait()
         began_s = time.monotonic()
-        second = _start(endpoint, tmp_path)
+        second = start()
         before = psutil.Process(second.pid).memory_info().rss
         poses.put(pose(sent))
         most, seconds = before, time.monotonic() - began_s
@@ -113,13 +134,3 @@ def test_a_recorder_that_is_restarted_late_goes_on_at_once(endpoint, tmp_path):
     summary = json.loads(second.stdout.read().splitlines()[-1])
     assert summary["poses_logged"] == sent + 1
     assert not (tmp_path / ".run.mcap.recorded").exists()
-
-
-def _start(endpoint, run_dir) -> subprocess.Popen:
-    process = subprocess.Popen(
-        [sys.executable, "-c", RECORDER, endpoint, str(run_dir)], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    said = iter(process.stdout.readline, "")
-    assert any("ready" in line for line in said), f"the recorder ended with {process.wait()}"
-    return process
