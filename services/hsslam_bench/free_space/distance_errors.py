@@ -7,6 +7,7 @@ import igl
 import numpy as np
 import trimesh
 
+from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.distance.distance_map import DistanceMap, Distances
 from hsslam_node.distance.states import FREE
 from hsslam_node.geometry.se3 import inverse
@@ -72,7 +73,7 @@ def measure_from(
 
 
 def distance_errors(
-    found: Distances, truth: TrueDistances, far_m: float, mask: np.ndarray
+    found: Distances | MapAnswers, truth: TrueDistances, far_m: float, mask: np.ndarray
 ) -> DistanceErrors:
     """Of the points of a mask [N]. Beyond `far_m` distances count as that, and gradients do not."""
     true_m = np.minimum(truth.distance_m, far_m)[mask]

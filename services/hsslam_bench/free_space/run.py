@@ -18,15 +18,14 @@ from hsslam_bench.field_error.true_frames import TrueFrame, true_frames
 from hsslam_bench.free_space.distance_errors import distance_errors, free_points, true_distances
 from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.distance.distance_meter import FAR_M, DistanceMeter
 from hsslam_node.distance.floor_plane import find_floor
-from hsslam_node.distance.refined_distances import QuerySdf, RefinedDistances
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.meshing.map_queries import MapQueries
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.options import SourceOptions
@@ -41,7 +40,7 @@ class Seen:
 
     camera: Camera
     views: Sequence[tuple[np.ndarray, np.ndarray]]  # depth [H, W] float32 m, T_world_cam [4, 4]
-    field: QuerySdf | None  # None at true poses
+    map: DenseMap | None  # None at true poses
 
 
 def main() -> None:
@@ -60,13 +59,11 @@ def main() -> None:
     config = PRESETS["realtime"]
     look = tracked_views if arguments.poses == "tracked" else true_views
     seen = look(config, arguments.source, options)
-    print(json.dumps(free_space(config, seen, arguments.source, options, arguments.voxel_m)))
+    print(json.dumps(free_space(seen, arguments.source, options, arguments.voxel_m)))
 
 
-def free_space(
-    config: SlamConfig, seen: Seen, spec: str, options: SourceOptions, voxel_m: float
-) -> dict[str, Any]:
-    """Errors at points of free space: where nothing unseen is nearer, of the field there too, and of all."""
+def free_space(seen: Seen, spec: str, options: SourceOptions, voxel_m: float) -> dict[str, Any]:
+    """Errors at points of free space: with nothing unseen nearer, of the map's answers there, and of all."""
     _, truth = source_with_truth(spec, options)
     mesh = truth.mesh()
     if mesh is None:
@@ -80,9 +77,9 @@ def free_space(
         "certain": distance_errors(found, true, FAR_M, certain),
         "all": distance_errors(found, true, FAR_M, found.known),
     }
-    if seen.field is not None:
-        refined = RefinedDistances(distances, seen.field, config.field.truncation_m).query(points)
-        errors["refined"] = distance_errors(refined, true, FAR_M, certain)
+    if seen.map is not None:
+        answers = seen.map.query(points)
+        errors["queried"] = distance_errors(answers, true, FAR_M, certain & answers.known)
     return {
         "up": floor.source,
         "keyframes": len(seen.views),
@@ -109,14 +106,12 @@ def tracked_views(config: SlamConfig, spec: str, options: SourceOptions) -> Seen
             raise UserError(f"frame {frame.index}: {frame.reason}")
         slam.process(frame)
     slam.finish()
-    store, parameters = slam.store, slam.parameters
-    assert store is not None and parameters is not None
+    store = slam.store
+    assert store is not None
     kept = store.kept()
     poses = store.poses_of(kept)
     views = [(store.frame(int(k)).depth_m(), T) for k, T in zip(kept, poses, strict=True)]
-    return Seen(
-        store.camera, views, MapQueries(parameters.layout, parameters.params).sdf_and_gradient
-    )
+    return Seen(store.camera, views, slam.map)
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ def _errors_check(sequence: str) -> Check:
         ]
         errors = {
             name: _mean([DistanceErrors(**one[name]) for one in found])
-            for name in ("certain", "refined", "all")
+            for name in ("certain", "queried", "all")
         }
         ours = errors["certain"]
         met = (
@@ -83,7 +83,7 @@ def _errors_check(sequence: str) -> Check:
     what = (
         f"{sequence}, lockstep, tracked poses, voxels of 5 cm: distances at points of free space against the "
         "true mesh: mean error; within 5 cm; too large by more; median angle of the gradient. Certain: "
-        "points where all nearer space was seen; refined: these, by the field near surfaces; all: all points"
+        "points where all nearer space was seen; queried: these, answered by the map; all: all points"
     )
     return Check(f"distances:{sequence}", what, bound, measure, by_name_only=True)
 
