@@ -74,7 +74,7 @@ def test_free_points_lie_in_free_voxels(exact):
 
 
 def test_the_small_room_at_true_poses():
-    found = free_space(SMALL, true_views(SMALL, "synth:room", OPTIONS), "synth:room", OPTIONS, 0.05)
+    found = free_space(true_views(SMALL, "synth:room", OPTIONS), "synth:room", OPTIONS, 0.05)
     certain, everything = found["certain"], found["all"]
     assert found["keyframes"] == 10 and found["up"] == "floor plane"
     assert 1000 < certain["points"] < everything["points"]
