@@ -1,4 +1,4 @@
-"""What docs/maps.md says of asking a map and of robots, run as it is printed, on a map of the small room."""
+"""What docs/maps.md says of questions, robots and other tools, run as printed, on a map of the small room."""
 
 import re
 import shlex
@@ -18,6 +18,7 @@ _SECTIONS = dict(
     re.findall(r"^## ([^\n]*)\n(.*?)(?=^## )", (ROOT / "docs/maps.md").read_text(), re.M | re.S)
 )
 _ASK, _ROBOTS = _SECTIONS["Ask a map for distances"], _SECTIONS["Write a map for robots"]
+_TOOLS = _SECTIONS["Write a map for other tools"]
 
 
 @pytest.fixture(autouse=True)
@@ -69,3 +70,9 @@ def test_a_map_is_written_for_robots(capsys):
     assert Path("map.pgm").read_bytes().startswith(b"P5")
     (distance_m,) = _execute(_ROBOTS, capsys)
     assert 0.1 < float(distance_m) < 2.0
+
+
+def test_a_map_is_written_for_other_tools(capsys):
+    told = _run(_TOOLS, capsys)
+    assert [line.partition(":")[0] for line in told] == ["room.ply", "room.glb", "room.pcd"]
+    assert len(trimesh.load_mesh("room.ply").faces) > 1000

@@ -22,7 +22,10 @@ COMMANDS = {  # name, module, what it does; pyproject.toml registers the same
     "doctor": ("hsslam_services.commands.doctor", "checks a camera or a recording before a run"),
     "log": ("hsslam_services.commands.log.command", "shows, recovers, trims and exports logs"),
     "replay": ("hsslam_services.commands.log.replay", "publishes a log again"),
-    "map": ("hsslam_services.commands.maps.command", "asks a saved map, writes it for robots"),
+    "map": (
+        "hsslam_services.commands.maps.command",
+        "asks a saved map, writes it for other tools",
+    ),
     "mesh": ("hsslam_services.commands.maps.mesh", "makes a mesh of a saved map"),
     "render": ("hsslam_services.commands.maps.render", "renders images of a saved map"),
     "eval": (

@@ -3,12 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.reader import Say
-
-_UP = np.diag([1.0, -1.0, -1.0, 1.0])  # from x right, y down, z forward to glTF's y up, z back
 
 
 def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
@@ -21,6 +18,6 @@ def export_mesh(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     for name in ("mesh.ply", "mesh.glb"):
         path = folder / name
         if name.endswith(".glb"):
-            mesh.apply_transform(_UP)
+            mesh.apply_transform(OPENGL_FROM_OPENCV)
         mesh.export(path)
         yield f"{path}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"

@@ -1,4 +1,4 @@
-"""`hsslam-map query|grid|esdf`: asks a saved map, and writes it for robots."""
+"""`hsslam-map query|grid|esdf|export`: asks a saved map, and writes it for robots and other tools."""
 
 import sys
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 
 _PROG = "hsslam-map"
-_PURPOSE = "Asks a saved map, and writes it for robots, without the service."
+_PURPOSE = "Asks a saved map, and writes it for robots and other tools, without the service."
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -33,10 +33,17 @@ def _esdf(args: Sequence[str]) -> None:
     write_distances(parse_options(EsdfOptions, f"{_PROG} esdf", args))
 
 
+def _export(args: Sequence[str]) -> None:
+    from hsslam_services.commands.maps.export import ExportOptions, export_map
+
+    export_map(parse_options(ExportOptions, f"{_PROG} export", args))
+
+
 _COMMANDS: dict[str, tuple[Subcommand, str]] = {
     "query": (_query, "prints distance, gradient and certainty of places"),
     "grid": (_grid, "writes the floor for Nav2: map.yaml, map.pgm"),
     "esdf": (_esdf, "writes the distances of all voxels: esdf.npz"),
+    "export": (_export, "writes mesh or points for other tools"),
 }
 
 

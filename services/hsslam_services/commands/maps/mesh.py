@@ -1,6 +1,5 @@
 """`hsslam-mesh`: the mesh of a saved map."""
 
-import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,9 +7,9 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from hsslam_node.dense_map.saved_map import SavedMap
-from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
-from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
+from hsslam_services.commands.cli import exit_code, parse_options
+from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
 _PROG = "hsslam-mesh"
@@ -48,8 +47,7 @@ class MeshOptions:
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.voxel) and 0.001 <= self.voxel <= 1):
-            raise UserError(f"--voxel {self.voxel}: expected 0.001 to 1 m")
+        expect_voxel(self.voxel)
         if self.out.suffix.lower() not in _FORMATS:
             raise UserError(f"--out {self.out}: expected a file {', '.join(_FORMATS)}")
 
@@ -75,30 +73,10 @@ def _options(args: Sequence[str]) -> MeshOptions:
 
 
 def _mesh(options: MeshOptions) -> None:
-    saved = SavedMap.open(options.map, options.device)
-    if saved.checkpoint.images is None:
-        _draw_views(saved)
-    mesh = saved.mesh(options.voxel)
-    if len(mesh.faces) == 0:
-        raise UserError(
-            f"{options.map}: its {len(saved.keyframes)} keyframes see no surface: expected a map with "
-            "a surface"
-        )
-    try:
-        with durable_file(options.out) as partial_file:
-            mesh.export(partial_file)
-    except OSError as error:
-        raise UserError(
-            f"--out {options.out}: {error.strerror}: expected a file that can be written"
-        ) from None
+    mesh = surface(SavedMap.open(options.map, options.device), options.map, options.voxel)
+    with out_file(options.out) as partial:
+        mesh.export(partial)
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")
-
-
-def _draw_views(saved: SavedMap) -> None:
-    """What the keyframes of an old map saw is drawn, each once: show that it goes on."""
-    with terminal_progress() as progress:
-        for k in progress.track(range(len(saved.keyframes)), description="views"):
-            saved.keyframes.depth_m(k)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,101 @@
+"""`hsslam-map export`: a saved map in the files of other tools."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from trimesh import Trimesh
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_node.export.pcd_file import pcd_bytes
+from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
+from hsslam_services.commands.maps.whole_space import expect_out, map_file
+
+Format = Literal["ply", "glb", "obj", "pcd"]
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Writes a saved map as files for other tools.
+
+    Examples:
+      hsslam-map export runs/desk --format glb
+      hsslam-map export runs/desk --format pcd --voxel 0.01 --out desk.pcd
+
+    Formats:
+      ply, obj    the mesh with colours of vertices, in the world frame of the map
+      glb         the same with y up and z back, as glTF requires
+      pcd         the vertices of the mesh as coloured points, for PCL and Open3D
+
+    A file that exists is replaced.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    POSITIONALS: ClassVar = ("run",)
+    VALUES: ClassVar = {"run": "RUN"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    run: str = ""
+    """Run folder, or the file of a saved map."""
+    format: Format = "ply"
+    """What to write."""
+    out: Path | None = None
+    """Output file (none: mesh.ply, mesh.glb, mesh.obj, points.pcd)."""
+    voxel: float = 0.02
+    """Voxel size of marching cubes, m."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
+
+    def __post_init__(self) -> None:
+        expect_voxel(self.voxel)
+
+
+def export_map(options: ExportOptions) -> None:
+    """Run the command."""
+    path = map_file(options.run, "export")
+    kind = _KINDS[options.format]
+    out = options.out or Path(kind.default_out)
+    expect_out(out, f".{options.format}")
+    mesh = surface(SavedMap.open(path, options.device), path, options.voxel)
+    print(f"{out}: {kind.write(out, mesh)}")
+
+
+def _write_mesh(out: Path, mesh: Trimesh) -> str:
+    with out_file(out) as partial:
+        mesh.export(partial)
+    return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
+
+
+def _write_y_up(out: Path, mesh: Trimesh) -> str:
+    mesh.apply_transform(OPENGL_FROM_OPENCV)
+    return _write_mesh(out, mesh)
+
+
+def _write_points(out: Path, mesh: Trimesh) -> str:
+    colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
+    with out_file(out) as partial:
+        partial.write_bytes(pcd_bytes(mesh.vertices, colors))
+    return f"{len(mesh.vertices)} points"
+
+
+class _Kind(NamedTuple):
+    """How a format is written."""
+
+    default_out: str
+    write: Callable[[Path, Trimesh], str]  # says what it wrote
+
+
+_KINDS: Mapping[Format, _Kind] = MappingProxyType(
+    {
+        "ply": _Kind("mesh.ply", _write_mesh),
+        "glb": _Kind("mesh.glb", _write_y_up),
+        "obj": _Kind("mesh.obj", _write_mesh),
+        "pcd": _Kind("points.pcd", _write_points),
+    }
+)
