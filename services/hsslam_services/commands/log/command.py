@@ -66,7 +66,7 @@ def _export(args: Sequence[str]) -> None:
     place = Path(_given("export", "FILE", options.file))
     files = log_parts(place, _echo)
     folder = options.out or place.with_name(f"{place.resolve().stem}-export")
-    for line in export(files, folder, options.only, _echo):
+    for line in export(files, folder, options.only, _echo, options.format):
         print(line)
 
 

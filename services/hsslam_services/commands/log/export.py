@@ -1,11 +1,13 @@
-"""`hsslam-log export`: a log as files for other programs; the poses as TUM text and CSV."""
+"""`hsslam-log export`: a log as files for other programs; the poses in several formats."""
 
 import csv
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.trajectory import Trajectory, format_stamp, write_tum
+from hsslam_node.export.trajectory_formats import TRAJECTORY_FORMATS, TrajectoryFormat
+from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
 from hsslam_services.log.poses import logged_epochs
@@ -25,7 +27,13 @@ _COLUMNS = (
 )
 
 
-def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) -> Iterator[str]:
+def export(
+    files: list[Path],
+    folder: Path,
+    only: Collection[Part],
+    say: Say,
+    form: TrajectoryFormat = "tum",
+) -> Iterator[str]:
     """Write the wanted parts of the log into the folder; yields a line for each that is written.
 
     What the log does not hold is told through `say`.
@@ -36,7 +44,7 @@ def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) ->
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if "trajectory" in only:
-            yield from export_trajectory(files, folder, say)
+            yield from export_trajectory(files, folder, say, form)
         if "mesh" in only:
             from hsslam_services.commands.log.export_mesh import export_mesh
 
@@ -54,28 +62,35 @@ def export(files: list[Path], folder: Path, only: Collection[Part], say: Say) ->
         raise UserError(f"{place}: {error.strerror}: expected a folder to write to") from None
 
 
-def export_trajectory(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
-    """trajectory_online.txt (TUM) and .csv: poses as they were published, those of lost frames in the
-    CSV only; trajectory.txt (TUM): the same as refined later; keyframes.txt (TUM): keyframes where the
-    last correction put them. Where the map was thrown away, these are of the last map epoch, and those before
-    have the number of theirs in the name, as trajectory.epoch0.txt. Yields what it wrote."""
+def export_trajectory(
+    files: list[Path], folder: Path, say: Say, form: TrajectoryFormat
+) -> Iterator[str]:
+    """trajectory_online: poses as they were published, without those of lost frames; trajectory: the same as
+    refined later; keyframes: keyframes where the last correction put them; each in the format, as
+    trajectory.txt. trajectory_online.csv has all published poses with what is known of each; it takes the
+    place of trajectory_online in the format csv. Where the map was thrown away, these are of the last
+    map epoch, and those before have the number of theirs in the name, as trajectory.epoch0.txt. Yields what
+    it wrote."""
     epochs = logged_epochs(files)
     poses = [pose for found in epochs.values() for pose in found.poses]
     if not poses:
         say("no trajectory: the log holds no poses")
         return
     suffixes = {epoch: "" if epoch == max(epochs) else f".epoch{epoch}" for epoch in epochs}
-    for epoch, found in epochs.items():
-        yield _write(folder / f"trajectory_online{suffixes[epoch]}.txt", found.online)
+    if form != "csv":
+        for epoch, found in epochs.items():
+            yield _write(folder / f"trajectory_online{suffixes[epoch]}", found.online, form)
     yield _write_csv(folder / "trajectory_online.csv", poses)
     for epoch, found in epochs.items():
         if len(found.keyframes):
-            yield _write(folder / f"trajectory{suffixes[epoch]}.txt", found.final)
-            yield _write(folder / f"keyframes{suffixes[epoch]}.txt", found.keyframes)
+            yield _write(folder / f"trajectory{suffixes[epoch]}", found.final, form)
+            yield _write(folder / f"keyframes{suffixes[epoch]}", found.keyframes, form)
 
 
-def _write(path: Path, trajectory: Trajectory) -> str:
-    write_tum(path, trajectory)
+def _write(stem: Path, trajectory: Trajectory, form: TrajectoryFormat) -> str:
+    ending, text = TRAJECTORY_FORMATS[form]
+    path = stem.with_name(stem.name + ending)
+    write_durably(path, text(trajectory).encode())
     return f"{path}: {len(trajectory)} poses"
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from hsslam_node.errors import UserError
+from hsslam_node.export.trajectory_formats import TrajectoryFormat
 
 Part = Literal["trajectory", "mesh", "frames", "rrd"]
 PARTS: tuple[Part, ...] = ("trajectory", "mesh", "frames", "rrd")
@@ -77,8 +78,9 @@ class TrimOptions:
 class ExportOptions:
     """Writes the contents of a log as files for other programs.
 
-    Example:
+    Examples:
       hsslam-log export run.mcap --only trajectory mesh
+      hsslam-log export run.mcap --only trajectory --format kitti
 
     Files:
       trajectory_online.txt, .csv     poses as published (TUM: s, m, unit quaternion xyzw, camera to world)
@@ -86,6 +88,12 @@ class ExportOptions:
       mesh.ply, mesh.glb              the mesh; PLY with y down and z forward, glTF with y up
       frames/                         images in TUM layout, for --source tum:FOLDER
       run.rrd                         a recording for the rerun viewer
+
+    Formats of trajectories, all camera to world:
+      tum      .txt         s, m, unit quaternion xyzw
+      kitti    .kitti.txt   three rows of the 4 x 4 matrix, m; no stamps
+      euroc    .euroc.csv   ns, m, unit quaternion wxyz
+      csv      .csv         as tum, with commas and names of columns
     """
 
     POSITIONALS: ClassVar = ("file",)
@@ -97,3 +105,5 @@ class ExportOptions:
     """Output folder (none: FILE-export, FILE without its suffix)."""
     only: tuple[Part, ...] = PARTS
     """What to export."""
+    format: TrajectoryFormat = "tum"
+    """Format of the trajectories."""

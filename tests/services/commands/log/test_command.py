@@ -131,6 +131,28 @@ def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):
         assert mesh.visual.vertex_colors[1].tolist() == [0, 255, 0, 255]
 
 
+def test_trajectories_come_in_the_format_that_is_wanted(tmp_path, capsys):
+    path, folder = write_log(tmp_path), tmp_path / "out"
+    only = ["--only", "trajectory", "--out", str(folder)]
+    for kind in ("tum", "kitti", "euroc", "csv"):
+        assert main(["export", str(path), *only, "--format", kind]) == 0
+    final = read_tum(folder / "trajectory.txt")
+    kitti = np.loadtxt(folder / "trajectory.kitti.txt").reshape(-1, 3, 4)
+    np.testing.assert_allclose(kitti, final.T_world_cam[:, :3], atol=1e-8)
+    euroc = (folder / "keyframes.euroc.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[1:4] for line in euroc][1] == [
+        "9.000000000",
+        "8.000000000",
+        "7.000000000",
+    ]
+    online = (folder / "trajectory_online.euroc.csv").read_text().splitlines()
+    assert online[2].startswith("33333333,1.000000000,")
+    with (folder / "trajectory.csv").open() as stream:
+        positions = [[float(row[f"t{axis}_m"]) for axis in "xyz"] for row in csv.DictReader(stream)]
+    np.testing.assert_allclose(positions, final.positions, atol=1e-8)
+    assert "status" in (folder / "trajectory_online.csv").read_text().splitlines()[0]
+
+
 def test_exported_frames_open_again_as_a_tum_source(tmp_path):
     path = write_log(tmp_path)
     assert main(["export", str(path), "--only", "frames", "--out", str(tmp_path / "out")]) == 0
@@ -179,6 +201,10 @@ def test_rerun_finds_nothing_wrong_with_the_log(tmp_path):
         ("trim LOG /none/out.mcap", "/none/out.mcap: No such file or directory"),
         ("trim LOG", "trim: OUT is missing"),
         ("export LOG --only video", "--only"),
+        (
+            "export LOG --format kiti",
+            "--format kiti: expected tum or kitti or euroc or csv; did you",
+        ),
         ("export LOG --out /proc/x", "/proc/x: No such file or directory: expected a folder"),
         ("info LOG --al", "--al: unknown option"),
     ],
