@@ -75,6 +75,10 @@ class KeyframeImages:
             )
         return cv2.cvtColor(color, cv2.COLOR_BGR2RGB), depth
 
+    def color_jpeg(self, k: int) -> bytes:
+        """Colour of keyframe k as it is kept, a JPEG."""
+        return _packed(self.color, self.color_end, k).tobytes()
+
     def depth_raw(self, k: int) -> np.ndarray:
         """Raw depth [H, W] uint16 of keyframe k alone.
 
@@ -93,8 +97,12 @@ def _joined(images: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([np.zeros(0, np.uint8), *parts]), end
 
 
+def _packed(data: np.ndarray, end: np.ndarray, k: int) -> np.ndarray:
+    return data[int(end[k - 1]) if k else 0 : int(end[k])]
+
+
 def _decoded(data: np.ndarray, end: np.ndarray, k: int, flags: int) -> np.ndarray:
-    packed = data[int(end[k - 1]) if k else 0 : int(end[k])]
+    packed = _packed(data, end, k)
     header = image_header(packed.data)
     if header is None or not 0 < header.pixels <= LARGEST_PIXELS:
         raise ValueError(f"keyframe {k}: expected a PNG or JPEG of at most {LARGEST_PIXELS} pixels")

@@ -6,16 +6,20 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, Literal, NamedTuple
 
-import numpy as np
 from trimesh import Trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.export.pcd_file import pcd_bytes
+from hsslam_services.commands.maps.export_views import (
+    colors_of,
+    expect_new_folder,
+    write_nerfstudio,
+)
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
-Format = Literal["ply", "glb", "obj", "pcd"]
+Format = Literal["ply", "glb", "obj", "pcd", "nerfstudio"]
 
 
 @dataclass(frozen=True)
@@ -25,13 +29,15 @@ class ExportOptions:
     Examples:
       hsslam-map export runs/desk --format glb
       hsslam-map export runs/desk --format pcd --voxel 0.01 --out desk.pcd
+      hsslam-map export runs/desk --format nerfstudio --out desk
 
     Formats:
       ply, obj    the mesh with colours of vertices, in the world frame of the map
       glb         the same with y up and z back, as glTF requires
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
+      nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
 
-    A file that exists is replaced.
+    A file that exists is replaced. A folder that holds something is refused.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -46,7 +52,7 @@ class ExportOptions:
     format: Format = "ply"
     """What to write."""
     out: Path | None = None
-    """Output file (none: mesh.ply, mesh.glb, mesh.obj, points.pcd)."""
+    """Output file or folder (none: mesh.ply, mesh.glb, mesh.obj, points.pcd, nerfstudio)."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -61,26 +67,26 @@ def export_map(options: ExportOptions) -> None:
     path = map_file(options.run, "export")
     kind = _KINDS[options.format]
     out = options.out or Path(kind.default_out)
-    expect_out(out, f".{options.format}")
-    mesh = surface(SavedMap.open(path, options.device), path, options.voxel)
-    print(f"{out}: {kind.write(out, mesh)}")
+    kind.expect(out)
+    saved = SavedMap.open(path, options.device)
+    mesh = surface(saved, path, options.voxel)
+    print(f"{out}: {kind.write(out, saved, mesh)}")
 
 
-def _write_mesh(out: Path, mesh: Trimesh) -> str:
+def _write_mesh(out: Path, _: SavedMap, mesh: Trimesh) -> str:
     with out_file(out) as partial:
         mesh.export(partial)
     return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
 
 
-def _write_y_up(out: Path, mesh: Trimesh) -> str:
+def _write_y_up(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
     mesh.apply_transform(OPENGL_FROM_OPENCV)
-    return _write_mesh(out, mesh)
+    return _write_mesh(out, saved, mesh)
 
 
-def _write_points(out: Path, mesh: Trimesh) -> str:
-    colors = np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
+def _write_points(out: Path, _: SavedMap, mesh: Trimesh) -> str:
     with out_file(out) as partial:
-        partial.write_bytes(pcd_bytes(mesh.vertices, colors))
+        partial.write_bytes(pcd_bytes(mesh.vertices, colors_of(mesh)))
     return f"{len(mesh.vertices)} points"
 
 
@@ -88,14 +94,20 @@ class _Kind(NamedTuple):
     """How a format is written."""
 
     default_out: str
-    write: Callable[[Path, Trimesh], str]  # says what it wrote
+    expect: Callable[[Path], None]  # UserError unless it can be written there
+    write: Callable[[Path, SavedMap, Trimesh], str]  # says what it wrote
+
+
+def _file(suffix: str) -> Callable[[Path], None]:
+    return lambda out: expect_out(out, suffix)
 
 
 _KINDS: Mapping[Format, _Kind] = MappingProxyType(
     {
-        "ply": _Kind("mesh.ply", _write_mesh),
-        "glb": _Kind("mesh.glb", _write_y_up),
-        "obj": _Kind("mesh.obj", _write_mesh),
-        "pcd": _Kind("points.pcd", _write_points),
+        "ply": _Kind("mesh.ply", _file(".ply"), _write_mesh),
+        "glb": _Kind("mesh.glb", _file(".glb"), _write_y_up),
+        "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
+        "pcd": _Kind("points.pcd", _file(".pcd"), _write_points),
+        "nerfstudio": _Kind("nerfstudio", expect_new_folder, write_nerfstudio),
     }
 )

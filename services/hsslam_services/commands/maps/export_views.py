@@ -1,0 +1,93 @@
+"""Keyframes of a saved map, their poses and coloured points, for tools that train views."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from trimesh import PointCloud, Trimesh
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.errors import UserError
+from hsslam_node.export.nerfstudio import depth_mm, transforms_json
+from hsslam_node.map.keyframe_images import KeyframeImages
+from hsslam_node.png import encode_png
+
+_POINTS = "points.ply"
+
+
+def expect_new_folder(out: Path) -> None:
+    """UserError unless `--out` can become a folder: nothing is there, or an empty one."""
+    if not out.absolute().parent.is_dir():
+        raise UserError(f"--out {out}: expected a folder in a folder that exists")
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise UserError(f"--out {out}: is there already: expected a new folder")
+
+
+def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
+    """transforms.json, points.ply, images/ (JPEG) and depth/ (16-bit PNG, mm); returns what it wrote.
+
+    Raises:
+        UserError: the map has no images, one is damaged, or the folder cannot be written.
+    """
+    images, keyframes = _images_of(saved), saved.keyframes
+    names = _names(images)
+    text = transforms_json(keyframes.camera, keyframes.T_world_cam, names, _POINTS)
+    with _out_folder(out) as folder:
+        (folder / "transforms.json").write_text(text)
+        PointCloud(mesh.vertices, colors=colors_of(mesh)).export(folder / _POINTS)
+        _write_images(folder, images, names)
+        (folder / "depth").mkdir()
+        for k, name in enumerate(names):
+            depth = encode_png(depth_mm(keyframes.depth_m(k)))
+            (folder / "depth" / f"{name}.png").write_bytes(depth)
+    return _told(images, mesh)
+
+
+def colors_of(mesh: Trimesh) -> np.ndarray:
+    """Colours of the vertices, [N, 3] uint8 RGB."""
+    return np.asarray(mesh.visual.vertex_colors)[:, :3]  # type: ignore[union-attr]
+
+
+def _images_of(saved: SavedMap) -> KeyframeImages:
+    if saved.checkpoint.images is None:
+        raise UserError("the map was saved without images of its keyframes: expected version 3")
+    return saved.checkpoint.images
+
+
+def _names(images: KeyframeImages) -> list[str]:
+    """Of the image files, without their suffix."""
+    return [f"{k:06d}" for k in range(len(images))]
+
+
+def _write_images(folder: Path, images: KeyframeImages, names: list[str]) -> None:
+    (folder / "images").mkdir()
+    for k, name in enumerate(names):
+        (folder / "images" / f"{name}.jpg").write_bytes(images.color_jpeg(k))
+
+
+def _told(images: KeyframeImages, mesh: Trimesh) -> str:
+    return f"{len(images)} images, {len(mesh.vertices)} points"
+
+
+@contextmanager
+def _out_folder(out: Path) -> Iterator[Path]:
+    """A folder to fill that becomes `--out` when it is whole; if the block raises, nothing remains.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    out = out.absolute()
+    partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
+    try:
+        partial.mkdir()
+        yield partial
+        partial.replace(out)
+    except OSError as error:
+        raise UserError(
+            f"--out {out}: {error.strerror}: expected a folder that can be written"
+        ) from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
