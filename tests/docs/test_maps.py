@@ -74,5 +74,11 @@ def test_a_map_is_written_for_robots(capsys):
 
 def test_a_map_is_written_for_other_tools(capsys):
     told = _run(_TOOLS, capsys)
-    assert [line.partition(":")[0] for line in told] == ["room.ply", "room.glb", "room.pcd", "room"]
+    assert [line.partition(":")[0] for line in told] == [
+        "room.ply",
+        "room.glb",
+        "room.pcd",
+        "room",
+        "scene",
+    ]
     assert len(trimesh.load_mesh("room.ply").faces) > 1000

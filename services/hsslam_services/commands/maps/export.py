@@ -14,12 +14,13 @@ from hsslam_node.export.pcd_file import pcd_bytes
 from hsslam_services.commands.maps.export_views import (
     colors_of,
     expect_new_folder,
+    write_colmap,
     write_nerfstudio,
 )
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
-Format = Literal["ply", "glb", "obj", "pcd", "nerfstudio"]
+Format = Literal["ply", "glb", "obj", "pcd", "nerfstudio", "colmap"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class ExportOptions:
       glb         the same with y up and z back, as glTF requires
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
+      colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
 
     A file that exists is replaced. A folder that holds something is refused.
 
@@ -52,7 +54,7 @@ class ExportOptions:
     format: Format = "ply"
     """What to write."""
     out: Path | None = None
-    """Output file or folder (none: mesh.ply, mesh.glb, mesh.obj, points.pcd, nerfstudio)."""
+    """Output file or folder (none: mesh.ply, mesh.glb, mesh.obj, points.pcd, nerfstudio, colmap)."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -109,5 +111,6 @@ _KINDS: Mapping[Format, _Kind] = MappingProxyType(
         "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
         "pcd": _Kind("points.pcd", _file(".pcd"), _write_points),
         "nerfstudio": _Kind("nerfstudio", expect_new_folder, write_nerfstudio),
+        "colmap": _Kind("colmap", expect_new_folder, write_colmap),
     }
 )

@@ -11,11 +11,13 @@ from trimesh import PointCloud, Trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
+from hsslam_node.export.colmap import cameras_text, images_text, observe, points_text
 from hsslam_node.export.nerfstudio import depth_mm, transforms_json
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.png import encode_png
 
 _POINTS = "points.ply"
+_OBSERVED = 2000  # points an image, at most
 
 
 def expect_new_folder(out: Path) -> None:
@@ -43,6 +45,33 @@ def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
         for k, name in enumerate(names):
             depth = encode_png(depth_mm(keyframes.depth_m(k)))
             (folder / "depth" / f"{name}.png").write_bytes(depth)
+    return _told(images, mesh)
+
+
+def write_colmap(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
+    """sparse/0/{cameras,images,points3D}.txt and images/ (JPEG); returns what it wrote.
+
+    Points come in random order, so that the first ones, which are those with observations, lie everywhere.
+
+    Raises:
+        UserError: the map has no images, one is damaged, or the folder cannot be written.
+    """
+    images, keyframes = _images_of(saved), saved.keyframes
+    names, order = _names(images), np.random.default_rng(0).permutation(len(mesh.vertices))
+    points, colors, camera = (
+        np.asarray(mesh.vertices)[order],
+        colors_of(mesh)[order],
+        keyframes.camera,
+    )
+    seen = [observe(points, camera, T, depth_m, _OBSERVED) for depth_m, T in keyframes.views]
+    with _out_folder(out) as folder:
+        sparse = folder / "sparse" / "0"
+        sparse.mkdir(parents=True)
+        files = [f"{name}.jpg" for name in names]
+        (sparse / "cameras.txt").write_text(cameras_text(camera))
+        (sparse / "images.txt").write_text(images_text(keyframes.T_world_cam, files, seen))
+        (sparse / "points3D.txt").write_text(points_text(points, colors, seen))
+        _write_images(folder, images, names)
     return _told(images, mesh)
 
 

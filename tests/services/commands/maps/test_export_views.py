@@ -10,6 +10,8 @@ import pytest
 import trimesh
 
 from hsslam_node.evaluation.image_quality import psnr_db
+from hsslam_node.geometry.projection import project
+from hsslam_node.geometry.se3 import transform
 from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_services.commands.maps.command import main
 from tests.small_room import room_frames, room_poses
@@ -84,6 +86,61 @@ def test_the_points_have_the_colours_of_the_images(nerfstudio):
     images = [cv2.imread(str(path)) for path in sorted((nerfstudio / "images").iterdir())]
     mean_rgb = np.mean([image.mean(axis=(0, 1)) for image in images], axis=0)[::-1]
     np.testing.assert_allclose(colors.mean(axis=0), mean_rgb, atol=30)
+
+
+@pytest.fixture(scope="module")
+def colmap(mapped_run, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("scene") / "room"
+    arguments = ["--format", "colmap", "--out", str(out), *_COARSE]
+    assert main(["export", str(mapped_run), *arguments]) == 0
+    return out
+
+
+def _rows(path: Path) -> list[list[str]]:
+    """The words of each line that is no remark; a line without words counts."""
+    lines = path.read_text().split("\n")[:-1]
+    return [line.split() for line in lines if not line.startswith("#")]
+
+
+def test_the_points_of_colmap_project_to_the_true_depth(colmap):
+    ((number, model, width, height, *intrinsics),) = _rows(colmap / "sparse/0/cameras.txt")
+    assert (number, model, width, height) == ("1", "PINHOLE", "160", "120")
+    fx, fy, cx, cy = map(float, intrinsics)
+    images = _rows(colmap / "sparse/0/images.txt")
+    assert len(images) == 2 * 10
+    number, *pose, of_camera, name = images[2 * _LAST]
+    assert (number, of_camera, name) == (str(_LAST + 1), "1", "000009.jpg")
+    qw, qx, qy, qz, *t = map(float, pose)
+    T_cam_world = transform(np.array(t), np.array([qx, qy, qz, qw]))
+    points = np.array([row[1:4] for row in _rows(colmap / "sparse/0/points3D.txt")], float)
+    K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    _expect_fit(points, K, T_cam_world)
+    np.testing.assert_allclose(np.linalg.inv(T_cam_world), room_poses()[4 * _LAST], atol=1e-6)
+
+
+def test_observations_of_colmap_lie_where_the_points_project_to(colmap):
+    camera = room_frames()[0].camera
+    points = _rows(colmap / "sparse/0/points3D.txt")
+    observed = np.array(_rows(colmap / "sparse/0/images.txt")[2 * _LAST + 1], float).reshape(-1, 3)
+    assert 200 < len(observed) <= 2000
+    seen = [points[int(number) - 1] for number in observed[:, 2]]
+    positions = np.array([row[1:4] for row in seen], float)
+    u, v, z = project(positions, camera, np.linalg.inv(room_poses()[4 * _LAST]))
+    np.testing.assert_allclose(observed[:, :2], np.stack([u, v], 1) + 0.5, atol=0.01)
+    column, row = np.floor(observed[:, :2]).astype(int).T
+    true_m = room_frames()[4 * _LAST].depth_m()[row, column]
+    assert np.quantile(np.abs(z - true_m), 0.99) < 0.031  # a rounded pixel may be the next one
+    for index, row in enumerate(seen):
+        tracks = list(zip(row[8::2], row[9::2], strict=True))
+        assert (str(_LAST + 1), str(index)) in tracks
+
+
+def test_images_of_colmap_are_there_by_name(colmap, nerfstudio):
+    names = [row[-1] for row in _rows(colmap / "sparse/0/images.txt")[::2]]
+    assert names == sorted(path.name for path in (colmap / "images").iterdir())
+    for name in names:
+        of_both = [(folder / "images" / name).read_bytes() for folder in (colmap, nerfstudio)]
+        assert of_both[0] == of_both[1]
 
 
 def test_a_folder_that_holds_something_is_refused(mapped_run, nerfstudio, capsys):
