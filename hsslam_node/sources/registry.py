@@ -5,7 +5,7 @@ from hsslam_node.sources.source_row import SourceRow, either, has_names, has_suf
 SOURCES = (
     SourceRow(
         kind="synth",
-        examples=("synth:room", "synth:apartment", "synth:corridor", "synth:person"),
+        examples=("synth:room", "synth:apartment", "synth:corridor", "synth:person", "synth:chair"),
         brief="built-in scenes",
         about="built-in [scenes](#built-in-scenes), rendered on the fly with exact depth, poses and mesh",
         opener="hsslam_node.sources.synth:SynthSource",

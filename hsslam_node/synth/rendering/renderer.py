@@ -24,10 +24,10 @@ class Renderer:
     def render(self, T_world_cam: np.ndarray, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] uint16 from a pose [4, 4].
 
-        `frame` says where those are who move.
+        `frame` says where that is which moves.
         """
-        if self._scene.person:
-            moving = scene_arrays(self._scene.person.at(frame))
+        if self._scene.moving:
+            moving = scene_arrays(self._scene.moving.at(frame))
             for name in ("rotations", "centers"):
                 self._arrays[name][-len(moving[name]) :] = moving[name]
         color = np.empty((*self._size, 3), np.uint8)

@@ -1,4 +1,4 @@
-"""The scene of `synth:person`, the room with a person; apart from `person.py`, which `scene.py` imports."""
+"""The scene of `synth:person`, the room with a person; apart from `person.py`, which is the body alone."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ _LINE_M = ((4.7, 2.22), (0.9, 2.22))
 
 def build_person_scene(seed: int) -> Scene:
     """The room of `synth:room` at its usual size, with a person between camera and sofa."""
-    return replace(build_room(_SIZE_M, seed), person=Person(*_LINE_M, pace_m_s=0.7))
+    return replace(build_room(_SIZE_M, seed), moving=Person(*_LINE_M, pace_m_s=0.7))
 
 
 def person_scene_poses(length: int | None, seed: int) -> np.ndarray:

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from hsslam_node.synth.parts.primitive import Primitive
-from hsslam_node.synth.scenes.person import Person
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,14 @@ class Zone:
     parts: list[Primitive]
     lamps_m: list[tuple[float, float, float]]
     """Centres of the lamps, 0.9 m squares that hang level."""
+
+
+class Moving(Protocol):
+    """What does not stay where it is."""
+
+    def at(self, frame: int) -> list[Primitive]:
+        """Its parts at a frame: always the same primitives, turned and moved."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,8 +36,8 @@ class Scene:
     coarseness: float = 1.0
     """Scales the texels: large scenes have coarser ones, or the atlas would take a gigabyte."""
 
-    person: Person | None = None
-    """A person who moves, lit as part of the first zone; casts no shadow."""
+    moving: Moving | None = None
+    """Who or what moves, lit as part of the first zone; casts no shadow."""
 
     @cached_property
     def still_parts(self) -> list[Primitive]:
@@ -38,7 +46,7 @@ class Scene:
 
     def parts_at(self, frame: int) -> list[Primitive]:
         """All primitives as they are at a frame, those that move last."""
-        return self.still_parts + (self.person.at(frame) if self.person else [])
+        return self.still_parts + (self.moving.at(frame) if self.moving else [])
 
 
 def scene_arrays(parts: list[Primitive]) -> dict[str, np.ndarray]:

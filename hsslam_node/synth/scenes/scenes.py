@@ -7,6 +7,7 @@ import numpy as np
 
 from hsslam_node.sources.options import SynthOptions
 from hsslam_node.synth.scenes.apartment import apartment_poses, build_apartment
+from hsslam_node.synth.scenes.chair_scene import build_chair_scene, chair_scene_poses
 from hsslam_node.synth.scenes.corridor import build_corridor, corridor_poses
 from hsslam_node.synth.scenes.person_scene import build_person_scene, person_scene_poses
 from hsslam_node.synth.scenes.room import build_room
@@ -39,5 +40,9 @@ SCENES = {
     "person": BuiltIn(
         lambda synth: build_person_scene(synth.seed),
         lambda synth: person_scene_poses(synth.length, synth.seed),
+    ),
+    "chair": BuiltIn(
+        lambda synth: build_chair_scene(synth.seed),
+        lambda synth: chair_scene_poses(synth.length, synth.seed),
     ),
 }

@@ -30,7 +30,7 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
 }
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
-_SCENES = ("room", "apartment", "corridor", "person")
+_SCENES = ("room", "apartment", "corridor", "person", "chair")
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
 

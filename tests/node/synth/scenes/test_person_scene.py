@@ -26,7 +26,7 @@ def hidden(frames) -> np.ndarray:
     """Share of every picture that the person hides, [N]: what is nearer than without him."""
     source = open_source("synth:person", _OPTIONS)
     empty = Renderer(
-        replace(build_person_scene(0), person=None), source.camera, source.depth_units_per_m, 0
+        replace(build_person_scene(0), moving=None), source.camera, source.depth_units_per_m, 0
     )
     shares = []
     for k, frame in enumerate(frames):
