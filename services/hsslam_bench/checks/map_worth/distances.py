@@ -1,6 +1,7 @@
 """Distances in free space, and the time of their updates: rows measured only by name."""
 
 import json
+import math
 from statistics import fmean
 
 from hsslam_bench.checks.check import Check, Measured
@@ -12,10 +13,11 @@ _HELD = "house-kinect"
 _MEAN_M, _WITHIN, _OPTIMISTIC, _GRADIENT_DEG = 0.02, 0.99, 0.001, 3.0
 _UPDATE_MS, _POINTS_PER_S = 12.0, 1e7
 _PATHS = 0.98  # of those that exact distances find
+_FREED_S = 1.0
 
 
 def distance_checks() -> list[Check]:
-    """One check for each sequence, one for updates' time, one for paths, one for the speed of queries."""
+    """One check a sequence, and one each for updates' time, paths, what is carried off, and queries."""
     time = "rolling window of 10 x 10 x 2.5 m, 5 cm, house-kinect, 10 Hz, one thread"
     return [
         *(_errors_check(sequence) for sequence in _SEQUENCES),
@@ -34,6 +36,15 @@ def distance_checks() -> list[Check]:
             "20 cm to the true mesh; share of the paths that exact distances find",
             "0; 98 %",
             _paths,
+            by_name_only=True,
+        ),
+        Check(
+            "distances:moved",
+            "chair, lockstep, tracked poses, rolling window at 10 Hz: seconds of frames from the first by "
+            "which all of the place of the carried-off chair is seen through until the grid says that it is "
+            "free, until the distances do; vertices of the mesh in that place at the end; worst seed",
+            f"{_FREED_S:g} s; {_FREED_S:g} s; 0",
+            _moved,
             by_name_only=True,
         ),
         Check(
@@ -134,6 +145,30 @@ def _paths(session: Session) -> Measured:
         share,
         "higher",
     )
+
+
+def _moved(session: Session) -> Measured:
+    module = "hsslam_bench.free_space.moved"
+    found = [json.loads(session.python(module, str(seed))) for seed in session.seeds]
+    times = {
+        name: [math.inf if one[name] is None else one[name] for one in found]
+        for name in ("grid_s", "distances_s")
+    }
+    grid_s, distances_s = (max(seconds) for seconds in times.values())
+    left = max(one["vertices_left"] for one in found)
+    was_occupied = all(one["was_occupied"] for one in found)
+    shown = "" if was_occupied else "; the grid never had it"
+    return Measured(
+        f"{_seconds(grid_s)}; {_seconds(distances_s)}; {left}{shown}",
+        was_occupied and max(grid_s, distances_s) <= _FREED_S and left == 0,
+        {str(seed): one for seed, one in zip(session.seeds, found, strict=True)},
+        left,
+        "lower",
+    )
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.1f} s" if math.isfinite(value) else "never"
 
 
 def _query(session: Session) -> Measured:

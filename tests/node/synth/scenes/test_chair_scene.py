@@ -59,7 +59,7 @@ def test_the_truth_is_without_it():
     scene = build_chair_scene(0)
     assert len(mesh.vertices) == len(scene_mesh(scene.still_parts).vertices)
     low, high = scene.moving.box_m
-    above_floor = low + (0, 0, 0.05)  # the carpet is 1.2 cm thick
+    above_floor = low + np.array([0, 0, 0.05])  # the carpet is 1.2 cm thick
     assert not ((mesh.vertices > above_floor) & (mesh.vertices < high)).all(axis=1).any()
 
 
