@@ -115,6 +115,28 @@ class Ros2Options:
         return color, depth, _below(name, self.info) if self.info else beside
 
 
+@dataclass(frozen=True)
+class BagOptions:
+    """Topics of bag:FOLDER and bag:FILE; without them the bag must have one of each."""
+
+    color: str = ""
+    """Colour images (empty: the only topic with some)."""
+    depth: str = ""
+    """Depth images, registered to colour (empty: the only topic with some)."""
+    info: str = ""
+    """Intrinsics (empty: camera_info beside the colour images)."""
+    max_dt_ms: float = 15.0
+    """Largest time between a colour image and its depth image, ms."""
+
+    def __post_init__(self) -> None:
+        for name in ("color", "depth", "info"):
+            topic = getattr(self, name)
+            if topic and not re.fullmatch(r"/?\w+(/\w+)*", topic):
+                raise UserError(f"--bag.{name} {topic!r}: expected the name of a topic")
+        if not 0 <= self.max_dt_ms <= 1000:
+            raise UserError(f"--bag.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+
+
 def _below(name: str, topic: str) -> str:
     return topic if topic.startswith("/") else f"{name.rstrip('/')}/{topic}"
 
@@ -205,6 +227,7 @@ class SourceOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    bag: BagOptions = field(default_factory=BagOptions)
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
 
     def __post_init__(self) -> None:

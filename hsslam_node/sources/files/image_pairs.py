@@ -35,7 +35,7 @@ class ImagePairSource:
         self.camera = camera.undistorted()
         self.depth_units_per_m = depth_units_per_m
         self.frame_count: int | None = len(self._pairs)
-        self.rate_hz = _rate_hz([stamp for stamp, _, _ in self._pairs])
+        self.rate_hz = median_rate_hz([stamp for stamp, _, _ in self._pairs])
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Every pair of images from `first` on; one that cannot be read comes as a `BadFrame`."""
@@ -57,6 +57,7 @@ class ImagePairSource:
             )
 
 
-def _rate_hz(stamps_ns: list[int]) -> float:
+def median_rate_hz(stamps_ns: Sequence[int]) -> float:
+    """The rate of stamps at their median interval; 30 Hz if there is none."""
     period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
     return 1e9 / period_ns if period_ns > 0 else 30.0

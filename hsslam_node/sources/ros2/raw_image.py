@@ -1,6 +1,7 @@
 """An image as ROS sends it, raw or compressed, into colour or depth."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -27,7 +28,10 @@ _TO_RGB = {
     "8UC1": cv2.COLOR_GRAY2RGB,
 }
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
+_GREY = ("mono8", "8UC1")
+_DEPTH = ("16UC1", "32FC1", "mono16")
 _PNG_START = b"\x89PNG"
+_PNG_BITS = 24  # where a PNG has the bits of a value, then its kind of colour
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,17 @@ class RawImage:
     step_bytes: int = 0
     is_big_endian: bool = False
     is_compressed: bool = False
+
+    @property
+    def content(self) -> Literal["color", "grey", "depth", "unknown"]:
+        """What it shows, by its encoding; values of 16 bits are depth."""
+        if self.is_compressed:
+            return self._compressed_content()
+        if self.encoding in _DEPTH:
+            return "depth"
+        if self.encoding in _GREY:
+            return "grey"
+        return "color" if self.encoding in _TO_RGB else "unknown"
 
     def color(self) -> np.ndarray:
         """Colour [H, W, 3] uint8 RGB; grey values thrice.
@@ -88,16 +103,29 @@ class RawImage:
             BadImageError: it is not of the camera's size.
         """
         if self.is_compressed:
-            start = 12 if self.data[12:16].tobytes() == _PNG_START else 0
+            start = self._image_start()
             expect_header(self.data[start:].data, f"image in format {self.encoding!r}", camera)
+
+    def _compressed_content(self) -> Literal["color", "grey", "depth"]:
+        start = self._image_start()
+        bits = self.data[start + _PNG_BITS : start + _PNG_BITS + 2].tobytes()
+        is_png = self.data[start : start + 4].tobytes() == _PNG_START
+        if self.encoding.startswith(_DEPTH) or "compressedDepth" in self.encoding:
+            return "depth"
+        if is_png and bits == b"\x10\0":  # 16 bits, grey
+            return "depth"
+        return "grey" if self.encoding.startswith(_GREY) else "color"
+
+    def _image_start(self) -> int:
+        """Bytes that image_transport's compressedDepth puts before a PNG: 12 or none."""
+        return 12 if self.data[12:16].tobytes() == _PNG_START else 0
 
     def _compressed_depth(self) -> np.ndarray:
         """A PNG of 16 bit, behind the 12 bytes that image_transport's compressedDepth puts before it."""
         data = self.data.tobytes()
         if not self.encoding.startswith(("16UC1", "png")):
             raise BadImageError(f"depth in format {self.encoding!r}: expected a PNG of 16UC1")
-        start = 12 if data[12:16] == _PNG_START else 0
-        return decode_depth(data[start:], f"depth in format {self.encoding!r}")
+        return decode_depth(data[self._image_start() :], f"depth in format {self.encoding!r}")
 
     def _pixels(self, dtype: np.dtype, channels: int) -> np.ndarray:
         """Pixels [H, W] or [H, W, channels], without what pads the rows."""

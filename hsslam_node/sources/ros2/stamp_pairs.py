@@ -1,36 +1,43 @@
 """Colour and depth that come one by one, put together by their stamps."""
 
 from collections import deque
-
-from hsslam_node.sources.ros2.raw_image import RawImage
+from typing import Generic, Protocol, TypeVar
 
 _KEPT = 16
 
 
-class StampPairs:
+class Stamped(Protocol):
+    """An image, decoded or not."""
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+
+T = TypeVar("T", bound=Stamped)
+
+
+class StampPairs(Generic[T]):
     """Gives a pair as soon as an image has a counterpart within `max_dt_ns`: the nearest of those that
     are there. What is older than a pair that was given is forgotten, so pairs come in order.
     """
 
     def __init__(self, max_dt_ns: int) -> None:
         self._max_dt_ns = max_dt_ns
-        self._color: deque[RawImage] = deque(maxlen=_KEPT)
-        self._depth: deque[RawImage] = deque(maxlen=_KEPT)
+        self._color: deque[T] = deque(maxlen=_KEPT)
+        self._depth: deque[T] = deque(maxlen=_KEPT)
         self.nearest_ns: int | None = None  # of two that were too far apart, for the operator
 
-    def add_color(self, image: RawImage) -> tuple[RawImage, RawImage] | None:
+    def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if that is there."""
         depth = self._counterpart(image, self._color, self._depth)
         return None if depth is None else (image, depth)
 
-    def add_depth(self, image: RawImage) -> tuple[RawImage, RawImage] | None:
+    def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if that is there."""
         color = self._counterpart(image, self._depth, self._color)
         return None if color is None else (color, image)
 
-    def _counterpart(
-        self, image: RawImage, same: deque[RawImage], others: deque[RawImage]
-    ) -> RawImage | None:
+    def _counterpart(self, image: T, same: deque[T], others: deque[T]) -> T | None:
         found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
         if found is None or abs(found.stamp_ns - image.stamp_ns) > self._max_dt_ns:
             if found is not None:
@@ -42,7 +49,7 @@ class StampPairs:
         return found
 
 
-def _forget_until(images: deque[RawImage], stamp_ns: int) -> None:
+def _forget_until(images: deque[T], stamp_ns: int) -> None:
     kept = [image for image in images if image.stamp_ns > stamp_ns]
     images.clear()
     images.extend(kept)

@@ -12,8 +12,8 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.ros2.type_store import open_type_store
 
-_IMAGE, _COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-_INFO = "sensor_msgs/msg/CameraInfo"
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+INFO = "sensor_msgs/msg/CameraInfo"
 _LENSES: dict[str, tuple[LensModel, int]] = {  # by ROS's names, and the coefficients that they have
     "plumb_bob": ("opencv", 5),
     "rational_polynomial": ("opencv", 5),  # further ones only if they are not all 0
@@ -28,16 +28,18 @@ def check_ros2(name: str, options: SourceOptions) -> None:
 
 
 class CdrMessages:
-    """Decodes with the package rosbags.
+    """Decodes with the package rosbags; `is_ros1`: what ROS 1 sent, which is no CDR.
 
     Raises:
         UserError: it is not installed.
     """
 
-    def __init__(self) -> None:
-        self._store = open_type_store("source ros2")
+    def __init__(self, who: str = "source ros2", is_ros1: bool = False) -> None:
+        store = open_type_store(who, is_ros1)
         from rosbags.serde import SerdeError
 
+        self._deserialize = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+        self._format = "the format of ROS 1" if is_ros1 else "CDR"
         self._error = SerdeError
 
     def image(self, payload: bytes, type_name: str) -> RawImage:
@@ -46,12 +48,12 @@ class CdrMessages:
         Raises:
             BadImageError: another type, or not such a message.
         """
-        if type_name not in (_IMAGE, _COMPRESSED):
-            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {_IMAGE}")
+        if type_name not in (IMAGE, COMPRESSED):
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {IMAGE}")
         message = self._decoded(payload, type_name)
         stamp_ns = _stamp_ns(message)
         data = np.asarray(message.data, np.uint8)
-        if type_name == _COMPRESSED:
+        if type_name == COMPRESSED:
             return RawImage(stamp_ns, str(message.format), data, is_compressed=True)
         return RawImage(
             stamp_ns=stamp_ns,
@@ -70,26 +72,31 @@ class CdrMessages:
             BadImageError: another type, or not such a message.
             UserError: the numbers are no camera, or of a lens model that is not known.
         """
-        if type_name != _INFO:
-            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {_INFO}")
+        if type_name != INFO:
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {INFO}")
         info = self._decoded(payload, type_name)
         size = (int(info.width), int(info.height))
         if is_rectified:
-            p = [float(v) for v in info.p]
+            p = _numbers(info, "p")
             return Camera(*size, fx=p[0], fy=p[5], cx=p[2], cy=p[6])
-        k = [float(v) for v in info.k]
-        lens, model = _lens(str(info.distortion_model), [float(v) for v in info.d])
+        k = _numbers(info, "k")
+        lens, model = _lens(str(info.distortion_model), _numbers(info, "d"))
         return Camera(*size, k[0], k[4], k[2], k[5], lens, model)
 
     def _decoded(self, payload: bytes, type_name: str) -> Any:
         try:
-            return self._store.deserialize_cdr(payload, type_name)
+            return self._deserialize(payload, type_name)
         except self._error as error:
-            raise BadImageError(f"no {type_name} in CDR: {error}") from None
+            raise BadImageError(f"no {type_name} in {self._format}: {error}") from None
 
 
 def _stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def _numbers(info: Any, name: str) -> list[float]:
+    """A matrix or list of `CameraInfo`; ROS 1 names it by a capital."""
+    return [float(v) for v in getattr(info, name if hasattr(info, name) else name.upper())]
 
 
 def _lens(name: str, lens: list[float]) -> tuple[tuple[float, ...], LensModel]:

@@ -9,7 +9,6 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
-from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
@@ -23,6 +22,7 @@ from hsslam_services.camera.ros2_messages import (
     topic_of,
     type_of,
 )
+from hsslam_services.camera.ros_frames import RosFrames
 
 _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
@@ -50,7 +50,7 @@ class Ros2Source:
         self._options = options
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
-        self._pairs = StampPairs(round(1e6 * options.ros2.max_dt_ms))
+        self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
         self._session = open_client(options.ros2.connect)
         domain = options.ros2.domain
         self._color, self._depth, self._info = (
@@ -61,16 +61,16 @@ class Ros2Source:
         )
         try:
             camera, first = self._wait(name)
-            self._encoded_units = _expect_registered(name, camera, *first)
+            depth_scale = options.camera.depth_scale
+            self._frames = RosFrames(f"ros2:{name}", camera, first, depth_scale)
         except BaseException:
             self._session.close()
             raise
-        self._undistortion = Undistortion(camera)
         self.name = f"ros2:{name}"
-        self.camera = camera.undistorted()
+        self.camera = self._frames.camera
         self.rate_hz = _RATE_HZ
         self.frame_count: int | None = options.frames
-        self.depth_units_per_m = options.camera.depth_scale or self._encoded_units
+        self.depth_units_per_m = self._frames.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; what cannot be used, and every 5 s without a frame, as a `BadFrame`.
@@ -93,7 +93,7 @@ class Ros2Source:
                 continue
             if pair is not None:
                 heard_s, silences = time.monotonic(), 0
-                yield self._frame(pair)
+                yield self._frames.frame(0, *pair)
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
@@ -103,25 +103,6 @@ class Ros2Source:
                     )
             else:
                 time.sleep(_POLL_S)
-
-    def _frame(self, pair: tuple[RawImage, RawImage]) -> Frame | BadFrame:
-        color, depth = pair
-        try:
-            for image in pair:
-                image.expect_size(self.camera)
-            depth_raw, units = depth.depth()
-            if units != self._encoded_units:
-                raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
-            return Frame(
-                index=0,
-                stamp_ns=color.stamp_ns,
-                camera=self.camera,
-                color=self._undistortion.color(color.color()),
-                depth_raw=self._undistortion.depth(depth_raw),
-                depth_units_per_m=self.depth_units_per_m,
-            )
-        except (BadImageError, UserError) as error:
-            return BadFrame(0, color.stamp_ns, str(error))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """A pair of what has come, None if there is none yet; raises BadImageError."""
@@ -182,23 +163,3 @@ class Ros2Source:
             keys.add(str(sample.key_expr))
         found = sorted(f"{topic_of(key)} ({type_of(key).rpartition('/')[2]})" for key in keys)
         return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
-
-
-def _expect_registered(name: str, camera: Camera, color: RawImage, depth: RawImage) -> float:
-    """Units per metre of a depth image that has the colour image's size, which is the camera's."""
-    try:
-        height, width = color.color().shape[:2]
-        depth_raw, units = depth.depth()
-    except BadImageError as error:
-        raise UserError(f"source ros2:{name}: {error}") from None
-    if (camera.width_px, camera.height_px) != (width, height):
-        raise UserError(
-            f"source ros2:{name}: camera_info is for {camera.width_px}x{camera.height_px} pixels: expected "
-            f"{width}x{height} as the images (--ros2.info)"
-        )
-    if depth_raw.shape != (height, width):
-        raise UserError(
-            f"source ros2:{name}: depth has {depth_raw.shape[1]}x{depth_raw.shape[0]} pixels: expected "
-            f"{width}x{height} as colour, registered to it (realsense: align_depth.enable:=true)"
-        )
-    return units

@@ -17,6 +17,7 @@ from hsslam_node.doctor.sample import Sample, take_sample
 from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options import (
+    BagOptions,
     CameraOptions,
     RealsenseOptions,
     RecordOptions,
@@ -74,6 +75,7 @@ class DoctorOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    bag: BagOptions = field(default_factory=BagOptions)
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
 
     def __post_init__(self) -> None:

@@ -30,8 +30,8 @@ def expect_packages(who: str) -> None:
             raise UserError(f"{who}: package {package} is not there: {_REMEDY}")
 
 
-def open_type_store(who: str) -> "Typestore":
-    """The messages of ROS 2 Jazzy.
+def open_type_store(who: str, is_ros1: bool = False) -> "Typestore":
+    """The messages of ROS 2 Jazzy, or of ROS 1 Noetic.
 
     Raises:
         UserError: rosbags is not installed.
@@ -40,6 +40,8 @@ def open_type_store(who: str) -> "Typestore":
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise UserError(f"{who}: package rosbags is not there: {_REMEDY}") from None
+    if is_ros1:
+        return get_typestore(Stores.ROS1_NOETIC)
     store = get_typestore(Stores.ROS2_JAZZY)
     for name, text in _MORE.items():
         store.register(get_types_from_msg(text, name))

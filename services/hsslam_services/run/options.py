@@ -11,6 +11,7 @@ from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.sources.options import (
+    BagOptions,
     CameraOptions,
     RealsenseOptions,
     RecordOptions,
@@ -75,6 +76,9 @@ class ServeOptions:
         "ros2.depth": "TOPIC",
         "ros2.info": "TOPIC",
         "ros2.connect": "ENDPOINT",
+        "bag.color": "TOPIC",
+        "bag.depth": "TOPIC",
+        "bag.info": "TOPIC",
         "ros2_out": "NAMESPACE",
         "realsense.serial": "NUMBER",
     }
@@ -129,6 +133,7 @@ class ServeOptions:
     camera: CameraOptions = field(default_factory=CameraOptions)
     record: RecordOptions = field(default_factory=RecordOptions)
     ros2: Ros2Options = field(default_factory=Ros2Options)
+    bag: BagOptions = field(default_factory=BagOptions)
     ros2_out: str = ""
     """Publish to ROS 2 below this namespace, as /hsslam (empty: off)."""
     ros2_tf: bool = True

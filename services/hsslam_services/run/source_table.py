@@ -21,6 +21,15 @@ _LOG = SourceRow(
     stamps="hsslam_services.log.source:log_stamps",
 )
 SERVICE_SOURCES = (
+    SourceRow(  # before logs: a bag may have MCAP files of any name
+        kind="bag",
+        examples=("bag:FOLDER", "bag:FILE"),
+        brief="a ROS 1 or ROS 2 bag",
+        about="[a ROS bag](#ros-bags): of ROS 2 (`metadata.yaml`, `.mcap`, `.db3`) or ROS 1 (`.bag`)",
+        opener="hsslam_services.camera.bag_source:BagSource",
+        looks_like=either(has_files("metadata.yaml"), has_suffix(".bag"), has_suffix(".db3")),
+        only_forwards=True,
+    ),
     _LOG,
     SourceRow(
         kind="ros2",

@@ -20,6 +20,7 @@ _LAYOUTS = {
     "scannet": ("color/", "depth/", "pose/", "intrinsic/"),
     "7scenes": ("frame-000000.color.png", "frame-000000.depth.png", "frame-000000.pose.txt"),
     "record": ("rgb/", "depth/"),
+    "bag": ("metadata.yaml", "run_0.mcap"),
     "mcap": ("run.mcap",),
 }
 

@@ -80,3 +80,38 @@ def test_compressed():
 def test_what_does_not_fit_is_told(make, words):
     with pytest.raises(BadImageError, match=words):
         make()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "content"),
+    [
+        ("rgb8", "color"),
+        ("bgra8", "color"),
+        ("mono8", "grey"),
+        ("mono16", "depth"),
+        ("16UC1", "depth"),
+        ("32FC1", "depth"),
+        ("bayer_rggb8", "unknown"),
+    ],
+)
+def test_what_an_image_shows_follows_from_its_encoding(encoding, content):
+    assert RawImage(0, encoding, np.zeros(0, np.uint8)).content == content
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixels", "prefix", "content"),
+    [
+        ("jpeg", RGB, 0, "color"),
+        ("mono8; jpeg compressed ", RGB[..., 0], 0, "grey"),
+        ("png", RGB, 0, "color"),
+        ("png", DEPTH, 0, "depth"),
+        ("16UC1; png compressed ", DEPTH, 0, "depth"),
+        ("16UC1; compressedDepth png", DEPTH, 12, "depth"),
+    ],
+)
+def test_what_a_compressed_image_shows_follows_from_format_and_file(
+    encoding, pixels, prefix, content
+):
+    file = cv2.imencode(".jpg" if "jpeg" in encoding else ".png", pixels)[1].ravel()
+    data = np.concatenate([np.zeros(prefix, np.uint8), file])
+    assert RawImage(0, encoding, data, is_compressed=True).content == content

@@ -1,0 +1,111 @@
+"""A ROS bag on disk: its topics, and their messages one by one, not decoded."""
+
+import contextlib
+import struct
+from collections.abc import Collection, Generator, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hsslam_node.errors import UserError
+from hsslam_services.camera.ros2_messages import CdrMessages
+
+if TYPE_CHECKING:
+    from rosbags.rosbag1 import Reader as Ros1Reader
+    from rosbags.rosbag2 import Reader as Ros2Reader
+
+_STAMP_AT = 4  # behind the 4 bytes that say CDR, and behind the number of a ROS 1 header
+_LONGEST_REASON = 200
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """A topic of a bag, and how many messages it has."""
+
+    name: str
+    type_name: str  # as sensor_msgs/msg/Image, also in a bag of ROS 1
+    message_count: int
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.type_name.rpartition('/')[2]})"
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """A message that begins with a header, as the bag has it."""
+
+    topic: str
+    type_name: str
+    stamp_ns: int
+    payload: bytes
+
+
+class BagFile:
+    """A folder with `metadata.yaml`, a `.mcap` or `.db3` of ROS 2, or a `.bag` of ROS 1.
+
+    The package rosbags reads it, chunk by chunk. The definitions of messages in the bag are left aside:
+    those of sensor_msgs are known.
+
+    Raises:
+        UserError: rosbags is not installed, no bag there, or it is damaged.
+    """
+
+    def __init__(self, place: str) -> None:
+        self.name = f"bag:{place}"
+        self._path = Path(place).expanduser()
+        self._is_ros1 = self._path.suffix == ".bag"
+        self.decode = CdrMessages(f"source {self.name}", self._is_ros1)
+        if not self._path.exists():
+            raise UserError(
+                f"source {self.name}: no such file: expected a folder with metadata.yaml, a .mcap, a .db3 "
+                "or a .bag"
+            )
+        if self._path.is_dir() and not (self._path / "metadata.yaml").exists():
+            raise UserError(
+                f"source {self.name}: no metadata.yaml in it: expected a bag of ROS 2, or its .mcap or .db3"
+            )
+        with self._reported(), self._open() as reader:
+            self.topics = tuple(
+                BagTopic(name, str(topic.msgtype), topic.msgcount)
+                for name, topic in sorted(reader.topics.items())
+            )
+
+    def messages(self, topics: Collection[str]) -> Generator[BagMessage, None, None]:
+        """The messages of these topics in the order in which they were recorded.
+
+        Raises:
+            UserError: the bag is damaged.
+        """
+        with self._reported(), self._open() as reader:
+            wanted = [connection for connection in reader.connections if connection.topic in topics]
+            if not wanted:
+                return
+            for connection, _, payload in reader.messages(wanted):
+                stamp_ns = self._stamp_ns(payload)
+                yield BagMessage(connection.topic, connection.msgtype, stamp_ns, payload)
+
+    def _open(self) -> "Ros1Reader | Ros2Reader":
+        from rosbags.rosbag1 import Reader as Ros1Reader
+        from rosbags.rosbag2 import Reader as Ros2Reader
+
+        return Ros1Reader(self._path) if self._is_ros1 else Ros2Reader(self._path)
+
+    def _stamp_ns(self, payload: bytes) -> int:
+        """Of the header, without the rest of the message."""
+        is_big_endian = not self._is_ros1 and payload[1:2] == b"\0"
+        order = ">" if is_big_endian else "<"
+        seconds, nanoseconds = struct.unpack_from(f"{order}iI", payload, _STAMP_AT)
+        return seconds * 1_000_000_000 + nanoseconds
+
+    @contextlib.contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Damaged bytes let rosbags and its decoders raise many kinds of errors: all are one line here."""
+        try:
+            yield
+        except UserError:
+            raise
+        except Exception as error:
+            reason = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
+            raise UserError(
+                f"source {self.name}: cannot be read: {reason}: expected a whole bag of ROS 1 or ROS 2"
+            ) from None

@@ -1,0 +1,90 @@
+"""A ROS bag as a source: `--source bag:FOLDER`, `--source bag:FILE`."""
+
+import contextlib
+from collections.abc import Generator, Iterator
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.files.image_pairs import median_rate_hz
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.ros2.stamp_pairs import StampPairs
+from hsslam_node.sources.source import BadFrame
+from hsslam_services.camera.bag_file import BagFile, BagMessage
+from hsslam_services.camera.bag_topics import find_camera
+from hsslam_services.camera.ros_frames import RosFrames
+
+
+class BagSource:
+    """The camera of a bag: colour and the depth nearest to it, with the stamps of the colour's headers.
+
+    Opening reads the bag through, to count its frames. Images are decoded one by one, and only those
+    that are used.
+
+    Raises:
+        UserError: no bag there, it is damaged, its topics fit no camera, or no frame of it is selected.
+    """
+
+    def __init__(self, place: str, options: SourceOptions) -> None:
+        self._bag = BagFile(place)
+        found = find_camera(self._bag, options.bag)
+        self._color, self._depth = found.color, found.depth
+        self._max_dt_ms = options.bag.max_dt_ms
+        depth_scale = options.camera.depth_scale
+        self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
+        pairs = self._new_pairs()
+        stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
+        if not stamps_ns:
+            raise UserError(f"source {self._bag.name}: no colour with its depth{_why_none(pairs)}")
+        self._rows = options.selected(len(stamps_ns))
+        if not self._rows:
+            raise UserError(
+                f"--start {options.start}: source {self._bag.name} has {len(stamps_ns)} frames"
+            )
+        self.name = self._bag.name
+        self.camera = self._frames.camera
+        self.depth_units_per_m = self._frames.depth_units_per_m
+        self.frame_count: int | None = len(self._rows)
+        self.rate_hz = median_rate_hz([stamps_ns[row] for row in self._rows])
+
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Every selected frame from `first` on; one that cannot be decoded comes as a `BadFrame`.
+
+        Raises:
+            UserError: the bag was damaged after it was opened.
+        """
+        rows = self._rows[first:]
+        if not rows:
+            return
+        with contextlib.closing(self._paired(self._new_pairs())) as pairs:
+            for row, (color, depth) in enumerate(pairs):
+                if row in rows:
+                    yield self._frame(first + rows.index(row), color, depth)
+                if row == rows[-1]:
+                    return
+
+    def _new_pairs(self) -> StampPairs[BagMessage]:
+        return StampPairs(round(1e6 * self._max_dt_ms))
+
+    def _paired(
+        self, pairs: StampPairs[BagMessage]
+    ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
+        """(colour, depth) in the order of the bag."""
+        for message in self._bag.messages((self._color, self._depth)):
+            is_color = message.topic == self._color
+            pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
+            if pair is not None:
+                yield pair
+
+    def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:
+        try:
+            images = [self._bag.decode.image(m.payload, m.type_name) for m in (color, depth)]
+        except BadImageError as error:
+            return BadFrame(index, color.stamp_ns, str(error))
+        return self._frames.frame(index, *images)
+
+
+def _why_none(pairs: StampPairs[BagMessage]) -> str:
+    if pairs.nearest_ns is None:
+        return ""
+    return f": they are {pairs.nearest_ns / 1e6:.1f} ms apart: expected less, or --bag.max-dt-ms"

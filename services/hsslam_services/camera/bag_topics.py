@@ -1,0 +1,131 @@
+"""Which topics of a bag are colour, depth and intrinsics of the camera."""
+
+import contextlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.options import BagOptions
+from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_services.camera.bag_file import BagFile, BagMessage
+from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO
+
+_REGISTERED = re.compile("aligned|registered")
+_SAME_K_PX = 1.0
+
+
+@dataclass(frozen=True)
+class BagCamera:
+    """The topics of one camera, and what their first messages say."""
+
+    color: str
+    depth: str
+    camera: Camera  # of colour, with its distortion
+    first: tuple[RawImage, RawImage]  # colour, depth
+
+
+def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
+    """The topics that the options name; without a name the only one that fits.
+
+    Of several depth topics the one that is called aligned or registered is taken. Grey images are
+    colour if no others are there.
+
+    Raises:
+        UserError: none or several fit, or depth is not registered to colour; names all topics.
+    """
+    firsts = _first_messages(bag)
+    images = _images(bag, firsts)
+    colors = [name for name, image in images.items() if image.content == "color"]
+    greys = [name for name, image in images.items() if image.content == "grey"]
+    depths = [name for name, image in images.items() if image.content == "depth"]
+    registered = [name for name in depths if _REGISTERED.search(name)]
+    color = _chosen(bag, "color", options.color, colors or greys, images)
+    depth = _chosen(bag, "depth", options.depth, registered or depths, images)
+    infos = [name for name, message in firsts.items() if message.type_name == INFO]
+    beside = _info_beside(color, infos) or infos
+    info = _chosen(bag, "info", options.info, beside, infos)
+    camera = _camera(bag, firsts[info], is_rectified="rect" in color)
+    for depth_info in _info_beside(depth, infos):
+        _expect_same_K(bag, firsts[info], firsts[depth_info])
+    return BagCamera(color, depth, camera, (images[color], images[depth]))
+
+
+def _first_messages(bag: BagFile) -> dict[str, BagMessage]:
+    """The first message of each topic with images or intrinsics, by the order of their names."""
+    missing = {
+        topic.name
+        for topic in bag.topics
+        if topic.type_name in (IMAGE, COMPRESSED, INFO) and topic.message_count
+    }
+    found = {}
+    with contextlib.closing(bag.messages(tuple(missing))) as messages:
+        for message in messages:
+            if message.topic in missing:
+                found[message.topic] = message
+                missing.remove(message.topic)
+            if not missing:
+                break
+    return dict(sorted(found.items()))
+
+
+def _images(bag: BagFile, firsts: dict[str, BagMessage]) -> dict[str, RawImage]:
+    """The first image of each topic whose first message is one."""
+    images = {}
+    for name, message in firsts.items():
+        with contextlib.suppress(BadImageError):
+            images[name] = bag.decode.image(message.payload, message.type_name)
+    return images
+
+
+def _chosen(
+    bag: BagFile, option: str, asked: str, fitting: Sequence[str], known: Sequence[str] | dict
+) -> str:
+    """The topic that is asked for, of those `known`; else the only fitting one."""
+    if asked:
+        found = [name for name in known if name.strip("/") == asked.strip("/")]
+        problem = f"--bag.{option} {asked}: no such topic"
+    else:
+        found = list(fitting)
+        names = f" ({', '.join(found)})" if found else ""
+        problem = f"{len(found) or 'no'} topics for {option}{names}"
+    if len(found) == 1:
+        return found[0]
+    topics = ", ".join(map(str, bag.topics)) or "none"
+    raise UserError(
+        f"source {bag.name}: {problem}: expected one, or its name as --bag.{option} TOPIC; topics: {topics}"
+    )
+
+
+def _info_beside(topic: str, infos: Sequence[str]) -> list[str]:
+    """The camera_info of an image topic: in ROS its neighbour, in a RealSense's own recording
+    `.../info/camera_info` of `.../image/data`."""
+    image = topic.removesuffix("/compressed").removesuffix("/compressedDepth")
+    folder = image.rpartition("/")[0]
+    names = (f"{folder}/camera_info", f"{folder.removesuffix('/image')}/info/camera_info")
+    return [name for name in names if name in infos][:1]
+
+
+def _camera(bag: BagFile, message: BagMessage, is_rectified: bool) -> Camera:
+    try:
+        return bag.decode.camera(message.payload, message.type_name, is_rectified)
+    except (BadImageError, UserError) as error:
+        raise UserError(f"source {bag.name}: {message.topic}: {error}") from None
+
+
+def _expect_same_K(bag: BagFile, color: BagMessage, depth: BagMessage) -> None:
+    """Depth that is registered to colour is published with the intrinsics of colour."""
+    K_color, K_depth = (_camera(bag, message, is_rectified=False).K for message in (color, depth))
+    if np.abs(K_color - K_depth).max() > _SAME_K_PX:
+        of_depth, of_color = (
+            ", ".join(f"{value:.1f}" for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+            for K in (K_depth, K_color)
+        )
+        raise UserError(
+            f"source {bag.name}: {depth.topic} has fx, fy, cx, cy = {of_depth}, {color.topic} has "
+            f"{of_color}: expected depth that is registered to colour (realsense: align_depth.enable:=true)"
+        )

@@ -1,0 +1,71 @@
+"""Colour and depth as ROS sends or records them, into frames."""
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.files.undistortion import Undistortion
+from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_node.sources.source import BadFrame
+
+
+class RosFrames:
+    """Makes frames of pairs of images; `camera` is that of colour, with its distortion.
+
+    `source` is how errors name the source, as ros2:/camera. `first` is a pair that shows size and
+    encodings. `depth_scale` are units per metre, None: those of the encoding.
+
+    Raises:
+        UserError: the first pair cannot be decoded, or colour, depth and camera are not of one size.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        camera: Camera,
+        first: tuple[RawImage, RawImage],
+        depth_scale: float | None,
+    ) -> None:
+        self._encoded_units = _expect_registered(source, camera, *first)
+        self._undistortion = Undistortion(camera)
+        self.camera = camera.undistorted()
+        self.depth_units_per_m = depth_scale or self._encoded_units
+
+    def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
+        """The frame of a pair, undistorted; a `BadFrame` if it cannot be used."""
+        try:
+            for image in (color, depth):
+                image.expect_size(self.camera)
+            depth_raw, units = depth.depth()
+            if units != self._encoded_units:
+                raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
+            return Frame(
+                index=index,
+                stamp_ns=color.stamp_ns,
+                camera=self.camera,
+                color=self._undistortion.color(color.color()),
+                depth_raw=self._undistortion.depth(depth_raw),
+                depth_units_per_m=self.depth_units_per_m,
+            )
+        except (BadImageError, UserError) as error:
+            return BadFrame(index, color.stamp_ns, str(error))
+
+
+def _expect_registered(source: str, camera: Camera, color: RawImage, depth: RawImage) -> float:
+    """Units per metre of a depth image that has the colour image's size, which is the camera's."""
+    try:
+        height, width = color.color().shape[:2]
+        depth_raw, units = depth.depth()
+    except BadImageError as error:
+        raise UserError(f"source {source}: {error}") from None
+    if (camera.width_px, camera.height_px) != (width, height):
+        raise UserError(
+            f"source {source}: camera_info is for {camera.width_px}x{camera.height_px} pixels: expected "
+            f"{width}x{height} as the images (--{source.partition(':')[0]}.info)"
+        )
+    if depth_raw.shape != (height, width):
+        raise UserError(
+            f"source {source}: depth has {depth_raw.shape[1]}x{depth_raw.shape[0]} pixels: expected "
+            f"{width}x{height} as colour, registered to it (realsense: align_depth.enable:=true)"
+        )
+    return units

@@ -1,0 +1,104 @@
+"""Bags of the three kinds, written by the writers of rosbags."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+
+KINDS = ("db3", "mcap", "bag")  # ROS 2 twice, ROS 1
+COLOR, DEPTH = "/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw"
+INFO = "/camera/color/camera_info"
+_STORAGE = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
+
+
+class BagWriter:
+    """Makes messages of one version of ROS, and writes them at the times of their stamps."""
+
+    def __init__(self, writer: Any, is_ros1: bool) -> None:
+        self._writer = writer
+        self._is_ros1 = is_ros1
+        self._store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+        self._connections: dict[str, Any] = {}
+
+    def put(self, topic: str, stamp_ns: int, name: str, **fields: Any) -> None:
+        """A message of sensor_msgs whose header has this stamp."""
+        header = self._new("std_msgs/msg/Header", stamp=self._time(stamp_ns), frame_id="camera")
+        message = self._new(f"sensor_msgs/msg/{name}", header=header, **fields)
+        store, kind = self._store, f"sensor_msgs/msg/{name}"
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
+        serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
+        self._writer.write(self._connections[topic], stamp_ns, serialize(message, kind))
+
+    def image(self, topic: str, stamp_ns: int, pixels: np.ndarray, encoding: str) -> None:
+        """An `Image` of pixels [H, W] or [H, W, channels]."""
+        height, width = pixels.shape[:2]
+        size = {"height": height, "width": width, "step": pixels.nbytes // height}
+        data = np.ascontiguousarray(pixels).view(np.uint8).ravel()
+        self.put(topic, stamp_ns, "Image", **size, encoding=encoding, is_bigendian=0, data=data)
+
+    def file(self, topic: str, stamp_ns: int, data: np.ndarray, encoding: str) -> None:
+        """A `CompressedImage` of an image file [N] uint8."""
+        self.put(topic, stamp_ns, "CompressedImage", format=encoding, data=data)
+
+    def info(self, topic: str, stamp_ns: int, camera: Camera) -> None:
+        """A `CameraInfo`; P is for images of twice the focal length."""
+        scaled = np.diag([2.0, 2.0, 1.0]) @ np.hstack([camera.K, np.zeros((3, 1))])
+        matrices = {"k": camera.K.ravel(), "r": np.eye(3).ravel(), "p": scaled.ravel()}
+        matrices["d"] = np.array(camera.distortion or 5 * (0.0,))
+        named = {name.upper() if self._is_ros1 else name: m for name, m in matrices.items()}
+        no_roi = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
+        roi = self._new("sensor_msgs/msg/RegionOfInterest", **no_roi)
+        size = {"height": camera.height_px, "width": camera.width_px}
+        fields = {"distortion_model": "plumb_bob", "binning_x": 0, "binning_y": 0, "roi": roi}
+        self.put(topic, stamp_ns, "CameraInfo", **size, **fields, **named)
+
+    def frame(self, frame: Frame, depth_lag_ns: int = 0) -> None:
+        """Colour, depth and intrinsics of a frame, on the topics of a RealSense with aligned depth."""
+        self.info(INFO, frame.stamp_ns, frame.camera)
+        self.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
+        self.image(DEPTH, frame.stamp_ns + depth_lag_ns, frame.depth_raw, "16UC1")
+
+    def _new(self, kind: str, **fields: Any) -> Any:
+        of_ros1 = {"seq": 0} if self._is_ros1 and kind.endswith("/Header") else {}
+        return self._store.types[kind](**of_ros1, **fields)
+
+    def _time(self, stamp_ns: int) -> Any:
+        seconds, rest = divmod(stamp_ns, 1_000_000_000)
+        return self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
+
+@contextmanager
+def new_bag(path: Path, kind: str) -> Iterator[BagWriter]:
+    """A bag at `path`, which is a folder unless it is one of ROS 1."""
+    if kind == "bag":
+        with Ros1Writer(path) as ros1:
+            yield BagWriter(ros1, is_ros1=True)
+    else:
+        with Ros2Writer(path, version=9, storage_plugin=_STORAGE[kind]) as ros2:
+            yield BagWriter(ros2, is_ros1=False)
+
+
+def written(
+    folder: Path,
+    kind: str,
+    frames: Sequence[Frame],
+    more: Callable[[BagWriter], None] = lambda bag: None,
+    depth_lag_ns: int = 0,
+) -> Path:
+    """The bag of these frames, with `more` in it."""
+    path = folder / ("recorded.bag" if kind == "bag" else f"recorded_{kind}")
+    with new_bag(path, kind) as bag:
+        more(bag)
+        for frame in frames:
+            bag.frame(frame, depth_lag_ns)
+    return path
