@@ -28,8 +28,8 @@ class PlanOptions:
 
     logs: str = ""
     """Folder, or URL as s3://BUCKET/LOGS, below which logs and sequences are looked for."""
-    out: Path = Path()
-    """Folder of the batch."""
+    out: str = ""
+    """Folder of the batch, or URL as s3://BUCKET/BATCH."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class WorkOptions:
     VALUES: ClassVar = {"out": "FOLDER", "scratch": "FOLDER"}
     ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
 
-    out: Path = Path()
-    """Folder of the batch."""
+    out: str = "."
+    """Folder of the batch, or URL as s3://BUCKET/BATCH."""
     index: int = 0
     """Row of the log in the manifest, from 0."""
     attempt: int = 1
@@ -93,8 +93,8 @@ class StatusOptions:
     POSITIONALS: ClassVar = ("out",)
     VALUES: ClassVar = {"out": "FOLDER"}
 
-    out: Path = Path()
-    """Folder of the batch."""
+    out: str = "."
+    """Folder of the batch, or URL as s3://BUCKET/BATCH."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,9 @@ class RunOptions:
     }
     ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
 
-    out: Path = Path()
-    """Folder of the batch; every machine of the cluster sees it under this path."""
+    out: str = "."
+    """Folder of the batch, which every machine of the cluster sees under this path, or URL as
+    s3://BUCKET/BATCH."""
     address: str = "local"
     """The Ray cluster: one of its own on this machine, or one that is there."""
     cpus: float = 1.0
@@ -166,10 +167,10 @@ class ReportOptions:
     POSITIONALS: ClassVar = ("out",)
     VALUES: ClassVar = {"out": "FOLDER", "against": "FOLDER"}
 
-    out: Path = Path()
-    """Folder of the batch."""
-    against: Path | None = None
-    """Folder of an earlier batch of the same logs."""
+    out: str = "."
+    """Folder of the batch, or URL as s3://BUCKET/BATCH."""
+    against: str | None = None
+    """Folder or URL of an earlier batch of the same logs."""
     noise: float = 0.2
     """Growth of a value that counts as noise, as a fraction."""
     worst: int = 10

@@ -9,6 +9,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
+import pytest
+
 BUCKET = "fleet"
 
 
@@ -31,13 +33,28 @@ def object_store() -> Iterator[tuple[str, Any]]:
         server.stop()
 
 
+def reach(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on s3fs, in this process and those that it starts, finds the server at this address."""
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    names = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_DEFAULT_REGION")
+    for name, value in zip(names, ("a", "b", "us-east-1"), strict=True):
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", url)
+    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")  # the client hides fewer faults
+
+
 class Faults:
     """Of all requests for objects each `every`-th is refused, and the next of them ends half-way.
 
-    `ranges`: the ranges that were asked for, by path, as they came.
+    `of_all`: of those that write, list and remove, too. Of writes that end half-way one in two comes to the
+    server whole, and only its answer is lost. `ranges`: the ranges that were asked for, by path, in order.
     """
 
-    def __init__(self, every: int) -> None:
+    def __init__(self, every: int, *, of_all: bool = False) -> None:
+        self.of_all = of_all
+        self._lock = threading.Lock()
         self._turns = itertools.cycle(range(2 * every))
         self._every = every
         self.refused = 0
@@ -46,11 +63,12 @@ class Faults:
 
     def next(self) -> str:
         """What happens to the next request."""
-        turn = next(self._turns)
-        kind = {self._every - 1: "refuse", 2 * self._every - 1: "break"}.get(turn, "pass")
-        self.refused += kind == "refuse"
-        self.broken += kind == "break"
-        return kind
+        with self._lock:
+            turn = next(self._turns)
+            kind = {self._every - 1: "refuse", 2 * self._every - 1: "break"}.get(turn, "pass")
+            self.refused += kind == "refuse"
+            self.broken += kind == "break"
+            return kind
 
 
 @contextmanager
@@ -64,25 +82,34 @@ def faulty(url: str, faults: Faults) -> Iterator[str]:
         def do_GET(self) -> None:
             self._pass_on()
 
-        def do_HEAD(self) -> None:
-            self._pass_on()
+        do_HEAD = do_PUT = do_POST = do_DELETE = do_GET
 
         def log_message(self, format: str, *args: Any) -> None:
             pass
 
         def _pass_on(self) -> None:
             asked = self.headers.get("Range", "")
-            is_object = self.command == "GET" and bool(asked)
+            is_object = faults.of_all or (self.command == "GET" and bool(asked))
             kind = faults.next() if is_object else "pass"
             if is_object:
                 faults.ranges.append((self.path, asked))
+            nbytes = int(self.headers.get("Content-Length", 0))
+            is_cut = kind == "break" and nbytes > 0
+            if is_cut and faults.broken % 2:
+                self.rfile.read(nbytes // 2)
+                self.close_connection = True
+                return
+            sent = self.rfile.read(nbytes)
             if kind == "refuse":
                 self.send_error(503)
                 return
             there = http.client.HTTPConnection(place)
-            there.request(self.command, self.path, headers=dict(self.headers))
+            there.request(self.command, self.path, sent or None, dict(self.headers))
             answer = there.getresponse()
             body = answer.read()
+            if is_cut:
+                self.close_connection = True
+                return
             self.send_response(answer.status)
             for name, value in answer.getheaders():
                 if name.lower() not in ("transfer-encoding", "connection", "content-length"):

@@ -9,15 +9,17 @@ from hsslam_batch.plan.log import Log, write_manifest
 from hsslam_services.run.options import ServeOptions
 
 
-def planned(out: Path, frames: tuple[int, ...] = (100, 200, 0), seed: int = 0) -> Batch:
+def planned(
+    out: Path, frames: tuple[int, ...] = (100, 200, 0), seed: int = 0, url: str = ""
+) -> Batch:
     """A batch of logs with so many frames; their names are log0, log1, ..., their ids id0, id1, ..."""
-    out.mkdir(exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     logs = [
         Log(k, f"id{k}", f"log{k}", "mcap", f"/logs/log{k}", 1000, "1", n)
         for k, n in enumerate(frames)
     ]
     write_manifest(out, logs)
-    return write_batch(out, ServeOptions(seed=seed), "/logs")
+    return write_batch(out, ServeOptions(seed=seed), "/logs", url)
 
 
 def outcome(batch: Batch, index: int, kind: Kind = "done", **fields: Any) -> Outcome:

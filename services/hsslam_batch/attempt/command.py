@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import msgspec
 
 from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.look_up import look_up
 from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
-from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.batch import folder_of, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
@@ -27,13 +28,18 @@ def work_command(args: Sequence[str]) -> int:
         UserError: no batch there, no such log, or other code than it was planned with.
     """
     options = parse_options(WorkOptions, "hsslam-batch work", args)
-    batch = read_batch(options.out)
+    before = None
+    if is_remote := bool(folder_of(options.out)[1]):
+        batch, before = look_up(options.out, options.index)
+    else:
+        batch = read_batch(options.out)
     batch.expect_same_code()
     logs = read_manifest(batch.out)
     if options.index >= len(logs):
         raise UserError(f"--index {options.index}: expected 0 to {len(logs) - 1}")
     log = logs[options.index]
-    before = settled(batch, log.id)
+    if not is_remote:
+        before = settled(batch, log.id)
     if before is not None and before.is_done:
         _tell(options.json, before)
         return 0

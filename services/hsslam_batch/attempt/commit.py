@@ -3,12 +3,15 @@
 import contextlib
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.attempt import store_results
+from hsslam_batch.attempt.outcome import Outcome, encoded
 from hsslam_batch.plan.batch import DONE, Batch
+from hsslam_batch.plan.log import Log
 from hsslam_node.durable_file import sync_folder, write_durably
 
 
@@ -18,6 +21,9 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
     Raises:
         OSError: the folder of the batch cannot be written.
     """
+    if batch.store is not None:
+        store_results.commit(batch, batch.store, outcome, run_dir)
+        return
     target = batch.run_dir(outcome.id)
     if _is_done(batch, outcome):
         return
@@ -26,7 +32,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
     run_dir.rename(target)
     sync_folder(target.parent)
     _link_recordings(target, batch.rrd_file(outcome.id))
-    write_durably(batch.done_file(outcome.id), _encoded(outcome))
+    write_durably(batch.done_file(outcome.id), encoded(outcome))
     batch.failed_file(outcome.id).unlink(missing_ok=True)
 
 
@@ -36,22 +42,44 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
     Raises:
         OSError: the folder of the batch cannot be written.
     """
+    if batch.store is not None:
+        store_results.settle_failed(batch, batch.store, outcome)
+        return
     if _is_done(batch, outcome):
         return
     _remove(batch.run_dir(outcome.id))
     path = batch.failed_file(outcome.id)
     path.parent.mkdir(exist_ok=True)
-    write_durably(path, _encoded(outcome))
+    write_durably(path, encoded(outcome))
 
 
 def settled(batch: Batch, log_id: str) -> Outcome | None:
-    """The row of a log under the configuration of now; None if it has none."""
+    """The row of a log under the configuration of now; None if it has none.
+
+    Raises:
+        OSError: the store of the batch fails.
+    """
+    if batch.store is not None:
+        return store_results.settled(batch, batch.store, [log_id]).get(log_id)
     for path in (batch.done_file(log_id), batch.failed_file(log_id)):
         with contextlib.suppress(OSError, msgspec.MsgspecError):
             outcome = msgspec.json.decode(path.read_bytes(), type=Outcome)
             if outcome.configuration == batch.about.configuration:
                 return outcome
     return None
+
+
+def all_settled(batch: Batch, logs: Sequence[Log]) -> dict[str, Outcome]:
+    """The rows of all logs that have one, by id.
+
+    Raises:
+        UserError: the store of the batch fails.
+    """
+    ids = [log.id for log in logs]
+    with batch.expect_writable():
+        if batch.store is not None:
+            return store_results.settled(batch, batch.store, ids)
+        return {log_id: row for log_id in ids if (row := settled(batch, log_id))}
 
 
 def _is_done(batch: Batch, outcome: Outcome) -> bool:
@@ -77,7 +105,3 @@ def _link_recordings(run_dir: Path, first: Path) -> None:
             os.link(recording, link)
         except OSError:
             shutil.copyfile(recording, link)
-
-
-def _encoded(outcome: Outcome) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(outcome))

@@ -32,7 +32,7 @@ _WHOLE = ".whole"
 def main() -> int:
     """Fetch; exit code 0 if the log is there, 2 if it is not what was planned or too large."""
     out, index, folder, most_gb = sys.argv[1:]
-    return exit_code(lambda: _fetch(Path(out), int(index), Path(folder), float(most_gb)))
+    return exit_code(lambda: _fetch(out, int(index), Path(folder), float(most_gb)))
 
 
 def fetched_place(folder: Path, log: Log) -> Path:
@@ -75,7 +75,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
                 one.result()
 
 
-def _fetch(out: Path, index: int, folder: Path, most_gb: float) -> None:
+def _fetch(out: str, index: int, folder: Path, most_gb: float) -> None:
     fetch_log(read_manifest(read_batch(out).out)[index], folder, most_gb)
 
 

@@ -75,6 +75,11 @@ ENDS: Mapping[str, int] = MappingProxyType({"done": 0, "bad input": 2})
 """Exit code of `hsslam-batch work` by kind; all others 3."""
 
 
+def encoded(outcome: Outcome) -> bytes:
+    """The row as a file of its own."""
+    return msgspec.json.format(msgspec.json.encode(outcome))
+
+
 def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of an outcome that `summary.json` of a run has."""
     frames, evaluation = summary.get("frames", {}), summary.get("evaluation", {})

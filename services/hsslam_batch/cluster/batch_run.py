@@ -94,7 +94,7 @@ class BatchRun:
 
 def work_words(batch: Batch, options: RunOptions, one: Try) -> list[str]:
     """The arguments of `hsslam-batch work` for an attempt."""
-    words = [str(batch.out), "--index", str(one.index), "--attempt", str(one.attempt)]
+    words = [batch.place, "--index", str(one.index), "--attempt", str(one.attempt)]
     given = {
         "--memory": options.memory_gb,
         "--timeout": options.timeout_s,

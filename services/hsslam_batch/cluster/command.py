@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from types import FrameType
 
-from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
 from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
@@ -37,11 +37,13 @@ def run_command(args: Sequence[str]) -> int:
     options = parse_options(RunOptions, "hsslam-batch run", args)
     batch = read_batch(options.out)
     logs = read_manifest(batch.out)
-    found = {log.index: settled(batch, log.id) for log in logs}
+    rows = all_settled(batch, logs)
+    found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        if not (batch.out / RUNS).exists():
-            write_runs(batch, logs)
+        if batch.url or not (batch.out / RUNS).exists():
+            with batch.expect_writable():
+                write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
     batch.expect_same_code()
@@ -115,7 +117,7 @@ def _alone(batch: Batch) -> Iterator[None]:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UserError(f"{batch.out}: another hsslam-batch run is at work on it") from None
+            raise UserError(f"{batch.place}: another hsslam-batch run is at work on it") from None
         except OSError:
             pass  # a file system without locks
         yield

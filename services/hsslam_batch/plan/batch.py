@@ -7,24 +7,32 @@ OUT/runs/ID/            the run folder of a log; `_DONE.json`, its row, was writ
 OUT/rrd/ID.rrd          its recording for rerun
 OUT/failed/ID.json      the row of a log that has no result
 OUT/.work/ID.N/         the N-th attempt at a log, while it goes on
+
+If OUT is in a store, the plan has a copy on each machine, and attempts lie there while they go on.
 """
 
 import contextlib
+import functools
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import msgspec
 
+from hsslam_batch.plan.remote_listing import is_url
+from hsslam_batch.plan.store import Store
 from hsslam_node import __version__
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
+from hsslam_node.kernels.cache_folder import cache_root
 from hsslam_services.run.config_file import CONFIG_FILE, config_text
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.summary import source_commit
 
 DONE = "_DONE.json"
+MANIFEST = "manifest.parquet"
 _FILE = "batch.json"
 _DIGEST_BYTES = 8
 
@@ -39,10 +47,38 @@ class BatchFile(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Batch:
-    """A planned batch."""
+    """A planned batch. `out`: its folder, of this machine; `url`: where results go instead, if any."""
 
     out: Path
     about: BatchFile
+    url: str = ""
+
+    @property
+    def place(self) -> str:
+        """Where the batch is, as users name it."""
+        return self.url or str(self.out)
+
+    @functools.cached_property
+    def store(self) -> Store | None:
+        """Where results go; None: to the folder.
+
+        Raises:
+            UserError: no such kind of URL, or the package for it is missing.
+        """
+        return Store(self.url) if self.url else None
+
+    def name(self, path: Path) -> str:
+        """The name in the store of what lies at a path of the folder."""
+        return path.relative_to(self.out).as_posix()
+
+    def publish(self, name: str) -> None:
+        """Bring a file of the folder to the store, if results go to one.
+
+        Raises:
+            OSError: the store fails.
+        """
+        if self.store is not None:
+            self.store.write(name, (self.out / name).read_bytes())
 
     @property
     def config(self) -> Path:
@@ -80,8 +116,9 @@ class Batch:
         try:
             yield
         except OSError as error:
+            reason = error.strerror or str(error)
             raise UserError(
-                f"{self.out}: {error.strerror}: expected a folder that can be written"
+                f"{self.place}: {reason}: expected a folder that can be written"
             ) from None
 
     def expect_same_code(self) -> None:
@@ -90,7 +127,7 @@ class Batch:
         """
         if self.about.code != code():
             raise UserError(
-                f"{self.out}: was planned with {self.about.code}, this is {code()}: expected the same "
+                f"{self.place}: was planned with {self.about.code}, this is {code()}: expected the same "
                 "code, or a new plan"
             )
 
@@ -100,27 +137,83 @@ def code() -> str:
     return " ".join(part for part in (__version__, source_commit()) if part)
 
 
-def write_batch(out: Path, options: ServeOptions, logs: str) -> Batch:
+def folder_of(out: str) -> tuple[Path, str]:
+    """The folder of this machine for a batch, and its URL; a `file://` URL is a folder and no URL.
+
+    Raises:
+        UserError: a `file://` URL of another machine.
+    """
+    if not is_url(out):
+        return Path(out).expanduser().absolute(), ""
+    parts = urlsplit(out)
+    if parts.scheme == "file":
+        if parts.netloc not in ("", "localhost") or not parts.path:
+            raise UserError(f"{out}: expected a folder as file:///FOLDER")
+        return Path(unquote(parts.path)), ""
+    url = out.rstrip("/")
+    digest = hashlib.blake2b(url.encode(), digest_size=_DIGEST_BYTES).hexdigest()
+    return cache_root() / "batch" / digest, url
+
+
+def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> Batch:
     """Write the configuration: `options` without source and run folder.
 
     Raises:
-        OSError: the folder cannot be written.
+        OSError: the folder or the store cannot be written.
     """
     text = config_text(options)
     digest = hashlib.blake2b(f"{code()}\n{text}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
-    batch = Batch(out, BatchFile(digest, code(), logs))
+    batch = Batch(out, BatchFile(digest, code(), logs), url)
     write_durably(batch.config, text.encode())
     write_durably(out / _FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
+    for name in (MANIFEST, CONFIG_FILE, _FILE):
+        batch.publish(name)
     return batch
 
 
-def read_batch(out: Path) -> Batch:
-    """The batch of a folder.
+def read_batch(out: str) -> Batch:
+    """The batch of a folder or URL; of a URL its plan is brought here.
 
     Raises:
-        UserError: the folder holds none, or one of another version.
+        UserError: the folder holds none, or one of another version; the store fails.
     """
-    out = out.absolute()
+    folder, url = folder_of(out)
+    if url:
+        _bring_plan(Store(url), folder)
+    return _batch_in(folder, url)
+
+
+def mirrored_batch(out: str) -> Batch:
+    """The batch of a URL whose plan was brought here; asks the store nothing.
+
+    Raises:
+        UserError: its plan is not here.
+    """
+    return _batch_in(*folder_of(out))
+
+
+def _bring_plan(store: Store, folder: Path) -> None:
+    names = (MANIFEST, CONFIG_FILE, _FILE)
+    try:
+        found = store.read_all(names)
+    except OSError as error:
+        raise UserError(f"{error}: expected a store that can be read") from None
+    for name in names:
+        if name not in found:
+            raise UserError(
+                f"{store.url}/{name}: no such file: expected a folder of hsslam-batch plan"
+            )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            write_durably(folder / name, found[name])
+    except OSError as error:
+        raise UserError(
+            f"{folder}: {error.strerror}: expected a cache that can be written (XDG_CACHE_HOME)"
+        ) from None
+
+
+def _batch_in(out: Path, url: str) -> Batch:
     try:
         about = msgspec.json.decode((out / _FILE).read_bytes(), type=BatchFile)
     except OSError as error:
@@ -129,4 +222,4 @@ def read_batch(out: Path) -> Batch:
         ) from None
     except msgspec.MsgspecError as error:
         raise UserError(f"{out / _FILE}: {error}: expected a file of hsslam-batch plan") from None
-    return Batch(out, about)
+    return Batch(out, about, url)

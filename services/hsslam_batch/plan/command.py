@@ -1,6 +1,5 @@
 """`hsslam-batch plan`: finds logs, checks the options of their runs, writes both down."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from hsslam_batch.options import PlanOptions
-from hsslam_batch.plan.batch import write_batch
+from hsslam_batch.plan.batch import folder_of, write_batch
 from hsslam_batch.plan.find_logs import find_logs, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.log import write_manifest
@@ -20,7 +19,6 @@ from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-batch plan"
 _OUT = "--out"
-_LOOKS_LIKE_URL = re.compile(r"\w+:/")  # as a path, s3://B is s3:/B
 _OF_EACH_RUN = ("source", "out", "zenoh_port", "bind", "security", "metrics_port", "ros2_out")
 
 
@@ -33,12 +31,11 @@ def plan_command(args: Sequence[str]) -> None:
     """
     own, of_serve = _split(args)
     options = parse_options(PlanOptions, _PROG, own)
-    if not options.logs or options.out == Path():
-        raise UserError(f"plan {' '.join(args)}: expected LOGS --out FOLDER")
+    if not options.logs or not options.out:
+        raise UserError(f"plan {' '.join(args)}: expected LOGS --out OUT")
     serve = run_options(of_serve)
-    if _LOOKS_LIKE_URL.match(str(options.out)):
-        raise UserError(f"--out {options.out}: expected a folder: results go to a file system")
-    out = options.out.expanduser().absolute()
+    out, url = folder_of(options.out)
+    place = url or out
     found = find_logs(_listing(options.logs, out))
     columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
     with terminal_progress(*columns) as progress:
@@ -47,11 +44,10 @@ def plan_command(args: Sequence[str]) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         write_manifest(out, logs)
-        batch = write_batch(out, serve, options.logs)
+        batch = write_batch(out, serve, options.logs, url)
     except OSError as error:
-        raise UserError(
-            f"--out {out}: {error.strerror}: expected a folder that can be written"
-        ) from None
+        reason = error.strerror or str(error)
+        raise UserError(f"--out {place}: {reason}: expected a folder that can be written") from None
     nbytes, frames = sum(log.nbytes for log in logs), sum(log.frames for log in logs)
     print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
     if unknown := sum(not log.frames for log in logs):

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from hsslam_batch.plan.batch import MANIFEST
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError
 
-MANIFEST = "manifest.parquet"
 _DIGEST_BYTES = 8
 
 

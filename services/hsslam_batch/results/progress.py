@@ -1,5 +1,6 @@
 """The progress of a batch while it goes on: a bar for people, `progress.jsonl` for machines."""
 
+import math
 import sys
 import time
 from collections.abc import Mapping
@@ -22,12 +23,17 @@ class BatchProgress:
     """Shows and writes what happens; a line of `progress.jsonl` has the counts after its event.
 
     Raises:
-        OSError: the folder of the batch cannot be written.
+        OSError: the folder or the store of the batch cannot be written.
     """
 
     def __init__(self, batch: Batch, tally: Tally) -> None:
         self.tally = tally
+        self._batch = batch
+        if batch.store is not None:
+            before = batch.store.read_all([PROGRESS]).get(PROGRESS, b"")
+            (batch.out / PROGRESS).write_bytes(before)
         self._file = (batch.out / PROGRESS).open("ab", buffering=0)
+        self._published_s = -math.inf
         columns = (BarColumn(), TextColumn("{task.description}", markup=False))
         self._bar = terminal_progress(*columns)
         self._task = self._bar.add_task("", total=tally.frames)
@@ -87,3 +93,6 @@ class BatchProgress:
         counts = ("logs", "done", "failed", "left", "tried_again", "frames", "frames_done")
         line |= {name: getattr(tally, name) for name in counts}
         self._file.write(msgspec.json.encode(line | {"rest_s": tally.rest_s()}) + b"\n")
+        if event == "end" or time.monotonic() - self._published_s >= _LINE_EVERY_S:
+            self._published_s = time.monotonic()
+            self._batch.publish(PROGRESS)

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -36,7 +35,7 @@ def report_command(args: Sequence[str]) -> int:
     return _show_changes(before, rows, options, console)
 
 
-def _rows(out: Path) -> list[Row]:
+def _rows(out: str) -> list[Row]:
     batch = read_batch(out)
     with batch.expect_writable():
         write_runs(batch, read_manifest(batch.out))

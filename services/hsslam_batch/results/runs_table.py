@@ -7,8 +7,9 @@ from typing import Any
 
 import msgspec
 
-from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
 from hsslam_node.durable_file import durable_file
@@ -28,16 +29,19 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
     """Write the table of all logs that are done or failed; paths are relative to the folder of the batch.
 
     Raises:
-        OSError: the folder cannot be written.
+        OSError: the folder or the store cannot be written.
+        UserError: the store cannot be read.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = [_row(batch, log, outcome) for log in logs if (outcome := settled(batch, log.id))]
+    settled = all_settled(batch, logs)
+    rows = [_row(batch, log, settled[log.id]) for log in logs if log.id in settled]
     path = batch.out / RUNS
     with durable_file(path) as partial:
         table = pa.Table.from_pylist(rows, schema=_schema(pa))
         pq.write_table(table, partial, compression="zstd")
+    batch.publish(RUNS)
     return path
 
 
@@ -59,18 +63,27 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
 
 
 def _row(batch: Batch, log: Log, outcome: Outcome) -> dict[str, Any]:
-    run_dir, rrd = batch.run_dir(log.id), batch.rrd_file(log.id)
-    files = {name: run_dir / file for name, file in _ARTEFACTS.items()} | {"rrd": rrd}
     return {
         **msgspec.structs.asdict(outcome),
         "index": log.index,
         "source": log.source,
         "log_bytes": log.nbytes,
-        **{
-            name: str(path.relative_to(batch.out)) if outcome.is_done and path.exists() else None
-            for name, path in files.items()
-        },
+        **_files(batch, log, outcome),
     }
+
+
+def _files(batch: Batch, log: Log, outcome: Outcome) -> dict[str, str | None]:
+    """Where results of a log lie, below the folder or the URL of the batch; None: not there."""
+    run_dir = batch.run_dir(log.id)
+    if isinstance(outcome, StoredOutcome):
+        run_dir /= outcome.folder
+        there = {run_dir / file for file in outcome.files}
+        paths = {name: run_dir / file for name, file in (*_ARTEFACTS.items(), ("rrd", "run.rrd"))}
+        return {name: batch.name(path) if path in there else None for name, path in paths.items()}
+    paths = {name: run_dir / file for name, file in _ARTEFACTS.items()}
+    paths["rrd"] = batch.rrd_file(log.id)
+    is_done = outcome.is_done
+    return {n: batch.name(p) if is_done and p.exists() else None for n, p in paths.items()}
 
 
 def _schema(pa: Any) -> Any:

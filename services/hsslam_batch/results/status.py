@@ -4,7 +4,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 
-from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.options import StatusOptions
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
@@ -22,10 +22,11 @@ def status_command(args: Sequence[str]) -> int:
     options = parse_options(StatusOptions, "hsslam-batch status", args)
     batch = read_batch(options.out)
     logs = read_manifest(batch.out)
+    rows = all_settled(batch, logs)
     counts: Counter[str] = Counter()
     frames = 0
     for log in logs:
-        outcome = settled(batch, log.id)
+        outcome = rows.get(log.id)
         state = "left" if outcome is None else "done" if outcome.is_done else "failed"
         counts[state] += 1
         if outcome is not None and outcome.is_done:

@@ -13,7 +13,7 @@ from hsslam_batch.plan.find_logs import find_logs
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.remote_listing import list_url
 from hsslam_node.errors import UserError
-from tests.batch.object_store import BUCKET, Faults, faulty, object_store
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 
 _LOGS = f"s3://{BUCKET}/logs"
 _OBJECTS = {
@@ -43,14 +43,7 @@ def store(server, monkeypatch: pytest.MonkeyPatch):
     """Its client, and a function that sets the address where logs are looked for."""
 
     def look_at(url: str) -> None:
-        import s3fs
-
-        s3fs.S3FileSystem.clear_instance_cache()
-        names = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_DEFAULT_REGION")
-        for name, value in zip(names, ("a", "b", "us-east-1"), strict=True):
-            monkeypatch.setenv(name, value)
-        monkeypatch.setenv("AWS_ENDPOINT_URL", url)
-        monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")  # the client hides fewer faults
+        reach(url, monkeypatch)
 
     look_at(server[0])
     return server[1], look_at, server[0]

@@ -1,15 +1,19 @@
 """`hsslam-batch work` makes the run that a user makes by hand, and says why a log has none."""
 
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hsslam_batch.attempt.commit import settled
+from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.small_logs import QUICK, write_small_log
 
 pytestmark = pytest.mark.e2e
@@ -23,11 +27,11 @@ def batch(tmp_path: Path) -> Batch:
     log = write_small_log(tmp_path / "logs" / "a-damaged")
     log.write_bytes(b"no log" + log.read_bytes())
     plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
-    return read_batch(tmp_path / "out")
+    return read_batch(str(tmp_path / "out"))
 
 
 def _work(batch: Batch, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hsslam_batch", "work", str(batch.out), *options]
+    command = [sys.executable, "-m", "hsslam_batch", "work", batch.place, *options]
     return subprocess.run(command, capture_output=True, text=True, timeout=_LONG_S)
 
 
@@ -62,3 +66,39 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     assert settled(batch, good.id) == outcome  # nothing ran
     beyond = _work(batch, "--index", "2")
     assert beyond.returncode == 2 and "--index 2: expected 0 to 1" in beyond.stderr
+
+
+def test_a_batch_in_a_store_has_the_same_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_small_log(tmp_path / "logs" / "good")
+    with object_store() as (server, client), faulty(server, Faults(5, of_all=True)) as address:
+        reach(address, monkeypatch)
+        batches = []
+        for out in (str(tmp_path / "out"), f"s3://{BUCKET}/out"):
+            plan_command([str(tmp_path / "logs"), "--out", out, *QUICK])
+            batches.append(read_batch(out))
+            done = _work(batches[-1], "--index", "0")
+            assert (done.returncode, done.stdout) == (0, "good: done, 6 of 6 frames tracked\n")
+        local, remote = batches
+        try:
+            again = _work(remote, "--index", "0")  # at once: it makes no run
+            assert (again.returncode, again.stdout) == (done.returncode, done.stdout)
+            (log,) = read_manifest(remote.out)
+            row, here = settled(remote, log.id), settled(local, log.id)
+            assert isinstance(row, StoredOutcome) and here
+            assert (row.attempt, row.frames, row.mesh_faces) == (1, here.frames, here.mesh_faces)
+            files = {p.relative_to(local.run_dir(log.id)).as_posix() for p in _files(local, log.id)}
+            assert {*row.files} == files - {"_DONE.json"}
+            for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt", "mesh.ply"):
+                key = f"out/runs/{log.id}/{row.folder}/{name}"
+                made = client.get_object(Bucket=BUCKET, Key=key)["Body"].read()
+                assert made == (local.run_dir(log.id) / name).read_bytes()
+            assert not list(remote.work.iterdir())
+            bad = _work(remote, "--index", "7")
+            assert (bad.returncode, bad.stderr) == (2, "error: --index 7: expected 0 to 0\n")
+        finally:
+            shutil.rmtree(remote.out)
+
+
+def _files(batch: Batch, log_id: str) -> Iterator[Path]:
+    """All files of the result of a log."""
+    return (path for path in batch.run_dir(log_id).rglob("*") if path.is_file())

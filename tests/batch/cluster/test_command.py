@@ -43,9 +43,9 @@ def test_what_waits_and_with_which_attempt(batch: Batch):
         3: outcome(batch, 3, "crash", attempt=2),
         4: outcome(batch, 4, "crash", attempt=3),
     }
-    options = RunOptions(out=batch.out, retries=2)
+    options = RunOptions(out=str(batch.out), retries=2)
     assert list(waiting_tries(found, options)) == [Try(2), Try(3, 3)]
-    once_more = RunOptions(out=batch.out, retries=2, failed=True)
+    once_more = RunOptions(out=str(batch.out), retries=2, failed=True)
     assert list(waiting_tries(found, once_more)) == [Try(1), Try(2), Try(3), Try(4)]
 
 

@@ -35,7 +35,7 @@ def batch(tmp_path: Path) -> Batch:
     log = write_small_log(tmp_path / "logs" / "damaged", count=1)
     log.write_bytes(b"no log" + log.read_bytes())
     plan_command([str(tmp_path / "logs"), "--out", str(tmp_path / "out"), *QUICK])
-    return read_batch(tmp_path / "out")
+    return read_batch(str(tmp_path / "out"))
 
 
 def _start(batch: Batch, *options: str) -> subprocess.Popen[str]:

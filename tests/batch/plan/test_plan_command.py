@@ -22,7 +22,7 @@ def logs(tmp_path: Path) -> Path:
 
 def _plan(logs: Path, out: Path, *options: str):
     plan_command([str(logs), "--out", str(out), *options])
-    return read_batch(out)
+    return read_batch(str(out))
 
 
 def test_manifest_and_options_are_written(
@@ -68,14 +68,16 @@ def test_a_wrong_option_ends_the_plan(logs: Path, tmp_path: Path, options: list[
 
 
 def test_folders_that_are_none(tmp_path: Path):
-    with pytest.raises(UserError, match="expected LOGS --out FOLDER"):
+    with pytest.raises(UserError, match="expected LOGS --out OUT"):
         plan_command([str(tmp_path)])
-    with pytest.raises(UserError, match=r"--out s3:/bucket/out: expected a folder"):
-        plan_command([str(tmp_path), "--out", "s3://bucket/out"])
+    with pytest.raises(UserError, match=r"^file://there/out: expected a folder as file:///FOLDER"):
+        plan_command([str(tmp_path), "--out", "file://there/out"])
+    with pytest.raises(UserError, match=r"^ftq://a: .*expected a URL as s3://"):
+        read_batch("ftq://a")
     with pytest.raises(
         UserError, match=r"batch.json: No such file .*: expected a folder of hsslam"
     ):
-        read_batch(tmp_path)
+        read_batch(str(tmp_path))
     (tmp_path / "manifest.parquet").write_bytes(b"no table")
     with pytest.raises(UserError, match="expected a file of hsslam-batch plan"):
         read_manifest(tmp_path)

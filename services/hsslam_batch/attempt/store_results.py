@@ -1,0 +1,92 @@
+"""Results in a store: each attempt has a folder of its own, and the first whose row is there is the result.
+
+A store renames nothing, so the files of an attempt go to `runs/ID/ATTEMPT.TOKEN/`, and `runs/ID/_DONE.json`,
+which names that folder, is created last. Only one attempt can create it, so files of two never mix.
+"""
+
+import contextlib
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from hsslam_batch.attempt.outcome import Outcome, encoded
+from hsslam_batch.plan.batch import DONE, Batch
+from hsslam_batch.plan.store import Store
+
+_TOKEN_BYTES = 4
+
+
+class StoredOutcome(Outcome, frozen=True, kw_only=True):
+    """A row in a store: the folder of the attempt, below that of the log, and all files in it."""
+
+    folder: str
+    files: tuple[str, ...]
+
+
+def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
+    """Upload a run folder and make it the result of its log, if no other attempt has one.
+
+    Raises:
+        OSError: the store fails; nothing counts then.
+    """
+    if _withdraw_stale(batch, store, outcome):
+        return
+    base, row_name = batch.name(batch.run_dir(outcome.id)), batch.name(batch.done_file(outcome.id))
+    folder = f"{outcome.attempt}.{secrets.token_hex(_TOKEN_BYTES)}"
+    files = store.upload(run_dir, f"{base}/{folder}")
+    found = msgspec.structs.asdict(outcome) | {"folder": folder, "files": tuple(files)}
+    if not store.create(row_name, encoded(StoredOutcome(**found))):
+        store.remove(f"{base}/{folder}/{name}" for name in files)
+        return
+    kept = (DONE, f"{folder}/")
+    store.remove(f"{base}/{n}" for n in store.sizes(base) if not n.startswith(kept))
+    store.remove([batch.name(batch.failed_file(outcome.id))])
+
+
+def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:
+    """Write down why a log has no result, if no attempt has one.
+
+    Raises:
+        OSError: the store fails.
+    """
+    if not _withdraw_stale(batch, store, outcome):
+        store.write(batch.name(batch.failed_file(outcome.id)), encoded(outcome))
+
+
+def settled(batch: Batch, store: Store, ids: Iterable[str]) -> dict[str, Outcome]:
+    """The rows of logs under the configuration of now, by id; those without one are left out.
+
+    Raises:
+        OSError: the store fails.
+    """
+    done = {batch.name(batch.done_file(log_id)): log_id for log_id in ids}
+    found = _rows(batch, store, done, StoredOutcome)
+    failed = {
+        batch.name(batch.failed_file(log_id)): log_id
+        for log_id in done.values()
+        if log_id not in found
+    }
+    return _rows(batch, store, failed, Outcome) | found
+
+
+def _rows(
+    batch: Batch, store: Store, names: dict[str, str], kind: type[Outcome]
+) -> dict[str, Outcome]:
+    rows: dict[str, Outcome] = {}
+    for name, data in store.read_all(names).items():
+        with contextlib.suppress(msgspec.MsgspecError):
+            row = msgspec.json.decode(data, type=kind)
+            if row.configuration == batch.about.configuration:
+                rows[names[name]] = row
+    return rows
+
+
+def _withdraw_stale(batch: Batch, store: Store, outcome: Outcome) -> bool:
+    """Whether the log is done; a result of another configuration counts no more afterwards."""
+    found = settled(batch, store, [outcome.id]).get(outcome.id)
+    if found is not None and found.is_done:
+        return True
+    store.remove([batch.name(batch.done_file(outcome.id))])
+    return False

@@ -1,0 +1,120 @@
+"""A folder in a store that fsspec knows; a request that fails is made again."""
+
+import contextlib
+import functools
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+from hsslam_batch.plan.remote_listing import open_store
+
+_TRIES = 6  # of one request
+_FIRST_WAIT_S = 0.2  # doubled after each
+_AT_ONCE = 8  # files
+
+_Answer = TypeVar("_Answer")
+
+
+class Store:
+    """The folder; names are paths below it.
+
+    All methods raise OSError if the store refuses a request, or does not answer, try after try.
+
+    Raises:
+        UserError: no such kind of URL, or the package for it is missing.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        self._files, self._root = open_store(url)
+
+    def read(self, name: str) -> bytes:
+        """The content of a file; FileNotFoundError if there is none."""
+        return self._tried(name, lambda: self._files.cat_file(self._path(name)))
+
+    def read_all(self, names: Iterable[str]) -> dict[str, bytes]:
+        """The contents of those files that are there, many at once."""
+        left = {self._path(name): name for name in names}
+        found: dict[str, bytes] = {}
+
+        def read_left() -> None:
+            paths, all_of = list(left), [None] * len(left)
+            failure = None
+            answers = self._files.cat_ranges(paths, all_of, all_of, on_error="return")
+            for path, answer in zip(paths, answers, strict=True):
+                if isinstance(answer, bytes):
+                    found[left.pop(path)] = answer
+                elif isinstance(answer, FileNotFoundError):
+                    del left[path]
+                else:
+                    failure = answer
+            if failure is not None:
+                raise failure
+
+        self._tried("", read_left)
+        return found
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a whole file; who reads it meanwhile finds the old content."""
+        self._tried(name, lambda: self._files.pipe_file(self._path(name), data))
+
+    def create(self, name: str, data: bytes) -> bool:
+        """Write a whole file if there is none; whether its content is this one afterwards."""
+        try:
+            self._tried(name, lambda: self._files.pipe_file(self._path(name), data, mode="create"))
+        except FileExistsError:  # perhaps ours, of a request whose answer was lost
+            return self.read(name) == data
+        return True
+
+    def upload(self, folder: Path, name: str) -> list[str]:
+        """Bring all files of a folder of this machine below `name`; their paths below it, sorted."""
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        names = [path.relative_to(folder).as_posix() for path in paths]
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            list(pool.map(self._put, paths, (f"{name}/{below}" for below in names)))
+        sizes = {below: path.stat().st_size for below, path in zip(names, paths, strict=True)}
+        if (there := self.sizes(name)) != sizes:
+            wrong = min(k for k in there.keys() | sizes.keys() if there.get(k) != sizes.get(k))
+            raise OSError(f"{self.url}/{name}/{wrong}: not there as it was uploaded")
+        return names
+
+    def sizes(self, folder: str) -> Mapping[str, int]:
+        """Bytes of all files below a folder, by path below it; empty if there is none."""
+        path = self._path(folder)
+
+        def find() -> dict[str, Any]:
+            self._files.invalidate_cache()
+            return self._files.find(path, detail=True)
+
+        found = self._tried(folder, find)
+        return {name.removeprefix(f"{path}/"): int(about["size"]) for name, about in found.items()}
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove files; those that are not there do not matter."""
+        for name in names:
+            with contextlib.suppress(FileNotFoundError):
+                self._tried(name, functools.partial(self._files.rm_file, self._path(name)))
+
+    def _put(self, path: Path, name: str) -> None:
+        self._tried(name, lambda: self._files.put_file(str(path), self._path(name)))
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}"
+
+    def _tried(self, name: str, request: Callable[[], _Answer]) -> _Answer:
+        """The answer to a request; what the file system itself raises is of many kinds."""
+        wait_s = _FIRST_WAIT_S
+        for last in range(1, _TRIES + 1):
+            try:
+                return request()
+            except (FileNotFoundError, FileExistsError, PermissionError):
+                raise
+            except Exception as error:
+                if last == _TRIES:
+                    reason = next(iter(str(error).splitlines()), type(error).__name__)
+                    raise OSError(f"{self.url}/{name}: {reason}") from error
+            time.sleep(wait_s)
+            wait_s *= 2
+        raise AssertionError

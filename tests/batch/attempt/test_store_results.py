@@ -1,0 +1,158 @@
+"""Results in an object store count from one step on, once and whole, in spite of its faults."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settled
+from hsslam_batch.attempt.store_results import StoredOutcome
+from hsslam_batch.plan import store as store_module
+from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.report import report_command
+from hsslam_batch.results.runs_table import read_runs
+from hsslam_batch.results.status import status_command
+from hsslam_node.errors import UserError
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
+from tests.batch.outcomes import outcome, planned, run_folder
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[tuple[str, Any]]:
+    """An object store."""
+    with object_store() as found:
+        yield found
+
+
+@pytest.fixture
+def plan(server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Batch]:
+    """Plans a batch in the store, in a folder of this test."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(store_module, "_FIRST_WAIT_S", 0.01)
+    reach(server[0], monkeypatch)
+    url = f"s3://{BUCKET}/{tmp_path.name}"
+    return lambda **options: planned(tmp_path / "here", url=url, **options)
+
+
+def _objects(server: tuple[str, Any], batch: Batch, below: str = "") -> dict[str, bytes]:
+    """All that the store has of a batch, by name."""
+    client, prefix = server[1], batch.url.removeprefix(f"s3://{BUCKET}/")
+    listed = client.list_objects_v2(Bucket=BUCKET, Prefix=f"{prefix}/{below}").get("Contents", [])
+    return {
+        one["Key"].removeprefix(f"{prefix}/"): (
+            client.get_object(Bucket=BUCKET, Key=one["Key"])["Body"].read()
+        )
+        for one in listed
+    }
+
+
+def test_rows_and_files_are_those_of_a_folder(plan, server, tmp_path: Path, monkeypatch, capsys):
+    local = planned(tmp_path / "local")
+    faults = Faults(every=5, of_all=True)
+    with faulty(server[0], faults) as address:
+        reach(address, monkeypatch)
+        remote = plan()
+        for batch in (local, remote):
+            for k in range(2):
+                made = outcome(batch, k, tracked=99, frames=100, core_s=2.0)
+                commit(batch, made, run_folder(batch, k, f"poses {k}" * 5000))
+            settle_failed(batch, outcome(batch, 2, "bad input", reason="no log"))
+        assert status_command([remote.url]) == status_command([str(local.out)]) == 3
+        assert report_command([remote.url, "--against", str(local.out)]) == 0
+    assert faults.refused > 2 and faults.broken > 2
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == said[1] == "3 logs: 2 done, 1 failed, 0 left; 200 of 300 frames"
+    reach(server[0], monkeypatch)
+    there = _objects(server, remote)
+    runs = read_runs(read_batch(remote.url).out)
+    (tmp_path / "runs.parquet").write_bytes(there["runs.parquet"])
+    assert read_runs(tmp_path) == runs
+    report_command([str(local.out)])
+    for mine, other in zip(runs, read_runs(local.out), strict=True):
+        for name in ("trajectory", "mesh", "rrd", "map"):
+            mine_at, other_at = mine.pop(name), other.pop(name)
+            assert (mine_at is None) == (other_at is None)
+            if mine_at is not None:
+                assert there[mine_at] == (local.out / other_at).read_bytes()
+        assert mine == other
+
+
+def test_the_first_of_attempts_at_once_stays_whole(plan, server):
+    batch = plan()
+    folders = []
+    for k in range(4):
+        folder = run_folder(batch, 0, f"attempt {k}")
+        folders.append(folder.rename(batch.work / f"run{k}"))
+        folder.parent.rmdir()
+
+    def attempt(k: int) -> None:
+        own = replace(batch)  # a connection of its own
+        commit(own, outcome(batch, 0, attempt=k + 1), folders[k])
+        settle_failed(own, outcome(batch, 0, "lost", attempt=k + 1))
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(attempt, range(4)))
+    row = settled(batch, "id0")
+    assert isinstance(row, StoredOutcome) and row.is_done
+    objects = _objects(server, batch, "runs/")
+    files = {f"runs/id0/{row.folder}/{name}" for name in row.files}
+    assert objects.keys() == {"runs/id0/_DONE.json", *files} and len(row.files) == 4
+    assert {objects[name] for name in files} == {f"attempt {row.attempt - 1}".encode()}
+    assert not _objects(server, batch, "failed/")
+
+
+def test_what_was_uploaded_in_part_does_not_count(plan, server, monkeypatch):
+    batch = plan()
+    run_dir = run_folder(batch, 0)
+    assert batch.store
+    batch.store.upload(run_dir, "runs/id0/1.0123abcd")  # and then its machine is lost
+    left = _objects(server, batch, "runs/")
+    assert len(left) == 4 and settled(batch, "id0") is None
+    monkeypatch.setattr(store_module, "_TRIES", 1)
+    with faulty(server[0], Faults(every=1, of_all=True)) as address:
+        reach(address, monkeypatch)
+        with pytest.raises(OSError, match=r"^s3://"):
+            commit(replace(batch), outcome(batch, 0), run_dir)
+        with pytest.raises(UserError, match=r"^s3://.*: expected a folder that can be written"):
+            all_settled(replace(batch), read_manifest(batch.out))
+    reach(server[0], monkeypatch)
+    batch = replace(batch)
+    commit(batch, outcome(batch, 0, attempt=2), run_dir)
+    row = settled(batch, "id0")
+    assert row and row.attempt == 2
+    assert not left.keys() & _objects(server, batch, "runs/").keys()
+
+
+def test_results_of_another_configuration_are_replaced(plan, server):
+    batch = plan()
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    settle_failed(batch, outcome(batch, 1, "crash"))
+    other = plan(seed=1)
+    assert all_settled(other, read_manifest(other.out)) == {}
+    commit(other, outcome(other, 0, attempt=3), run_folder(other, 3, "other"))
+    row = settled(other, "id0")
+    assert row and row.attempt == 3 and settled(batch, "id0") is None
+    files = {name for name in _objects(server, batch, "runs/id0/") if not name.endswith(".json")}
+    assert len(files) == 4 and all("/3." in name for name in files)
+    settle_failed(other, outcome(other, 0, "lost"))
+    assert settled(other, "id0") == row
+
+
+def test_a_url_without_a_batch_is_one_line(plan, monkeypatch):
+    with pytest.raises(UserError, match=r"^s3://fleet/none/manifest.parquet: no such file: exp"):
+        read_batch(f"s3://{BUCKET}/none")
+    monkeypatch.setattr(store_module, "_TRIES", 1)
+    reach("http://127.0.0.1:9", monkeypatch)
+    with pytest.raises(
+        UserError, match=r"^s3://fleet/none/: .*: expected a store that can be read"
+    ):
+        read_batch(f"s3://{BUCKET}/none")
+
+
+def test_a_file_url_is_a_folder(tmp_path: Path):
+    batch = planned(tmp_path / "with a space")
+    assert read_batch(f"file://{tmp_path}/with%20a%20space") == batch
