@@ -115,6 +115,7 @@ class RunOptions:
     VALUES: ClassVar = {
         "out": "FOLDER",
         "scratch": "FOLDER",
+        "metrics_file": "FILE",
         "address": "local|auto|HOST:PORT|ray://HOST:PORT",
     }
     ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
@@ -140,12 +141,18 @@ class RunOptions:
     """Run at most N logs at once (none: as many as fit)."""
     failed: bool = False
     """Try the logs that failed once more."""
+    metrics_file: Path | None = None
+    """File NAME.prom for the textfile collector of node_exporter, written every 15 s."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cpus < _MOST:
             raise UserError(f"--cpus {self.cpus:g}: expected cores, above 0")
         if self.retries < 0:
             raise UserError(f"--retries {self.retries}: expected 0 or more")
+        if self.metrics_file is not None and self.metrics_file.suffix != ".prom":
+            raise UserError(
+                f"--metrics-file {self.metrics_file}: expected a name that ends in .prom"
+            )
         if self.parallel is not None and self.parallel < 1:
             raise UserError(f"--parallel {self.parallel}: expected 1 or more")
         _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb)

@@ -78,7 +78,7 @@ def _run(
     from hsslam_batch.cluster.connect import connected  # Ray takes a second, and may be missing
     from hsslam_batch.cluster.ray_pool import RayPool, Share
 
-    with connected(options.address), BatchProgress(batch, tally) as progress:
+    with connected(options.address), BatchProgress(batch, tally, options.metrics_file) as progress:
         share = Share(options.cpus, options.memory_gb)
         words = partial(work_words, batch, options)
         pool = RayPool(perform, words, share, options.parallel)

@@ -4,6 +4,7 @@ import math
 import sys
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, TextColumn
 
 from hsslam_batch.attempt.outcome import Outcome
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.results.metrics import MetricsFile
 from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import terminal_progress
 
@@ -26,8 +28,9 @@ class BatchProgress:
         OSError: the folder or the store of the batch cannot be written.
     """
 
-    def __init__(self, batch: Batch, tally: Tally) -> None:
+    def __init__(self, batch: Batch, tally: Tally, metrics_file: Path | None = None) -> None:
         self.tally = tally
+        self._metrics = MetricsFile(metrics_file, batch.about)
         self._batch = batch
         if batch.store is not None:
             before = batch.store.read_all([PROGRESS]).get(PROGRESS, b"")
@@ -52,12 +55,14 @@ class BatchProgress:
         at: TracebackType | None,
     ) -> None:
         self._write("end")
+        self._metrics.write(self.tally, running=0)
         self._bar.stop()
         self._file.close()
 
     def look(self, frames: Mapping[str, int]) -> None:
         """Take in the frames of running logs, by id, and show how far it is."""
         self.tally.run(frames)
+        self._metrics.tick(self.tally, len(frames))
         self._bar.update(
             self._task, completed=self.tally.frames_done, description=self.tally.line()
         )

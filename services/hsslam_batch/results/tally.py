@@ -18,9 +18,11 @@ class Tally:
         self.done = 0
         self.failed = 0
         self.tried_again = 0
+        self.core_s = 0.0
         self._settled_frames = 0.0
         for outcome in settled:
             self.settle(outcome)
+        self.core_s = 0.0  # of logs that end from now on
         self._begun_at_frames = self._settled_frames
         self._begun_s = time.monotonic()
         self._running_frames = 0.0
@@ -44,6 +46,7 @@ class Tally:
         """A log is done or failed for good."""
         self.done += outcome.is_done
         self.failed += not outcome.is_done
+        self.core_s += outcome.core_s
         self._settled_frames += self._frames[outcome.id]
 
     def run(self, frames: Mapping[str, int]) -> None:

@@ -1,0 +1,87 @@
+"""The counts of a batch as metrics of Prometheus, in a file for the textfile collector of node_exporter."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.exposition import generate_latest
+from prometheus_client.registry import CollectorRegistry
+
+from hsslam_batch.plan.batch import BatchFile
+from hsslam_batch.results.tally import Tally
+from hsslam_node.durable_file import write_durably
+
+_EVERY_S = 15.0
+
+
+class MetricsFile:
+    """Writes the file now and then; nothing if `path` is None."""
+
+    def __init__(self, path: Path | None, about: BatchFile) -> None:
+        self._path = path
+        self._about = about
+        self._due_s = 0.0
+
+    def tick(self, tally: Tally, running: int) -> None:
+        """Write the file, if it is time to; `running`: logs that run now.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        if time.monotonic() >= self._due_s:
+            self.write(tally, running)
+
+    def write(self, tally: Tally, running: int) -> None:
+        """Write the file in one step.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        if self._path is None:
+            return
+        self._due_s = time.monotonic() + _EVERY_S
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(_Collector(list(_metrics(self._about, tally, running))))
+        write_durably(self._path, generate_latest(registry))
+
+
+class _Collector:
+    """What the registry asks when it is asked."""
+
+    def __init__(self, metrics: list[Metric]) -> None:
+        self._metrics = metrics
+
+    def describe(self) -> list[Metric]:
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        yield from self._metrics
+
+
+def _metrics(about: BatchFile, tally: Tally, running: int) -> Iterator[Metric]:
+    labels = {"configuration": about.configuration, "code": about.code, "logs": about.logs}
+    yield InfoMetricFamily("hsslam_batch", "What runs", labels)
+    logs = GaugeMetricFamily("hsslam_batch_logs", "Logs by state", labels=["state"])
+    states = {"done": tally.done, "failed": tally.failed, "left": tally.left}
+    for state, count in states.items():
+        logs.add_metric([state], count)
+    yield logs
+    text = "Logs that run, of those that are left"
+    yield GaugeMetricFamily("hsslam_batch_logs_running", text, running)
+    text = "Attempts that failed and were followed by another, since the start of this command"
+    yield CounterMetricFamily("hsslam_batch_attempts_repeated", text, tally.tried_again)
+    yield GaugeMetricFamily("hsslam_batch_frames", "Frames of all logs", tally.frames)
+    text = "Frames of logs that are done or failed, and those of running logs so far"
+    yield GaugeMetricFamily("hsslam_batch_frames_done", text, tally.frames_done)
+    text = "Core time of logs that ended since the start of this command"
+    yield CounterMetricFamily("hsslam_batch_core_seconds", text, tally.core_s)
+    if (rest_s := tally.rest_s()) is not None:
+        yield GaugeMetricFamily("hsslam_batch_rest_seconds", "Time until all logs end", rest_s)
+    text = "When this was written; a batch that has ended or died writes no more"
+    yield GaugeMetricFamily("hsslam_batch_written_timestamp_seconds", text, time.time())

@@ -1,0 +1,45 @@
+"""The metrics of a batch follow its counts, in a file that node_exporter can read at any moment."""
+
+from pathlib import Path
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from hsslam_batch.options import RunOptions
+from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.results.progress import BatchProgress
+from hsslam_batch.results.tally import Tally
+from hsslam_node.errors import UserError
+from tests.batch.outcomes import outcome, planned
+
+
+def _read(path: Path) -> dict[str, float]:
+    """All samples, those of states by name and state."""
+    return {
+        sample.name + sample.labels.get("state", ""): sample.value
+        for family in text_string_to_metric_families(path.read_text())
+        for sample in family.samples
+    }
+
+
+def test_metrics_follow_the_counts(tmp_path: Path):
+    batch = planned(tmp_path / "out", frames=(100, 200, 300))
+    file = tmp_path / "batch.prom"
+    tally = Tally(read_manifest(batch.out), [outcome(batch, 0, core_s=50.0)])
+    with BatchProgress(batch, tally, file) as progress:
+        begun = _read(file)
+        progress.tried_again(outcome(batch, 1, "crash"))
+        progress.settled(outcome(batch, 1, core_s=7.5))
+    ended = _read(file)
+    states = {s: ended[f"hsslam_batch_logs{s}"] for s in ("done", "failed", "left")}
+    assert states == {"done": 2, "failed": 0, "left": 1} and begun["hsslam_batch_logsleft"] == 2
+    assert "hsslam_batch_rest_seconds" not in begun and "hsslam_batch_rest_seconds" in ended
+    assert (ended["hsslam_batch_frames"], ended["hsslam_batch_frames_done"]) == (600, 300)
+    assert ended["hsslam_batch_attempts_repeated_total"] == 1
+    assert ended["hsslam_batch_core_seconds_total"] == 7.5  # not what earlier commands took
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["batch.prom"]
+
+
+def test_a_file_that_the_collector_would_not_read_is_refused():
+    with pytest.raises(UserError, match=r"^--metrics-file batch.txt: expected a name that ends in"):
+        RunOptions(metrics_file=Path("batch.txt"))
