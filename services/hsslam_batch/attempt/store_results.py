@@ -85,8 +85,10 @@ def _rows(
 
 def _withdraw_stale(batch: Batch, store: Store, outcome: Outcome) -> bool:
     """Whether the log is done; a result of another configuration counts no more afterwards."""
+    row_name = batch.name(batch.done_file(outcome.id))
     found = settled(batch, store, [outcome.id]).get(outcome.id)
     if found is not None and found.is_done:
         return True
-    store.remove([batch.name(batch.done_file(outcome.id))])
+    if store.read_all([row_name]):
+        store.remove([row_name])
     return False
