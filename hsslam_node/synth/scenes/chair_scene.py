@@ -1,4 +1,4 @@
-"""The scene of `synth:chair`: the room with a chair that is carried off while the camera looks elsewhere."""
+"""The scene of `synth:chair`; apart from `carried_off.py`, which says what is gone and when."""
 
 from dataclasses import replace
 
