@@ -147,8 +147,8 @@ def test_a_log_that_keeps_little_loses_its_oldest_parts_only(tmp_path):
     found = [logged.message().index for logged in bus_messages(log_parts(tmp_path, print))]
     assert found == list(range(found[0], 2000))
     assert len(found) > 300
-    looks_like = SERVICE_SOURCES[0].looks_like
-    assert looks_like is not None and looks_like(tmp_path)
+    row = next(row for row in SERVICE_SOURCES if row.kind == "mcap")
+    assert row.looks_like(tmp_path)
     line, table = log_info(log_parts(tmp_path, print))
     assert isinstance(line, Text) and isinstance(table, Table)
     parts = len(list(tmp_path.iterdir()))
