@@ -11,11 +11,11 @@ from prometheus_client.core import (
     Metric,
 )
 from prometheus_client.exposition import generate_latest
-from prometheus_client.registry import CollectorRegistry
 
 from hsslam_batch.plan.batch import BatchFile
 from hsslam_batch.results.tally import Tally
 from hsslam_node.durable_file import write_durably
+from hsslam_services.health.metrics_registry import registry_of
 
 _EVERY_S = 15.0
 
@@ -46,22 +46,8 @@ class MetricsFile:
         if self._path is None:
             return
         self._due_s = time.monotonic() + _EVERY_S
-        registry = CollectorRegistry(auto_describe=False)
-        registry.register(_Collector(list(_metrics(self._about, tally, running))))
+        registry = registry_of(list(_metrics(self._about, tally, running)))
         write_durably(self._path, generate_latest(registry))
-
-
-class _Collector:
-    """What the registry asks when it is asked."""
-
-    def __init__(self, metrics: list[Metric]) -> None:
-        self._metrics = metrics
-
-    def describe(self) -> list[Metric]:
-        return []
-
-    def collect(self) -> Iterator[Metric]:
-        yield from self._metrics
 
 
 def _metrics(about: BatchFile, tally: Tally, running: int) -> Iterator[Metric]:

@@ -11,9 +11,9 @@ from prometheus_client.core import (
     StateSetMetricFamily,
 )
 from prometheus_client.exposition import choose_encoder
-from prometheus_client.registry import CollectorRegistry
 
 from hsslam_node import __version__
+from hsslam_services.health.metrics_registry import registry_of
 from hsslam_services.health.run_state import BOUNDS_MS
 from hsslam_services.health.snapshot import Snapshot
 
@@ -22,25 +22,9 @@ _STATES = ("starting", "running", "paused", "stopping")
 
 def exposition(snapshot: Snapshot | None, accept: str = "") -> tuple[bytes, str]:
     """Body and content type, in the format that the header `Accept` asks for."""
-    registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Collector(snapshot))
+    metrics = [] if snapshot is None else [*_of_run(snapshot), *_of_processes(snapshot)]
     encode, content_type = choose_encoder(accept)
-    return encode(registry), content_type
-
-
-class _Collector:
-    """What the registry asks when it is asked."""
-
-    def __init__(self, snapshot: Snapshot | None) -> None:
-        self._snapshot = snapshot
-
-    def describe(self) -> list[Metric]:
-        return []
-
-    def collect(self) -> Iterator[Metric]:
-        if self._snapshot is not None:
-            yield from _of_run(self._snapshot)
-            yield from _of_processes(self._snapshot)
+    return encode(registry_of(metrics)), content_type
 
 
 def _of_run(snapshot: Snapshot) -> Iterator[Metric]:
