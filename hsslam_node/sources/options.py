@@ -65,8 +65,7 @@ class RecordOptions:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 1000):
             raise UserError(f"--record.rate-hz {self.rate_hz}: expected above 0, up to 1000")
-        if not 0 <= self.max_dt_ms <= 1000:
-            raise UserError(f"--record.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+        _expect_max_dt("record", self.max_dt_ms)
 
 
 @dataclass(frozen=True)
@@ -91,14 +90,13 @@ class Ros2Options:
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info"):
             topic = getattr(self, name)
-            if not re.fullmatch(r"/?\w+(/\w+)*", topic) and not (name == "info" and topic == ""):
-                raise UserError(f"--ros2.{name} {topic!r}: expected the name of a topic")
+            if topic or name != "info":
+                _expect_topic(f"--ros2.{name}", topic)
         if not 0 <= self.domain <= 232:
             raise UserError(f"--ros2.domain {self.domain}: expected 0 to 232")
         if not re.fullmatch(r"[a-z]+/\S+", self.connect):
             raise UserError(f"--ros2.connect {self.connect!r}: expected as tcp/127.0.0.1:7447")
-        if not 0 <= self.max_dt_ms <= 1000:
-            raise UserError(f"--ros2.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+        _expect_max_dt("ros2", self.max_dt_ms)
         if not 0 < self.timeout_s <= 3600:
             raise UserError(f"--ros2.timeout-s {self.timeout_s}: expected above 0, up to 3600")
 
@@ -131,10 +129,19 @@ class BagOptions:
     def __post_init__(self) -> None:
         for name in ("color", "depth", "info"):
             topic = getattr(self, name)
-            if topic and not re.fullmatch(r"/?\w+(/\w+)*", topic):
-                raise UserError(f"--bag.{name} {topic!r}: expected the name of a topic")
-        if not 0 <= self.max_dt_ms <= 1000:
-            raise UserError(f"--bag.max-dt-ms {self.max_dt_ms}: expected 0 to 1000")
+            if topic:
+                _expect_topic(f"--bag.{name}", topic)
+        _expect_max_dt("bag", self.max_dt_ms)
+
+
+def _expect_topic(option: str, topic: str) -> None:
+    if not re.fullmatch(r"/?\w+(/\w+)*", topic):
+        raise UserError(f"{option} {topic!r}: expected the name of a topic")
+
+
+def _expect_max_dt(source: str, max_dt_ms: float) -> None:
+    if not 0 <= max_dt_ms <= 1000:
+        raise UserError(f"--{source}.max-dt-ms {max_dt_ms}: expected 0 to 1000")
 
 
 def _below(name: str, topic: str) -> str:
