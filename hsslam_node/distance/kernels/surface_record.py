@@ -5,7 +5,7 @@ Of int8 [nz, ny, nx, 8], the last axis is
 | | |
 |---|---|
 | 0 to 2 | mean place of the surface from the voxel's middle (x, y, z), in 1 / `STEPS` voxels |
-| 3 | weight of that mean, from the hits so far |
+| 3 | weight of that mean: the sum of the weights of its hits, at most 120 |
 | 4 to 6 | normal of the plane through the places about it, towards the cameras, times `UNIT` |
 | 7 | height of that plane above the voxel's middle, along the normal, in 1 / `STEPS` voxels |
 """
