@@ -1,7 +1,5 @@
 """The room with a chair that is carried off: it is seen, it goes unseen, it is not in the truth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,9 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
-from hsslam_node.synth.rendering.renderer import Renderer
 from hsslam_node.synth.rendering.scene_mesh import scene_mesh
 from hsslam_node.synth.scenes.chair_scene import build_chair_scene, chair_scene_poses
+from tests.node.synth.scenes.still_depth import still_depth
 
 _STRIDE = 5
 _OPTIONS = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), stride=_STRIDE)
@@ -25,10 +23,8 @@ def frames():
 @pytest.fixture(scope="module")
 def empty() -> np.ndarray:
     """The same depth images without the chair, raw, [N, 120, 160]."""
-    source = open_source("synth:chair", _OPTIONS)
-    scene = replace(build_chair_scene(0), moving=None)
-    renderer = Renderer(scene, source.camera, source.depth_units_per_m, 0)
-    return np.stack([renderer.render(T)[1] for T in chair_scene_poses(None, 0)[::_STRIDE]])
+    poses = chair_scene_poses(None, 0)[::_STRIDE]
+    return still_depth("synth:chair", _OPTIONS, build_chair_scene(0), poses)
 
 
 def test_it_is_seen_at_the_start_and_its_place_is_at_the_end(frames, empty):

@@ -1,16 +1,14 @@
 """The room with somebody in it: he is seen, he is not in the truth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
-from hsslam_node.synth.rendering.renderer import Renderer
 from hsslam_node.synth.rendering.scene_mesh import scene_mesh
 from hsslam_node.synth.scenes.person_scene import build_person_scene, person_scene_poses
+from tests.node.synth.scenes.still_depth import still_depth
 
 _STRIDE = 10
 _OPTIONS = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), stride=_STRIDE)
@@ -24,13 +22,10 @@ def frames():
 @pytest.fixture(scope="module")
 def hidden(frames) -> np.ndarray:
     """Share of every picture that the person hides, [N]: what is nearer than without him."""
-    source = open_source("synth:person", _OPTIONS)
-    empty = Renderer(
-        replace(build_person_scene(0), moving=None), source.camera, source.depth_units_per_m, 0
-    )
+    poses = person_scene_poses(None, 0)[: _STRIDE * len(frames) : _STRIDE]
+    empty = still_depth("synth:person", _OPTIONS, build_person_scene(0), poses)
     shares = []
-    for k, frame in enumerate(frames):
-        _, depth = empty.render(person_scene_poses(None, 0)[_STRIDE * k])
+    for frame, depth in zip(frames, empty, strict=True):
         shares.append((frame.depth_raw < depth).mean())
         assert (frame.depth_raw <= depth).all()
     return np.array(shares)

@@ -1,7 +1,6 @@
 """`hsslam-map export` on a map of the small room: mesh and points, read by others' readers."""
 
-import errno
-from pathlib import Path
+import contextlib
 
 import numpy as np
 import pytest
@@ -68,21 +67,19 @@ def test_bad_input_is_one_line_and_code_2(mapped_run, tmp_path, arguments, text,
     assert told.startswith("error: ") and told.count("\n") == 1
 
 
-def test_a_full_disk_is_one_line_and_leaves_the_older_file(
-    mapped_run, tmp_path, monkeypatch, capsys
-):
-    out = tmp_path / "room.pcd"
+def test_a_full_disk_is_one_line_and_leaves_the_older_file(mapped_run, disk, capsys):
+    folder, ballast = disk.folder / "maps", disk.folder / "ballast"
+    folder.mkdir()
+    out = folder / "room.pcd"
     out.write_bytes(b"older")
-
-    def full(self: Path, data: bytes) -> int:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
+    with contextlib.suppress(OSError), ballast.open("wb", buffering=0) as stream:
+        while stream.write(bytes(4096)):
+            pass
     arguments = ["--format", "pcd", "--out", str(out), *_COARSE]
     assert main(["export", str(mapped_run), *arguments]) == 2
     told = capsys.readouterr().err
     assert told == (
         f"error: --out {out}: No space left on device: expected a file that can be written\n"
     )
-    assert [file.name for file in tmp_path.iterdir()] == ["room.pcd"]
+    assert [file.name for file in folder.iterdir()] == ["room.pcd"]
     assert out.read_bytes() == b"older"

@@ -20,12 +20,15 @@ _COARSE = ("--voxel", "0.04", "--device", "cpu")
 _LAST = 9  # keyframe: frame 36
 
 
+def _exported(run: Path, kind: str, folder: Path) -> Path:
+    out = folder / "room"
+    assert main(["export", str(run), "--format", kind, "--out", str(out), *_COARSE]) == 0
+    return out
+
+
 @pytest.fixture(scope="module")
 def nerfstudio(mapped_run, tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("views") / "room"
-    arguments = ["--format", "nerfstudio", "--out", str(out), *_COARSE]
-    assert main(["export", str(mapped_run), *arguments]) == 0
-    return out
+    return _exported(mapped_run, "nerfstudio", tmp_path_factory.mktemp("views"))
 
 
 def _differences_m(points: np.ndarray, K: np.ndarray, T_cam_world: np.ndarray) -> np.ndarray:
@@ -90,10 +93,7 @@ def test_the_points_have_the_colours_of_the_images(nerfstudio):
 
 @pytest.fixture(scope="module")
 def colmap(mapped_run, tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("scene") / "room"
-    arguments = ["--format", "colmap", "--out", str(out), *_COARSE]
-    assert main(["export", str(mapped_run), *arguments]) == 0
-    return out
+    return _exported(mapped_run, "colmap", tmp_path_factory.mktemp("scene"))
 
 
 def _rows(path: Path) -> list[list[str]]:
