@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 from hsslam_node.distance.states import UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import transformed
 
 
 class Distances(NamedTuple):
@@ -60,7 +61,7 @@ class DistanceMap:
         """
         found = self.query(points)
         T = self.T_grid_world
-        indices = self.grid.indices(points @ T[:3, :3].T + T[:3, 3])
+        indices = self.grid.indices(transformed(T, points))
         certain = found.known.copy()
         seen_m = self.to_unknown_m[tuple(indices[certain].T)]
         certain[certain] = seen_m > found.distance_m[certain] - self.grid.voxel_m

@@ -10,7 +10,7 @@ from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.distance.whole_map import VOXEL_M
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.meshing.observed_space import surface_shift_m
 
@@ -137,7 +137,7 @@ class RollingWindow:
     def _within(self, grid: VoxelGrid, keyframes: MapKeyframes) -> np.ndarray:
         """Numbers [n] of the keyframes that stand over or under a grid."""
         T = self.T_floor_world
-        places = keyframes.T_world_cam[:, :3, 3] @ T[:3, :3].T + T[:3, 3]
+        places = transformed(T, keyframes.T_world_cam[:, :3, 3])
         inside = (places[:, :2] >= grid.low[:2]) & (places[:, :2] <= grid.high[:2])
         return np.flatnonzero(inside.all(axis=1))
 

@@ -14,6 +14,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluation
 from hsslam_node.evaluation.mesh.mesh_picture import MeshPicture
 from hsslam_node.evaluation.trajectory.ate import AteResult, associated
+from hsslam_node.geometry.se3 import transformed
 from hsslam_node.geometry.trajectory import Trajectory
 
 _DPI = 110
@@ -62,7 +63,7 @@ def _paths(evaluation: Evaluation, trajectories: Mapping[str, Trajectory]) -> Fi
             continue
         T = evaluation.ates[label].T_truth_estimate
         scored, _ = associated(trajectories[label], truth.trajectory)
-        moved = scored.positions @ T[:3, :3].T + T[:3, 3]
+        moved = transformed(T, scored.positions)
         axes.plot(moved[:, i], moved[:, j], color=_COLORS[label], label=label, linewidth=1.2)
     axes.set(xlabel=f"{'xyz'[i]}, m", ylabel=f"{'xyz'[j]}, m", aspect="equal")
     axes.legend()

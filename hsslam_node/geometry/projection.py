@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import transformed
 
 
 def camera_points(depth_m: np.ndarray, camera: Camera, stride_px: int = 1) -> np.ndarray:
@@ -25,7 +26,7 @@ def world_points(
 ) -> np.ndarray:
     """The same [N, 3] float64 m in the world, T_world_cam being [4, 4]."""
     points = camera_points(depth_m, camera, stride_px)
-    return points @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    return transformed(T_world_cam, points)
 
 
 def project(
@@ -36,6 +37,6 @@ def project(
     T_cam_points [4, 4] maps the points to the camera's axes. Pixels tell nothing where the depth is less
     than a millimetre, behind the camera too.
     """
-    x, y, z = (points @ T_cam_points[:3, :3].T + T_cam_points[:3, 3]).T
+    x, y, z = transformed(T_cam_points, points).T
     ahead = np.maximum(z, 1e-3)
     return camera.fx * x / ahead + camera.cx, camera.fy * y / ahead + camera.cy, z

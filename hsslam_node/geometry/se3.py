@@ -51,6 +51,11 @@ def so3_log(R: np.ndarray) -> np.ndarray:
     return q[:3] * (2.0 * np.arctan2(sine, q[3]) / sine)
 
 
+def transformed(T: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points [..., 3] after a rigid transform [4, 4]."""
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
 def inverse(T: np.ndarray) -> np.ndarray:
     """Inverse of a rigid transform [4, 4]."""
     out = np.eye(4)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.geometry.se3 import transformed
 from hsslam_node.map.store import KeyframeStore
 
 _STRIDE_PX = 8
@@ -57,7 +58,7 @@ def _cells(
     rays = np.stack(
         [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
     )
-    points = (rays * depth[..., None]) @ T_world_cam[:3, :3].T + T_world_cam[:3, 3]
+    points = transformed(T_world_cam, rays * depth[..., None])
     x, y, z = np.moveaxis(np.floor(points / _CELL_M).astype(np.int64) + (1 << _BITS - 1), -1, 0)
     cell = (x << 2 * _BITS) + (y << _BITS) + z
     return np.where((depth > 0) & (depth < max_depth_m), cell, -1).ravel()

@@ -10,7 +10,7 @@ import numpy as np
 
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.pose_covariance import Evidence
-from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log
+from hsslam_node.geometry.se3 import inverse, moved_about_camera, so3_log, transformed
 from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, ReferenceKeyframe
@@ -199,9 +199,7 @@ class _Problem:
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
         self._key_world = (
-            tuple(p @ T_world_ref[:3, :3].T + T_world_ref[:3, 3] for p in reference.points)
-            if reference
-            else ()
+            tuple(transformed(T_world_ref, p) for p in reference.points) if reference else ()
         )
         self._world = np.empty((len(points), 3), np.float32)
         self.exposure = exposure

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.map.store import KeyframeStore
 
 _CELLS = 80  # across the image
@@ -89,7 +89,7 @@ def _compared(
     camera, step, z = frame.camera, now.step_px, now.depth
     v, u = np.mgrid[: z.shape[0], : z.shape[1]] * step + step // 2
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
-    x, y, depth = np.moveaxis(points @ T_key_cam[:3, :3].T + T_key_cam[:3, 3], -1, 0)
+    x, y, depth = np.moveaxis(transformed(T_key_cam, points), -1, 0)
     ahead = np.maximum(depth, 0.1)
     column = np.floor((camera.fx * x / ahead + camera.cx) / step).astype(int)
     row = np.floor((camera.fy * y / ahead + camera.cy) / step).astype(int)

@@ -15,6 +15,7 @@ from hsslam_node.evaluation.mesh.mesh_metrics import SAMPLES, MeshMetrics, sampl
 from hsslam_node.evaluation.mesh.virtual_views import view_of
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import transformed
 
 TOLERANCE_M = 0.03
 FAR_M = 10.0
@@ -86,7 +87,7 @@ def _moved_by_icp(points: np.ndarray, target: np.ndarray) -> np.ndarray:
     chosen = points[:: max(len(points) // _ICP_POINTS, 1)]
     before = (0.0, 0.0)
     for _ in range(_ICP_ITERATIONS):
-        moved = chosen @ T[:3, :3].T + T[:3, 3]
+        moved = transformed(T, chosen)
         pairs: Any = tree.query(moved, distance_upper_bound=ICP_WITHIN_M)
         distance, row = pairs
         near = np.isfinite(distance)
@@ -100,4 +101,4 @@ def _moved_by_icp(points: np.ndarray, target: np.ndarray) -> np.ndarray:
             chosen[near], target[row[near]], reflection=False, scale=False
         )
         T = step[0]
-    return points @ T[:3, :3].T + T[:3, 3]
+    return transformed(T, points)

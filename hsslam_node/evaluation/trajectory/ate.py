@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hsslam_node.geometry.se3 import transformed
 from hsslam_node.geometry.trajectory import Trajectory, associate
 
 
@@ -37,7 +38,7 @@ def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteR
         nan = float("nan")
         return AteResult(nan, nan, nan, len(source), expected, np.eye(4))
     T = align(source.positions, target.positions)
-    moved = source.positions @ T[:3, :3].T + T[:3, 3]
+    moved = transformed(T, source.positions)
     errors = np.linalg.norm(moved - target.positions, axis=1)
     return AteResult(
         rmse_m=float(np.sqrt(np.mean(errors**2))),

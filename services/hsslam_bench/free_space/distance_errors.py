@@ -10,7 +10,7 @@ import trimesh
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.distance.distance_map import DistanceMap, Distances
 from hsslam_node.distance.states import FREE
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transformed
 
 LARGE_M = 0.05  # errors that planners mind
 _NO_GRADIENT_M = 0.1  # below the reach of the distances: their gradient ends there
@@ -42,7 +42,7 @@ def free_points(distances: DistanceMap, count: int, seed: int) -> np.ndarray:
     free = np.argwhere(distances.states == FREE)
     indices = free[rng.integers(len(free), size=count)] + rng.uniform(-0.5, 0.5, (count, 3))
     T = inverse(distances.T_grid_world)
-    return distances.grid.centres(indices) @ T[:3, :3].T + T[:3, 3]
+    return transformed(T, distances.grid.centres(indices))
 
 
 def true_distances(
@@ -56,7 +56,7 @@ def measure_from(
     mesh: trimesh.Trimesh, T_world_mesh: np.ndarray
 ) -> Callable[[np.ndarray], TrueDistances]:
     """Gives the true distances of points [N, 3] m, world, again and again."""
-    vertices = np.asarray(mesh.vertices) @ T_world_mesh[:3, :3].T + T_world_mesh[:3, 3]
+    vertices = transformed(T_world_mesh, np.asarray(mesh.vertices))
     faces = np.asarray(mesh.faces, np.int64)
     tree = igl.AABB()
     tree.init(vertices, faces)

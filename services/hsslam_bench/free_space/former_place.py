@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_bench.field_error.true_frames import TrueFrame
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, LOW_M, GridMap
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.synth.rendering.scene_mesh import scene_mesh
 from hsslam_node.synth.scenes.carried_off import CarriedOff
 
@@ -31,12 +31,12 @@ class FormerPlace:
         high = vertices[vertices[:, 2] > LOW_M + _ABOVE_FLOOR_M]
         box_m = thing.box_m
         box_m[0, 2] = _ABOVE_FLOOR_M
-        return cls(_moved(inverse(T_room_world), high), box_m, T_room_world)
+        return cls(transformed(inverse(T_room_world), high), box_m, T_room_world)
 
     def seen_through(self, view: TrueFrame) -> np.ndarray:
         """Mask [N] of the points that are in the picture, nearer than what the true depth shows there."""
         camera = view.frame.camera
-        x, y, z = _moved(inverse(view.T_world_cam), self.points).T
+        x, y, z = transformed(inverse(view.T_world_cam), self.points).T
         ahead = np.maximum(z, 1e-6)
         column = np.rint(camera.fx * x / ahead + camera.cx).astype(np.int64)
         row = np.rint(camera.fy * y / ahead + camera.cy).astype(np.int64)
@@ -62,13 +62,9 @@ class FormerPlace:
 
     def count_inside(self, vertices: np.ndarray) -> int:
         """How many of the vertices [V, 3] m, world, lie in the box."""
-        places = _moved(self.T_room_world, vertices)
+        places = transformed(self.T_room_world, vertices)
         low, high = self.box_m
         return int(((places > low) & (places < high)).all(axis=1).sum())
 
     def _cells(self, grid: GridMap) -> np.ndarray:
-        return grid.cells_at(_moved(grid.T_floor_world, self.points)[:, :2])
-
-
-def _moved(T: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return points @ T[:3, :3].T + T[:3, 3]
+        return grid.cells_at(transformed(grid.T_floor_world, self.points)[:, :2])

@@ -24,7 +24,7 @@ from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.floor_plane import find_floor
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.presets import PRESETS
 from hsslam_node.sources.options import SourceOptions
 
@@ -94,7 +94,7 @@ def level_of(distances: DistanceMap, spec: str, options: SourceOptions) -> Level
     indices = np.argwhere(np.ones((nx, ny), np.bool_))
     indices = np.column_stack([indices, np.full(len(indices), z)])
     T = inverse(distances.T_grid_world)
-    points = grid.centres(indices) @ T[:3, :3].T + T[:3, 3]
+    points = transformed(T, grid.centres(indices))
     measure = measure_from(mesh, inverse(truth.T_world_cam[0]))
     # behind a surface nothing is seen: what is farther away than it does not matter
     distance_m = distances.distance_m[:, :, z]
