@@ -58,7 +58,8 @@ class RayPool:
         self._arguments = arguments
         self._share = share
         self._most = most
-        here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
+        # only here: Ray may put it elsewhere otherwise, and that node's death would fail all that run
+        here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
         board = ray.remote(num_cpus=0, max_restarts=0)(Board)
         self.board: Any = board.options(scheduling_strategy=here).remote()
         self._flying: dict[Any, Try] = {}
