@@ -173,20 +173,25 @@ def pose_row(
 
 def of_map_epoch(rows: np.ndarray, map_epoch: int) -> np.ndarray:
     """The rows of one map epoch: only they have poses in one coordinate frame."""
-    return rows[rows["map_epoch"] == map_epoch]
+    return _where(rows, rows["map_epoch"] == map_epoch)
 
 
 def online_trajectory(rows: np.ndarray) -> Trajectory:
     """The poses as published at the time; lost frames have none."""
-    kept = rows[rows["status"] != LOST]
+    kept = _where(rows, rows["status"] != LOST)
     return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
 
 
 def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
     """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none."""
-    kept = rows[rows["status"] != LOST]
+    kept = _where(rows, rows["status"] != LOST)
     poses = kept["T_world_cam"].copy()
     has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
     reference = T_world_keyframe[kept["keyframe"][has_reference]]
     poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
     return Trajectory(kept["source_stamp_ns"].copy(), poses)
+
+
+def _where(rows: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Rows of a mask [N]; the same array if these are all, as rows of an hour are 80 MB."""
+    return rows if mask.all() else rows[mask]
