@@ -39,3 +39,17 @@ print(*sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not set(done.stdout.split()) & set(_HEAVY)
+
+
+def test_the_recorder_draws_without_pandas_even_if_it_is_installed():
+    code = """
+import sys
+from hsslam_services.viewer.view import blueprint, leave_out_pandas
+{}
+blueprint()
+print(*sys.modules)
+"""
+    for without, is_imported in (("", True), ("leave_out_pandas()", False)):
+        command = [sys.executable, "-c", code.format(without)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert ("pandas.core" in done.stdout.split()) == is_imported

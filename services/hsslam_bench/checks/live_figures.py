@@ -10,7 +10,9 @@ from hsslam_bench.checks.check import Measured
 from hsslam_bench.runs.serve_run import ServeRun
 
 _LIGHT_POINTS = 640 * 12  # of one light iteration
-_LOOK_BYTES = 2_000  # of a frame: a viewer that took less has not seen the whole run
+_LOOK_SHARE = (
+    0.8  # of the seconds with poses: a viewer that took data in fewer has not seen the whole run
+)
 
 
 def tracked(run: ServeRun, least: float) -> Measured:
@@ -20,17 +22,32 @@ def tracked(run: ServeRun, least: float) -> Measured:
     share = (frames["tracked"] - 1) / after_first
     shifts = run.summary["processes"]["camera"]["counters"].get("clock_shifts", 0)
     notes = [f"{frames['tracked'] - 1} of {after_first}, {frames['lost']} lost"]
-    has_looked = run.viewer_bytes is None or run.viewer_bytes > _LOOK_BYTES * frames["tracked"]
+    looked = _looked_share(run)
     if run.viewer_bytes is not None:
-        notes.append(f"viewer took {run.viewer_bytes / 1e6:.1f} MB")
+        notes.append(f"viewer took {run.viewer_bytes / 1e6:.1f} MB in {looked:.0%} of the seconds")
     slow = f"; the source was too slow: clock moved {shifts} x" if shifts else ""
     return Measured(
         f"{share:.1%} ({', '.join(notes)}){slow}",
-        share >= least and shifts == 0 and has_looked,
-        {"share": share, **frames, "clock_shifts": shifts, "viewer_bytes": run.viewer_bytes},
+        share >= least and shifts == 0 and looked >= _LOOK_SHARE,
+        {
+            "share": share,
+            **frames,
+            "clock_shifts": shifts,
+            "viewer_bytes": run.viewer_bytes,
+            "viewer_seconds_share": looked,
+        },
         share,
         "higher",
     )
+
+
+def _looked_share(run: ServeRun) -> float:
+    """Share of the seconds with poses in which the viewer took data; 1 if none was attached."""
+    window = run.log.tracking_ns
+    if run.viewer_bytes is None or window is None:
+        return float(run.viewer_bytes is None)
+    wanted = range(window[0] // 10**9, window[1] // 10**9 + 1)
+    return len(set(wanted).intersection(run.outside["viewer_seconds"])) / len(wanted)
 
 
 def latency(run: ServeRun, percentile: str, bound_ms: float) -> Measured:

@@ -29,11 +29,14 @@ class AttachedViewer:
         self._run_folder = run_folder
         self._process: subprocess.Popen | None = None
         self.received_bytes = 0
+        self._seconds: set[int] = set()
 
     def poll(self) -> None:
         """Attach as soon as there is a page, again if it was too early; read how much has come."""
         if self._process is not None and self._process.poll() is None:
-            self.received_bytes = max(self.received_bytes, _written_bytes(self._process.pid))
+            if (so_far := _written_bytes(self._process.pid)) > self.received_bytes:
+                self.received_bytes = so_far
+                self._seconds.add(time.time_ns() // 10**9)
             return
         url = _served_url(self._run_folder)
         if url is not None:
@@ -46,9 +49,9 @@ class AttachedViewer:
                 stderr=subprocess.DEVNULL,
             )
 
-    def found(self) -> dict[str, int]:
-        """Bytes that it took."""
-        return {"viewer_bytes": self.received_bytes}
+    def found(self) -> dict[str, Any]:
+        """Bytes that it took, and in which seconds of the wall clock."""
+        return {"viewer_bytes": self.received_bytes, "viewer_seconds": sorted(self._seconds)}
 
     def close(self) -> None:
         """End it if the end of the run has not."""
@@ -102,7 +105,7 @@ class FrozenViewer(AttachedViewer):
         super().close()
 
     def found(self) -> dict[str, Any]:
-        """Bytes that it took, and from when to when it was frozen."""
+        """The same, and from when to when it was frozen."""
         return {**super().found(), "frozen_ns": self._window_ns}
 
     def _signal(self, number: signal.Signals) -> None:

@@ -19,7 +19,7 @@ _WIDTH_PX, _HEIGHT_PX = 160, 120
 
 
 def warm_up(report: Callable[[str], None]) -> bool:
-    """Run everything that has kernels on a few tiny frames; `tell` gets a line before each part.
+    """Run everything that has kernels on a few tiny frames; `report` gets a line before each part.
 
     Kernels serve all presets alike: nothing is compiled for a size. Must come before the first
     import of numba. Returns False, at once, if the cache is complete.
@@ -27,15 +27,15 @@ def warm_up(report: Callable[[str], None]) -> bool:
     Raises:
         UserError: the cache folder cannot be written.
     """
-    folder = kernel_cache_folder()
-    if warm_stamp().exists():
+    folder, stamp = kernel_cache_folder(), warm_stamp()  # before it begins: an upgrade changes them
+    if stamp.exists():
         return False
     try:
         folder.mkdir(parents=True, exist_ok=True)
         os.environ.update(NUMBA_CACHE_DIR=str(folder))
         for part in _compile_all():
             report(part)
-        warm_stamp().touch()
+        stamp.touch()
     except OSError as error:
         raise UserError(
             f"kernel cache {folder}: {error.strerror}: expected a folder that can be written "
