@@ -42,7 +42,8 @@ from hsslam_services.log.parts import parts
 from hsslam_services.log.recorded_so_far import RecordedSoFar
 from hsslam_services.log.unfinished_parts import UnfinishedParts
 from hsslam_services.viewer.foxglove_layer import FoxgloveLayer
-from hsslam_services.viewer.view import RerunView, leave_out_pandas
+from hsslam_services.viewer.leave_out_pandas import leave_out_pandas
+from hsslam_services.viewer.view import RerunView
 from hsslam_services.viewer.whole_mesh import WholeMesh
 
 _DEPTHS = {FRAME: 16, VIEW: 16, GRID: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages

@@ -1,5 +1,6 @@
 """The viewer that comes with the rerun wheel, as a child process on loopback."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -32,13 +33,14 @@ class ViewerProcess:
     """
 
     def __init__(self, kind: Literal["spawn", "web"], memory_gb: float | None = None) -> None:
-        port = _free_port(_PORT)
+        self._held: list[socket.socket] = []  # names of the ports, until this process ends
+        port = self._free_port(_PORT)
         self.kind = kind
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self.page: str | None = None
         command = [_executable(), "--bind", "127.0.0.1", "--port", str(port)]
         if kind == "web":
-            web_port = _free_port(_WEB_PORT)
+            web_port = self._free_port(_WEB_PORT)
             query = self.url.replace(":", "%3A").replace("/", "%2F").replace("+", "%2B")
             self.page = f"http://127.0.0.1:{web_port}/?url={query}"
             command += ["--serve-web", "--web-viewer-port", str(web_port)]
@@ -52,8 +54,7 @@ class ViewerProcess:
                 command,
                 env=environment,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,  # its errors go to the log of this process
                 start_new_session=True,
                 preexec_fn=_die_with_parent if kind == "web" else None,
             )
@@ -74,6 +75,24 @@ class ViewerProcess:
         """Whether the viewer was closed."""
         return self._process.poll() is not None
 
+    def _free_port(self, wanted: int) -> int:
+        """`wanted` if it is free on loopback, else any; not that of a viewer that does not listen yet."""
+        for port in (wanted, 0, 0, 0):
+            with socket.socket() as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                with contextlib.suppress(
+                    OSError
+                ):  # another program has it, or another run its name
+                    probe.bind(("127.0.0.1", port))
+                    found = probe.getsockname()[1]
+                    name = socket.socket(socket.AF_UNIX)
+                    self._held.append(name)
+                    name.bind(
+                        f"\0hsslam-viewer-port-{found}"
+                    )  # freed by the kernel with this process
+                    return found
+        raise UserError("viewer: no free port on 127.0.0.1")
+
     def close(self) -> None:
         """End the web server; leave the native viewer to the user."""
         if self.kind == "web" and not self.has_ended():
@@ -83,6 +102,8 @@ class ViewerProcess:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+        for name in self._held:
+            name.close()
 
 
 def _memory_limits(kind: Literal["spawn", "web"], memory_gb: float) -> list[str]:
@@ -90,19 +111,6 @@ def _memory_limits(kind: Literal["spawn", "web"], memory_gb: float) -> list[str]
     server_mb = round(1000 * memory_gb * (1.0 if kind == "web" else _SERVER_SHARE))
     viewer = ["--memory-limit", f"{round(1000 * memory_gb)}MB"] if kind == "spawn" else []
     return [*viewer, "--server-memory-limit", f"{server_mb}MB"]
-
-
-def _free_port(wanted: int) -> int:
-    """`wanted` if it is free on loopback, else any."""
-    for port in (wanted, 0):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-            return probe.getsockname()[1]
-    raise UserError("viewer: no free port on 127.0.0.1")
 
 
 def _executable() -> str:

@@ -1,7 +1,6 @@
 """The drawing end of the recorder: run.rrd, run.1.rrd, ... and a live viewer; the recorder waits for none."""
 
 import contextlib
-import sys
 import threading
 import time
 from collections import deque
@@ -42,15 +41,6 @@ class _Intervals:
 
 _FILE = _Intervals(images_s=0.1, meshes_s=10.0, poses_s=1.0, flush_s=10.0)
 _LIVE = _Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2)
-
-
-def leave_out_pandas() -> None:
-    """Let rerun's pyarrow do without pandas in this process.
-
-    Pyarrow imports it, if it is installed, only to see that a list is no Series: 0.6 s of a core, 1.3 s
-    without bytecode, while the first frames are tracked.
-    """
-    sys.modules.setdefault("pandas", None)  # pyright: ignore[reportArgumentType]
 
 
 class RerunView:

@@ -143,6 +143,25 @@ def test_the_viewer_is_started_with_its_limit_of_memory(kind, expected):
     assert words[-len(expected) :] == expected
 
 
+def test_viewers_of_runs_that_start_at_once_get_ports_of_their_own():
+    servers = [ViewerProcess("web") for _ in range(3)]  # none listens yet when the next one begins
+    ports = [int(server.url.partition("127.0.0.1:")[2].partition("/")[0]) for server in servers]
+    assert len(set(ports)) == len({server.page for server in servers}) == 3
+    deadline = time.monotonic() + 30
+    for port in ports:
+        while not _answers(port):
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+    assert not any(server.has_ended() for server in servers)
+    for server in servers:
+        server.close()
+
+
+def _answers(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
 def test_the_server_of_the_web_viewer_forgets_what_is_beyond_its_limit(tmp_path):
     server = ViewerProcess("web", 0.1)
     view = RerunView(tmp_path / "run.rrd", f"connect:{server.url}", "run-1", lambda *_: None)
