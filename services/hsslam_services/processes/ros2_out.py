@@ -1,7 +1,7 @@
 """The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points, the grid.
 
 Subscribes: in/frame, out/pose, out/grid, out/esdf
-Arena: reads keyframes
+Arena: reads keyframes, pose_log
 """
 
 import time
@@ -11,6 +11,7 @@ import numpy as np
 from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.geometry.robot_frames import RobotFrames, velocity
 from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Frame, Pose
@@ -72,6 +73,8 @@ class Ros2Out:
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._images: Subscription[Frame] | None = None
         self._clock = StampClock()
+        if not self._has_ros_stamps:
+            self._learn_of_earlier_frames(PoseLog(worker.arena).rows())
         self._moved: tuple[int, np.ndarray] | None = None  # the last stamp and T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
@@ -138,6 +141,12 @@ class Ros2Out:
         if before is None or seconds <= 0:
             return np.zeros(6), 0.0
         return velocity(before[1], T_odom_base, seconds), seconds
+
+    def _learn_of_earlier_frames(self, rows: np.ndarray) -> None:
+        """Stamps of keyframes from before this process began, which the path names."""
+        both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
+        for source_ns, ros_ns in both:
+            self._clock.learn(source_ns, ros_ns)
 
     def _tell_path(self, pose: Pose) -> None:
         """The keyframes as they are placed now, thinned evenly."""
