@@ -1,17 +1,22 @@
 """Removes lens distortion from colour and from depth."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
 
+_SAME_SURFACE = 0.02  # of the depth: neighbours that differ by more may lie on two surfaces
+_WINDOW = np.ones((2, 2), np.uint8)
+
 
 class Undistortion:
     """Maps images of a distorted camera to the pinhole camera with the same K.
 
-    Colour is interpolated bilinearly. Depth takes the nearest pixel: a mean over a depth edge is a
-    surface that does not exist. What no source pixel covers becomes 0. A camera without distortion
-    gets its images back untouched.
+    Colour is interpolated bilinearly, depth as in `resampled_depth`. Where no source pixel is, depth is 0 and
+    colour that of the border: a black border that stands still holds poses back. A camera without
+    distortion gets its images back untouched.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -20,21 +25,59 @@ class Undistortion:
             return
         map_x, map_y = _maps(camera)
         # Fixed-point tables: several times as fast as float maps, 1/32 px steps.
-        self._color_maps = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2)
-        nearest, _ = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2, nninterpolation=True)
-        self._depth_map = nearest
+        self._maps = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2)
+        self._nearest, _ = cv2.convertMaps(map_x, map_y, cv2.CV_16SC2, nninterpolation=True)
 
     def color(self, image: np.ndarray) -> np.ndarray:
         """Colour [H, W, 3] uint8 without distortion."""
         if self._identity:
             return image
-        return cv2.remap(image, *self._color_maps, cv2.INTER_LINEAR)
+        return cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
     def depth(self, image: np.ndarray) -> np.ndarray:
         """Depth [H, W] uint16 without distortion."""
-        if self._identity:
-            return image
-        return cv2.remap(image, self._depth_map, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]
+        return image if self._identity else resampled_depth(image, self._maps, self._nearest)
+
+
+def resampled_depth(
+    depth: np.ndarray, maps: Sequence[np.ndarray], nearest: np.ndarray
+) -> np.ndarray:
+    """Depth [h, w] uint16 at the places of maps of cv2.convertMaps, [H, W] uint16; 0 outside.
+
+    The inverse of depth, which is linear on a plane, is interpolated between four pixels of one surface.
+    Elsewhere the nearest pixel counts: a mean over a depth edge is a surface that does not exist.
+
+    Args:
+        depth: of the image that the maps point into.
+        maps: for bilinear interpolation.
+        nearest: the same for the nearest pixel.
+    """
+    out = _take(depth, nearest)
+    whole, fraction = maps
+    between = cv2.remap(_inverse(depth), whole, fraction, cv2.INTER_LINEAR)
+    is_one = _take(_is_one_surface(depth), whole) > 0
+    np.copyto(out, np.rint(_inverse(between)), where=is_one, casting="unsafe")
+    return out
+
+
+def _take(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The pixels [H, W, 2] of an image; 0 outside of it."""
+    return cv2.remap(image, pixels, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]
+
+
+def _inverse(depth: np.ndarray) -> np.ndarray:
+    """1 / depth, float32; 0 of 0."""
+    depth = depth.astype(np.float32)
+    return np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
+
+
+def _is_one_surface(depth: np.ndarray) -> np.ndarray:
+    """[H, W] uint8: 1 if a pixel and its neighbours to the right, below and between may be of one surface."""
+    nearest = cv2.erode(depth, _WINDOW, anchor=(0, 0))
+    farthest = cv2.dilate(depth, _WINDOW, anchor=(0, 0))
+    is_one = (farthest - nearest < _SAME_SURFACE * nearest.astype(np.float32)).astype(np.uint8)
+    is_one[-1] = is_one[:, -1] = 0
+    return is_one
 
 
 def _maps(camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
+    lens_check,
     refinement_checks,
     robustness_checks,
     stride_checks,
@@ -31,6 +32,7 @@ def catalogue() -> list[Check]:
         *lockstep_checks(),
         *refinement_checks(),
         *robustness_checks(),
+        lens_check(),
         *stride_checks(),
         *map_checks(),
         *gap_checks(),

@@ -1,4 +1,4 @@
-"""What makes tracking hard (people, exposure, bare walls, few frames), and what refinement brings."""
+"""What makes tracking hard (people, exposure, bare walls, a lens, few frames), and what refinement brings."""
 
 import json
 import math
@@ -13,6 +13,7 @@ from hsslam_node.presets import PRESETS
 
 _ROBUSTNESS_SEQUENCES = ("person-kinect", "room-kinect-exposure", "corridor-kinect")
 _BOUND_M = 0.02
+_LENS_FACTOR = 1.1
 _STRIDE_SEQUENCES = ("livingroom", "kitchen")
 _STRIDES = {2: "second", 3: "third"}
 _FACTOR = 2.0  # of the ATE at full rate
@@ -44,6 +45,28 @@ def _robustness_check(sequence: str) -> Check:
 
     what = f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds; all scored, none lost"
     return Check(f"robust:{sequence}", what, f"{100 * _BOUND_M:g} cm", measure)
+
+
+def lens_check() -> Check:
+    """ATE through a lens of 8 coefficients against that of the pinhole camera."""
+
+    def measure(session: Session) -> Measured:
+        plain, lens = (
+            Accuracy.of([finished(session.lens(kind, seed)) for seed in session.seeds])
+            for kind in ("plain", "lens")
+        )
+        ratio = lens.mean_m / plain.mean_m
+        return Measured(
+            f"{ratio:.2f} x: {100 * lens.mean_m:.3f} cm (seeds: {lens.each_cm()}), pinhole "
+            f"{100 * plain.mean_m:.3f} cm (seeds: {plain.each_cm()}), {lens.lost} lost",
+            ratio <= _LENS_FACTOR and lens.complete,
+            {**lens.values(_LENS_FACTOR * plain.mean_m), "plain_m": plain.errors_m, "ratio": ratio},
+            ratio,
+            "lower",
+        )
+
+    what = "room with noise through a lens of 8 coefficients, lockstep: ATE RMSE, final, mean of the seeds"
+    return Check("lens:room", what, f"{_LENS_FACTOR:g} x pinhole", measure)
 
 
 def stride_checks() -> list[Check]:

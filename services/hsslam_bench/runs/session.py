@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from hsslam_bench.runs.cpu_quota import NoQuotaError
+from hsslam_bench.runs.distorted_room import write_distorted_room
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
 from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_node.kernels.cache_folder import warm_stamp
@@ -18,6 +19,7 @@ from hsslam_services.launch.spawn import child_environment
 
 QUICK_FRAMES = 40
 _COLD_FRAMES = 60
+_LENS_FRAMES = 300
 _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
 _HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
@@ -153,6 +155,16 @@ class Session:
         """A run with a viewer or client from outside, if any; `sequence` as in the others."""
         options = (*self._source(sequence), "--seed", "0", *options)
         return self._run(name, options, outsider=outsider, viewer=viewer)
+
+    def lens(self, kind: Literal["plain", "lens"], seed: int) -> ServeRun:
+        """Poses of the built-in room with noise as files of a pinhole camera, or of one with a lens."""
+        folder = self.folder / "distorted-room"
+        if not (folder / "lens/groundtruth.txt").exists():
+            self.say("rendering a room through a lens")
+            write_distorted_room(folder, QUICK_FRAMES if self.quick else _LENS_FRAMES)
+        source = ("--source", f"tum:{(folder / kind).absolute()}", "--noise", "kinect")
+        options = (*source, "--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
+        return self._run(f"poses-{kind}-seed{seed}", options)
 
     def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
         """This many frames of the built-in room in real time; `room_m`: length of its sides."""

@@ -103,14 +103,40 @@ def test_few_coefficients_give_the_images_of_the_maps_of_opencv(name):
         camera.K, np.array(camera.distortion), np.eye(3), camera.K, (640, 480), cv2.CV_32FC1
     )
     fixed = cv2.convertMaps(*maps, cv2.CV_16SC2)
-    expected = cv2.remap(color, *fixed, cv2.INTER_LINEAR)
+    expected = cv2.remap(color, *fixed, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     np.testing.assert_array_equal(UNDISTORTIONS[name].color(color), expected)
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_depth_is_never_interpolated(name):
+def test_depth_of_two_surfaces_is_never_mixed(name):
     depth = np.where(np.indices((480, 640)).sum(axis=0) % 7 < 3, 5000, 20000).astype(np.uint16)
     assert set(np.unique(UNDISTORTIONS[name].depth(depth))) <= {0, 5000, 20000}
+
+
+@pytest.mark.parametrize("name", ["5", "8", "14"])
+def test_depth_of_a_slanted_wall_is_good_to_a_unit(name):
+    camera = CAMERAS[name]
+    v, u = np.indices((480, 640)).reshape(2, 1, -1)
+    lens = np.stack([u, v], axis=-1).reshape(-1, 1, 2).astype(float)
+    rays = cv2.undistortPoints(lens, camera.K, np.array(camera.distortion)).reshape(-1, 2)
+
+    def wall(x: np.ndarray) -> np.ndarray:
+        return 8000 / (1 + 0.8 * x)
+
+    seen = np.rint(wall(rays[:, 0])).reshape(480, 640).astype(np.uint16)
+    x = (np.arange(640) - camera.cx) / camera.fx
+    off = UNDISTORTIONS[name].depth(seen) - np.rint(wall(x))[None, :]
+    assert np.abs(off[60:420, 80:560]).max() <= 1.0
+    nearest = seen[60:420, 80:560] - np.rint(wall(x))[None, 80:560]
+    assert np.abs(nearest).max() > 10  # the lens does something here
+
+
+def test_where_no_pixel_is_depth_is_0_and_colour_goes_on():
+    barrel = Camera(640, 480, *K, (0.3, 0.0, 0.0, 0.0))  # the corners of the pinhole lie outside
+    undistortion = Undistortion(barrel)
+    depth = undistortion.depth(np.full((480, 640), 5000, np.uint16))
+    assert depth[0, 0] == depth[-1, -1] == 0 and depth[240, 320] == 5000
+    assert undistortion.color(np.full((480, 640, 3), 90, np.uint8)).min() == 90
 
 
 @given(st.integers(0, 16), st.sampled_from(["opencv", "equidistant"]))
