@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_node.distance.distance_map import DistanceMap
-from hsslam_node.distance.kernels.changed_blocks import renew_blocks
+from hsslam_node.distance.kernels.changed_blocks import renew_blocks, take_blocks
 from hsslam_node.distance.states import BLOCK_SIDE as SIDE
 from hsslam_node.distance.states import NOT_KNOWN_MM
 from hsslam_node.distance.voxel_grid import VoxelGrid
@@ -31,6 +31,7 @@ class DistanceBlocks:
         self.grid: VoxelGrid | None = None
         self._first = np.zeros(3, np.int64)  # of the blocks, z, y, x
         self._values = np.empty((0, 0, 0), np.int16)  # mm, of all their voxels
+        self._known = np.zeros((2, 3), np.int64)  # first and end of known voxels, on the lattice
 
     def renew(self, distances: DistanceMap) -> Blocks:
         """The blocks that have changed. All grids have voxels of one size, and one shape."""
@@ -40,12 +41,23 @@ class DistanceBlocks:
         self._move_to(first, grid.shape[::-1])
         changed = np.zeros([n // SIDE for n in self._values.shape], np.uint8)
         distance_m = np.ascontiguousarray(distances.distance_m.T)
-        renew_blocks(distance_m, low - SIDE * first, _TOLERANCE_MM, self._values, changed)
+        box = self._known_blocks(low + distances.known_box())
+        renew_blocks(distance_m, low - SIDE * first, box, _TOLERANCE_MM, self._values, changed)
         return self._chosen(changed != 0)
 
     def known(self) -> Blocks:
         """All blocks in which something is known, as they were last given out."""
         return self._chosen((self._in_blocks() != NOT_KNOWN_MM).any(axis=(3, 4, 5)))
+
+    def _known_blocks(self, known: np.ndarray) -> np.ndarray:
+        """First and end [2, 3] of the blocks that know something, before or now; `known`: voxels, now."""
+        before, self._known = self._known, known
+        boxes = [box for box in (before, known) if (box[0] < box[1]).all()]
+        if not boxes:
+            return np.zeros((2, 3), np.int64)
+        low = np.min([box[0] for box in boxes], axis=0) // SIDE - self._first
+        end = -(-np.max([box[1] for box in boxes], axis=0) // SIDE) - self._first
+        return np.stack([low, end]).clip(0, np.floor_divide(self._values.shape, SIDE))
 
     def _move_to(self, first: np.ndarray, shape: tuple[int, ...]) -> None:
         """Keep what both the window of before and that of now have."""
@@ -65,8 +77,10 @@ class DistanceBlocks:
 
     def _chosen(self, mask: np.ndarray) -> Blocks:
         """Those of a mask [Z, Y, X]; copies."""
-        places = np.argwhere(mask) + self._first
-        return Blocks(places[:, ::-1].astype(np.int32), self._in_blocks()[mask])
+        places = np.argwhere(mask)
+        chosen = np.empty((len(places), SIDE, SIDE, SIDE), np.int16)
+        take_blocks(self._values, places, chosen)
+        return Blocks((places + self._first)[:, ::-1].astype(np.int32), chosen)
 
     def _in_blocks(self) -> np.ndarray:
         """A view of the values, [Z, Y, X, SIDE, SIDE, SIDE]."""

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import distance_transform_edt
 
+from hsslam_node.distance.kernels.surface_sites import known_box
 from hsslam_node.distance.states import UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
@@ -40,6 +41,12 @@ class DistanceMap:
             if array.shape != self.grid.shape or array.dtype != kind:
                 raise ValueError(f"{name} is {array.dtype}{array.shape}, not of {self.grid.shape}")
             array.flags.writeable = False
+
+    def known_box(self) -> np.ndarray:
+        """First and end (z, y, x) of the voxels that have a distance, [2, 3] int64, or a little more."""
+        box = np.empty((2, 3), np.int64)
+        known_box(np.ascontiguousarray(self.states.T), box)
+        return box
 
     def query(self, points: np.ndarray) -> Distances:
         """Distances at points [N, 3] m, interpolated between the middles of eight voxels."""

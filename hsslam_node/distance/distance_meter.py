@@ -12,7 +12,7 @@ from hsslam_node.distance.kernels.distance_transform import (
     site_bits,
 )
 from hsslam_node.distance.kernels.surface_sites import (
-    Sites,
+    SITE_COLUMNS,
     known_box,
     mark_near_known,
     number_sites,
@@ -73,11 +73,11 @@ class DistanceMeter:
                 "voxel_m or a smaller reach helps"
             )
         keys, needed = self._room((nz, ny, padded_width(nx)))
-        sites = Sites(np.empty((count, 3), np.float32), np.empty((count, 3), np.float32))
-        number_sites(states, surface, low, no_site(far, bits), keys, *sites)
+        sites = np.empty((max(count, 1), SITE_COLUMNS), np.float32)
+        number_sites(states, surface, low, no_site(far, bits), keys, sites)
         mark_near_known(states, needed)
         nearest_sites(keys, needed, far, bits)
-        signed_distances(keys, bits, far, states, *sites, voxel_m, low, distance_m)
+        signed_distances(keys, bits, far, states, sites, voxel_m, low, distance_m)
 
     def _room(self, shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Keys and marks of this shape, in the memory of earlier ones."""

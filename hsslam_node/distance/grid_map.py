@@ -1,18 +1,24 @@
 """Free, occupied and unknown cells of the floor, as `nav_msgs/OccupancyGrid` has them."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.kernels.cells import look_down
+from hsslam_node.distance.kernels.distance_transform import (
+    nearest_sites,
+    no_site,
+    padded_width,
+)
 from hsslam_node.distance.occupancy import Occupancy
-from hsslam_node.distance.states import FREE, OCCUPIED
 from hsslam_node.errors import UserError
 
 CELL_UNKNOWN, CELL_FREE, CELL_OCCUPIED = -1, 0, 100
 LOW_M, HIGH_M = 0.15, 1.6  # above the floor
 _FREE_SHARE = 1 / 3  # of the voxels over a cell
+_NO_NUMBERS = 0  # bits of the numbers of sites: only distances are asked for
 
 
 @dataclass(frozen=True)
@@ -50,14 +56,18 @@ class GridMap:
 
         0 in occupied cells, at most `far_m`, nan in unknown cells.
         """
-        occupied = self.cells == CELL_OCCUPIED
-        if not occupied.any():
-            distance = np.full(self.cells.shape, far_m, np.float32)
-        else:
-            distance = np.asarray(distance_transform_edt(~occupied)) * self.resolution_m
-        distance = np.minimum(distance, far_m).astype(np.float32)
-        distance[self.cells == CELL_UNKNOWN] = np.nan
-        return distance
+        height, width = self.cells.shape
+        far = min(math.ceil(far_m / self.resolution_m), height + width)  # cells
+        known = self.cells != CELL_UNKNOWN
+        none = no_site(far, _NO_NUMBERS)
+        keys = np.full((1, height, padded_width(width)), none, np.uint32)
+        needed = np.zeros(keys.shape, np.uint8)
+        keys[0, :, :width][self.cells == CELL_OCCUPIED] = 0
+        needed[0, :, :width] = known
+        nearest_sites(keys, needed, far, _NO_NUMBERS)
+        squared = keys[0, :, :width]
+        distance = np.minimum(np.sqrt(squared, dtype=np.float64) * self.resolution_m, far_m)
+        return np.where(known, np.where(squared < none, distance, far_m), np.nan).astype(np.float32)
 
 
 def grid_map(
@@ -81,10 +91,10 @@ def grid_map(
             f"{grid.low[2]:.2f} to {grid.high[2]:.2f} m above the floor"
         )
     over = states.T[first:end]  # [layers, ny, nx]
-    is_occupied = (over == OCCUPIED).any(axis=0)
-    is_free = (over == FREE).sum(axis=0, dtype=np.int32) >= _FREE_SHARE * len(over)
-    cells = np.full(is_free.shape, CELL_UNKNOWN, np.int8)
-    cells[is_free] = CELL_FREE
-    cells[is_occupied] = CELL_OCCUPIED
+    free, occupied = np.zeros(over.shape[1:], np.int32), np.zeros(over.shape[1:], np.uint8)
+    look_down(np.ascontiguousarray(over), free, occupied)
+    cells = np.full(free.shape, CELL_UNKNOWN, np.int8)
+    cells[free >= _FREE_SHARE * len(over)] = CELL_FREE
+    cells[occupied != 0] = CELL_OCCUPIED
     x, y = grid.low[:2]
     return GridMap(cells, grid.voxel_m, (float(x), float(y)), space.T_grid_world)

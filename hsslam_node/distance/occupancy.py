@@ -13,6 +13,7 @@ from hsslam_node.distance.kernels.hits import (
     touched,
 )
 from hsslam_node.distance.kernels.passes import add_passes
+from hsslam_node.distance.kernels.shift import shift
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
@@ -45,6 +46,7 @@ class Occupancy:
         self._evidence = np.zeros(grid.shape[::-1], np.int8)  # [nz, ny, nx]
         self._surface = np.zeros((*grid.shape[::-1], _RECORD_BYTES), np.int8)
         self._touched: Touched | None = None
+        self._states: np.ndarray | None = None  # if nothing has changed since they were asked for
 
     def observe(
         self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 1
@@ -68,6 +70,7 @@ class Occupancy:
         add_hits(image, T_index_cam, voxel_m, far_m, marks, used, self._evidence, self._surface)
         add_passes(image, T_cam_index, voxel_m, far_m, marks.slot, self._evidence)
         forget_hits(marks, used)
+        self._states = None
 
     def move_to(self, centre: np.ndarray) -> bool:
         """Let the window follow a point [3] m, world; True if it moved.
@@ -82,33 +85,22 @@ class Occupancy:
         if not steps.any():
             return False
         self.grid = self.grid.moved(steps)
-        for array in (self._evidence, self._surface):
-            _shift(array, steps[::-1])
+        shift(self._evidence, steps[::-1])
+        shift(self._surface.view(np.int64)[..., 0], steps[::-1])
+        self._states = None
         return True
 
     def states(self) -> np.ndarray:
-        """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8."""
-        states = np.empty(self._evidence.shape, np.uint8)
-        _write_states(self._evidence.reshape(-1), states.reshape(-1))
-        return states.T
+        """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8; not to be written to."""
+        if self._states is None:
+            self._states = np.empty(self._evidence.shape, np.uint8)
+            _write_states(self._evidence.reshape(-1), self._states.reshape(-1))
+            self._states.flags.writeable = False
+        return self._states.T
 
     def surfaces(self) -> np.ndarray:
         """What occupied voxels keep of their surface, [8, nx, ny, nz] int8 (`surface_record.py`)."""
         return self._surface.T
-
-
-def _shift(array: np.ndarray, steps: np.ndarray) -> None:
-    """Move the content of an array by `steps` towards its start along the first axes; zeros follow."""
-    if (np.abs(steps) >= array.shape[: len(steps)]).any():
-        array[:] = 0
-        return
-    there = tuple(
-        slice(max(-s, 0), n - max(s, 0)) for s, n in zip(steps, array.shape, strict=False)
-    )
-    here = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(steps, array.shape, strict=False))
-    kept = array[here].copy()
-    array[:] = 0
-    array[there] = kept
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

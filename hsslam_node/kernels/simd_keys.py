@@ -20,6 +20,16 @@ def add_keys(typingctx, a, b):
 
 
 @operation
+def masked_keys(typingctx, a, b):
+    """The bits that are set in both."""
+
+    def codegen(context, builder, signature, args):
+        return builder.and_(*args)
+
+    return KEYS(KEYS, KEYS), codegen
+
+
+@operation
 def least_keys(typingctx, a, b):
     """The smaller of both, lane by lane."""
 

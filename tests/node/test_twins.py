@@ -15,6 +15,7 @@ _WITHOUT_TWIN = {
     "kernels/simd.py": "what other kernels are built of",
     "kernels/simd_pairs.py": "what other kernels are built of",
     "kernels/simd_keys.py": "what the distance transform is built of",
+    "kernels/simd_rows.py": "what distances to surfaces are built of",
     "kernels/tracking/depth_points.py": "points of a frame are made on the CPU in every configuration",
     "kernels/tracking/view_mean.py": "keyframes are prepared on the CPU in every configuration",
     "gpu_kernels/trial_kernel.py": "shows that Triton works",

@@ -9,33 +9,55 @@ _LEAST_MM, _LARGEST_MM = np.float32(-32767.0), np.float32(32767.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def renew_blocks(distance_m, offset, tolerance_mm, blocks, changed):
+def renew_blocks(distance_m, offset, box, tolerance_mm, blocks, changed):
     """Write distances into the blocks in which one has changed by more than `tolerance_mm`.
 
     Args:
         distance_m: [nz, ny, nx] float32 m, nan: not known.
         offset: [3] int64, place (z, y, x) of voxel (0, 0, 0) in block (0, 0, 0).
+        box: [2, 3] int64 (z, y, x), first and end of the blocks that know something, before or now.
         tolerance_mm: int.
         blocks: [Z * BLOCK_SIDE, Y * BLOCK_SIDE, X * BLOCK_SIDE] int16 mm; renewed in place.
         changed: [Z, Y, X] uint8, 0; 1 is written for those that are renewed.
     """
-    nz, ny, _ = distance_m.shape
-    height, width = blocks.shape[1:]
-    slab = np.empty((BLOCK_SIDE, height, width), np.int16)
-    for c in range(changed.shape[0]):
-        slab[:] = NOT_KNOWN_MM
-        first = c * BLOCK_SIDE - offset[0]
-        for k in range(max(-first, 0), min(nz - first, BLOCK_SIDE)):
-            for j in range(ny):
-                _to_mm(distance_m[first + k, j], slab[k, offset[1] + j, offset[2] :])
-        before = blocks[c * BLOCK_SIDE : (c + 1) * BLOCK_SIDE]
-        _compare(slab, before, tolerance_mm, changed[c])
-        for b in range(changed.shape[1]):
-            rows = slice(b * BLOCK_SIDE, (b + 1) * BLOCK_SIDE)
-            for a in range(changed.shape[2]):
-                if changed[c, b, a]:
-                    columns = slice(a * BLOCK_SIDE, (a + 1) * BLOCK_SIDE)
-                    before[:, rows, columns] = slab[:, rows, columns]
+    nz, ny, nx = distance_m.shape
+    low, high = box[0, 2] * BLOCK_SIDE, box[1, 2] * BLOCK_SIDE  # of rows, as are left and right
+    left, right = max(low, offset[2]), min(high, offset[2] + nx)
+    rows = np.full((BLOCK_SIDE, BLOCK_SIDE, high - low), NOT_KNOWN_MM, np.int16)
+    most = np.empty(high - low, np.int32)
+    for c in range(box[0, 0], box[1, 0]):
+        for b in range(box[0, 1], box[1, 1]):
+            most[:] = 0
+            for n in range(BLOCK_SIDE * BLOCK_SIDE):
+                z, y = c * BLOCK_SIDE + n // BLOCK_SIDE, b * BLOCK_SIDE + n % BLOCK_SIDE
+                k, j = z - offset[0], y - offset[1]
+                row = rows[n // BLOCK_SIDE, n % BLOCK_SIDE]
+                if 0 <= k < nz and 0 <= j < ny:
+                    values_m = distance_m[k, j, left - offset[2] : right - offset[2]]
+                    _to_mm(values_m, row[left - low : right - low])
+                else:
+                    row[:] = NOT_KNOWN_MM
+                _compare(row, blocks[z, y, low:high], most)
+            for a in range(box[0, 2], box[1, 2]):
+                columns = slice(a * BLOCK_SIDE - low, (a + 1) * BLOCK_SIDE - low)
+                if most[columns].max() > tolerance_mm:
+                    changed[c, b, a] = 1
+                    _block(blocks, c, b, a)[:] = rows[:, :, columns]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def take_blocks(blocks, places, out):
+    """Copy the blocks at places [B, 3] (z, y, x) to `out` [B, BLOCK_SIDE, BLOCK_SIDE, BLOCK_SIDE]."""
+    for n in range(len(places)):
+        out[n] = _block(blocks, places[n, 0], places[n, 1], places[n, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _block(blocks, c, b, a):
+    """A view of one, [BLOCK_SIDE, BLOCK_SIDE, BLOCK_SIDE]."""
+    side = BLOCK_SIDE
+    z, y, x = c * side, b * side, a * side
+    return blocks[z : z + side, y : y + side, x : x + side]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -48,14 +70,7 @@ def _to_mm(values_m, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _compare(now, before, tolerance_mm, changed):
-    """Mark the blocks of a slab [BLOCK_SIDE, Y * BLOCK_SIDE, X * BLOCK_SIDE] that differ."""
-    for k in range(BLOCK_SIDE):
-        for b in range(changed.shape[0]):
-            for j in range(b * BLOCK_SIDE, (b + 1) * BLOCK_SIDE):
-                row, old = now[k, j], before[k, j]
-                for a in range(changed.shape[1]):
-                    most = np.int32(0)
-                    for i in range(a * BLOCK_SIDE, (a + 1) * BLOCK_SIDE):
-                        most = max(most, abs(np.int32(row[i]) - np.int32(old[i])))
-                    changed[b, a] |= most > tolerance_mm
+def _compare(now, before, most):
+    """Let `most` [n] int32 grow to the differences of two rows [n]."""
+    for i in range(len(most)):
+        most[i] = max(most[i], abs(np.int32(now[i]) - np.int32(before[i])))

@@ -34,7 +34,7 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                 word = _word_of_block(image, A, i, j, k, _BLOCK, voxel_m, far_m)
                 if word == _THROUGHOUT:
                     _pass_block(i, j, k, _BLOCK, evidence)
-                elif word == _MIXED:
+                elif word == _MIXED and not _is_at_least(i, j, k, _BLOCK, evidence):
                     for part in range(8):
                         a, b, c = (
                             i + part % 2 * _PART,
@@ -42,6 +42,8 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                             k + part // 4 * _PART,
                         )
                         if a >= nx or b >= ny or c >= nz:
+                            continue
+                        if _is_at_least(a, b, c, _PART, evidence):
                             continue
                         word = _word_of_block(image, A, a, b, c, _PART, voxel_m, far_m)
                         if word == _THROUGHOUT:
@@ -89,6 +91,21 @@ def _word_of_block(image, A, i, j, k, side, voxel_m, far_m):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _is_at_least(i, j, k, side, evidence):
+    """Whether all voxels of a block have the least evidence, so that no pass changes them."""
+    nz, ny, nx = evidence.shape
+    for c in range(k, min(k + side, nz)):
+        for b in range(j, min(j + side, ny)):
+            row = evidence[c, b]
+            most = row[i]
+            for a in range(i + 1, min(i + side, nx)):
+                most = max(most, row[a])
+            if most > LEAST:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _pass_block(i, j, k, side, evidence):
     nz, ny, nx = evidence.shape
     for c in range(k, min(k + side, nz)):
@@ -112,7 +129,7 @@ def _pass_voxels(image, A, i, j, k, voxel_m, far_m, slot, evidence):
             z_row = A[2, 1] * b + A[2, 2] * c + A[2, 3]
             here = evidence[c, b]
             for a in range(i, min(i + _PART, nx)):
-                if here[a] == LEAST:
+                if here[a] == LEAST or slot[c, b, a] != 0:
                     continue
                 z = z_row + z_step * a
                 if z < _NEAREST_M or z > far_m:
@@ -127,7 +144,7 @@ def _pass_voxels(image, A, i, j, k, voxel_m, far_m, slot, evidence):
                 is_through = image.nearest[level, v, u] > through
                 if not is_through and here[a] > 0:
                     is_through = _most_see_through(image, u, v, half_px * per_z, through)
-                if is_through and slot[c, b, a] == 0:
+                if is_through:
                     here[a] = max(here[a] - 1, LEAST)
 
 

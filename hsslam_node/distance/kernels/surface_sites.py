@@ -1,21 +1,21 @@
 """The occupied voxels of a grid as sites of a distance transform, and distances to their surfaces."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from hsslam_node.distance.kernels.surface_record import HEIGHT, NORMAL, STEPS
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.kernels.simd import WIDTH, load, spread
+from hsslam_node.kernels.simd_keys import largest_key, masked_keys, where_less
+from hsslam_node.kernels.simd_rows import store_columns
 
 _RADIUS = 0.5  # voxels, of the disc that a site is
 
 
-class Sites(NamedTuple):
-    """One row for each occupied voxel; indices are (x, y, z), fractional."""
-
-    place: np.ndarray  # [S, 3] float32, of the surface in the voxel
-    normal: np.ndarray  # [S, 3] float32, unit length, towards the cameras
+# Columns of a table of sites, [S, 8] float32. Places are of the surface in the voxel, in fractional
+# indices; normals are of unit length, towards the cameras.
+_PLACE_X, _PLACE_Y, _PLACE_Z, _NORMAL_X, _NORMAL_Y, _NORMAL_Z = range(6)
+SITE_COLUMNS = 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -36,7 +36,9 @@ def known_box(states, box):
             for i in range(nx):
                 most = max(most, row[i])
                 in_column[i] |= row[i]
-                count += row[i] == OCCUPIED
+            if most == OCCUPIED:
+                for i in range(nx):
+                    count += row[i] == OCCUPIED
             if most > UNKNOWN:
                 low_z, high_z = min(low_z, k), k + 1
                 low_y, high_y = min(low_y, j), max(high_y, j + 1)
@@ -50,7 +52,7 @@ def known_box(states, box):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def number_sites(states, surface, low, none, keys, place, normal):
+def number_sites(states, surface, low, none, keys, sites):
     """Write sites and the keys that a transform starts from.
 
     Args:
@@ -59,10 +61,11 @@ def number_sites(states, surface, low, none, keys, place, normal):
         low: [3], where the box begins (z, y, x).
         none: key of a voxel that is no site.
         keys: [nz, ny, width] uint32.
-        place, normal: of `Sites`.
+        sites: [S, SITE_COLUMNS] float32.
     """
     nz, ny, nx = states.shape
     count = 0
+    places = np.empty(nx + 1, np.int64)
     for k in range(nz):
         for j in range(ny):
             keys[k, j] = none
@@ -72,9 +75,11 @@ def number_sites(states, surface, low, none, keys, place, normal):
                 most = max(most, row[i])
             if most < OCCUPIED:
                 continue
+            found = 0
             for i in range(nx):
-                if row[i] != OCCUPIED:
-                    continue
+                places[found] = i
+                found += row[i] == OCCUPIED
+            for i in places[:found]:
                 keys[k, j, i] = count
                 record = surface[low[0] + k, low[1] + j, low[2] + i]
                 n0 = np.float32(record[NORMAL])
@@ -82,14 +87,11 @@ def number_sites(states, surface, low, none, keys, place, normal):
                 n2 = np.float32(record[NORMAL + 2])
                 scale = np.float32(1.0) / max(np.sqrt(n0 * n0 + n1 * n1 + n2 * n2), np.float32(1.0))
                 height = np.float32(record[HEIGHT]) * np.float32(1.0 / STEPS)
-                normal[count, 0], normal[count, 1], normal[count, 2] = (
-                    n0 * scale,
-                    n1 * scale,
-                    n2 * scale,
-                )
-                place[count, 0] = i + height * normal[count, 0]
-                place[count, 1] = j + height * normal[count, 1]
-                place[count, 2] = k + height * normal[count, 2]
+                n0, n1, n2 = n0 * scale, n1 * scale, n2 * scale
+                site = sites[count]
+                site[_PLACE_X], site[_NORMAL_X] = i + height * n0, n0
+                site[_PLACE_Y], site[_NORMAL_Y] = j + height * n1, n1
+                site[_PLACE_Z], site[_NORMAL_Z] = k + height * n2, n2
                 count += 1
 
 
@@ -119,42 +121,59 @@ def mark_near_known(states, needed):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def signed_distances(keys, bits, far, states, place, normal, voxel_m, low, distance):
+def signed_distances(keys, bits, far, states, sites, voxel_m, low, distance):
     """Write distances, m, to a disc in the nearest site; negative behind it, in its voxel and beside that.
 
     The disc lies in the plane of the surface, about the foot of the voxel's middle, and is a voxel wide.
-    Free voxels without a key are `far` voxels away; others stay as they are.
+    Free voxels without a key are `far` voxels away; the distance of others is nan.
 
     Args:
         states: [nz, ny, nx], of a box, as are the keys.
+        sites: as `number_sites` writes them, one or more.
         low: [3], where the box begins (z, y, x).
         distance: float32, of the whole grid.
     """
     nz, ny, nx = states.shape
-    mask = np.uint32((1 << bits) - 1)
+    width = keys.shape[2]
     none = np.uint32((far * far + 1) << bits)
-    radius, zero = np.float32(_RADIUS), np.float32(0.0)
+    mask, no_key = spread(np.uint32((1 << bits) - 1)), spread(none)
+    nearest = np.zeros((SITE_COLUMNS, width), np.float32)
     for k in range(nz):
         for j in range(ny):
+            found = False
+            for start in range(0, width, WIDTH):
+                key = load(keys, (k * ny + j) * width + start)
+                is_found = where_less(key, no_key, no_key, spread(np.uint32(0)))
+                if largest_key(is_found) > 0:
+                    found = True
+                    store_columns(nearest, start, width, sites, masked_keys(key, mask))
             out = distance[low[0] + k, low[1] + j, low[2] : low[2] + nx]
-            for i in range(nx):
-                key, state = keys[k, j, i], states[k, j, i]
-                if key >= none:
-                    if state == FREE:
-                        out[i] = np.float32(far * voxel_m)
-                    continue
-                s = key & mask
-                x = np.float32(i) - place[s, 0]
-                y = np.float32(j) - place[s, 1]
-                z = np.float32(k) - place[s, 2]
-                height = x * normal[s, 0] + y * normal[s, 1] + z * normal[s, 2]
-                if state == OCCUPIED:
-                    away = height
-                else:
-                    aside = np.sqrt(max(x * x + y * y + z * z - height * height, zero))
-                    aside = max(aside - radius, zero)
-                    away = np.sqrt(height * height + aside * aside)
-                    is_beside = key >> bits <= 3
-                    if state != FREE and is_beside and height < zero:
-                        away = -away
-                out[i] = min(away, np.float32(far)) * np.float32(voxel_m)
+            if found:
+                _to_discs(keys[k, j], bits, none, states[k, j], nearest, j, k, far, voxel_m, out)
+            else:
+                for i in range(nx):
+                    out[i] = np.float32(far * voxel_m) if states[k, j, i] == FREE else np.nan
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_discs(keys, bits, none, states, nearest, j, k, far, voxel_m, out):
+    """Distances of a row of voxels; `nearest` [SITE_COLUMNS, width] has the site of each that has one."""
+    place_x, place_y, place_z = nearest[_PLACE_X], nearest[_PLACE_Y], nearest[_PLACE_Z]
+    normal_x, normal_y, normal_z = nearest[_NORMAL_X], nearest[_NORMAL_Y], nearest[_NORMAL_Z]
+    beside = np.uint32(4 << bits)
+    free, occupied = np.uint8(FREE), np.uint8(OCCUPIED)
+    radius, zero, nan = np.float32(_RADIUS), np.float32(0.0), np.float32(np.nan)
+    most, side_m, far_m = np.float32(far), np.float32(voxel_m), np.float32(far * voxel_m)
+    for i in range(len(out)):
+        x = np.float32(i) - place_x[i]
+        y = np.float32(j) - place_y[i]
+        z = np.float32(k) - place_z[i]
+        height = x * normal_x[i] + y * normal_y[i] + z * normal_z[i]
+        aside = np.sqrt(max(x * x + y * y + z * z - height * height, zero))
+        aside = max(aside - radius, zero)
+        away = np.sqrt(height * height + aside * aside)
+        is_behind = (states[i] != free) & (keys[i] < beside) & (height < zero)
+        away = -away if is_behind else away
+        away = height if states[i] == occupied else away
+        missing = far_m if states[i] == free else nan
+        out[i] = min(away, most) * side_m if keys[i] < none else missing

@@ -147,12 +147,16 @@ def _compile_the_rest() -> Iterator[str]:
     from hsslam_node.distance.distance_blocks import DistanceBlocks
     from hsslam_node.distance.distance_meter import DistanceMeter
     from hsslam_node.distance.floor_plane import FloorPlane
+    from hsslam_node.distance.grid_map import grid_map
     from hsslam_node.distance.whole_map import whole_map
 
     floor = FloorPlane((0.0, -1.0, 0.0), -1.0, "camera poses")
-    distances = DistanceMeter().measure(whole_map(keyframes, first.camera, floor, 0.1))
+    space = whole_map(keyframes, first.camera, floor, 0.1)
+    distances = DistanceMeter().measure(space)
     distances.query(np.zeros((1, 3)))
     DistanceBlocks().renew(distances)
+    grid_map(space, space.grid.low[2], space.grid.high[2]).distances_m()
+    space.move_to(np.full(3, 100.0))
 
     yield "queries"
     from hsslam_node.dense_map.dense_map import DenseMap

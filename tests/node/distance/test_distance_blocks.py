@@ -107,3 +107,21 @@ def test_a_window_that_moves_gives_out_what_is_new(steps):
         BLOCK_SIDE * (renewed.places + 1) <= np.minimum(high, _SHAPE)
     )
     assert not inside.all(axis=1).any()  # blocks that both windows hold whole stay
+
+
+def test_what_is_no_longer_known_is_given_out():
+    """Only a corner is known now: the other blocks have lost all that they knew."""
+    blocks, grid, found = DistanceBlocks(), VoxelGrid(0.05, (3, 0, -2), _SHAPE), {}
+    first = _distances(grid)
+    _put(blocks.renew(first), found)
+    corner = np.zeros(_SHAPE, bool, order="F")
+    corner[:5, :5, :5] = True
+    distance_m = np.where(corner, first.distance_m, np.float32(np.nan))
+    now = DistanceMap(grid, np.asfortranarray(distance_m), np.where(corner, first.states, 0))
+    _put(blocks.renew(now), found)
+    _expect(found, now)
+    nothing = np.full(_SHAPE, np.nan, np.float32, order="F")
+    last = DistanceMap(grid, nothing, np.zeros(_SHAPE, np.uint8))
+    _put(blocks.renew(last), found)
+    _expect(found, last)
+    assert len(blocks.known().places) == 0

@@ -4,11 +4,12 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.esdf_file import read_esdf, write_esdf
 from hsslam_node.distance.floor_plane import FloorPlane
-from hsslam_node.distance.grid_map import grid_map
+from hsslam_node.distance.grid_map import GridMap, grid_map
 from hsslam_node.distance.nav2_files import write_nav2_files
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
@@ -62,6 +63,18 @@ def test_distances_on_the_floor(distances):
     column, row = 30, 4  # beside the pillar's first column, 29
     assert found[row, 28] == pytest.approx(0.1) and found[row, column] == 0
     assert np.nanmax(found) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(("share", "far_m"), [(0.01, 2.0), (0.3, 0.5), (0.0, 1.0), (0.01, 100.0)])
+def test_distances_on_the_floor_are_exact(share, far_m):
+    rng = np.random.default_rng(0)
+    cells = rng.choice([-1, 0], (33, 70)).astype(np.int8)
+    cells[rng.random(cells.shape) < share] = 100
+    found = GridMap(cells, 0.05, (0.0, 0.0), np.eye(4)).distances_m(far_m)
+    exact = np.full(cells.shape, far_m)
+    if (cells == 100).any():
+        exact = np.minimum(distance_transform_edt(cells != 100) * 0.05, far_m)
+    np.testing.assert_array_equal(found, np.where(cells == -1, np.nan, exact).astype(np.float32))
 
 
 def test_the_map_server_reads_what_was_written(distances, tmp_path):

@@ -160,6 +160,12 @@ def test_a_window_that_moves_keeps_what_it_holds(space, camera, centre):
     assert (after[tuple(indices[~held].T)] == UNKNOWN).all()
 
 
+def test_states_are_those_of_the_moment(space, camera):
+    before = space.states()
+    space.observe(wall(2.0), camera, np.eye(4))
+    assert (before == UNKNOWN).all() and (space.states() != UNKNOWN).any()
+
+
 def test_a_small_step_moves_no_window(space):
     middle = (space.grid.low + space.grid.high) / 2
     assert not space.move_to(middle + 0.2)

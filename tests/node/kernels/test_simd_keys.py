@@ -6,6 +6,7 @@ from hsslam_node.kernels.simd_keys import (
     add_keys,
     largest_key,
     least_keys,
+    masked_keys,
     where_less,
     where_set,
 )
@@ -20,6 +21,7 @@ def _arithmetic(a, b, mask, out):
     store(out, 16, least_keys(x, y))
     store(out, 32, where_less(x, y, spread(np.uint32(7)), x))
     store(out, 48, where_set(mask, 2, x, y))
+    store(out, 64, masked_keys(x, y))
     return largest_key(x)
 
 
@@ -27,9 +29,10 @@ def test_arithmetic_at_any_offset():
     """Keys above 2^31 too, which are negative as signed numbers."""
     a, b = RNG.integers(0, 1 << 32, (2, 20)).astype(np.uint32)
     mask = RNG.integers(0, 3, 20).astype(np.uint8)
-    out = np.zeros(64, np.uint32)
+    out = np.zeros(80, np.uint32)
     largest = _arithmetic(a, b, mask, out)
     x, y = a[3:19], b[1:17]
     assert largest == x.max() and x.max() > 1 << 31
-    expected = [x + y, np.minimum(x, y), np.where(x < y, 7, x), np.where(mask[2:18], x, y)]
-    np.testing.assert_array_equal(out.reshape(4, 16), expected)
+    chosen = [np.where(x < y, 7, x), np.where(mask[2:18], x, y)]
+    expected = [x + y, np.minimum(x, y), *chosen, x & y]
+    np.testing.assert_array_equal(out.reshape(5, 16), expected)
