@@ -1,6 +1,7 @@
 """A saved map made live again: keyframes and parameters in named arrays, as a run leaves them."""
 
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,22 +30,50 @@ def restore_map(
     """
     saved = load_checkpoint(path)
     expect_field(path, saved.layout.config, config.field)
+    images, camera, moment = _whole(path, saved)
+    if len(images) >= config.keyframes.capacity:
+        raise UserError(
+            f"{path}: {len(images)} keyframes: expected fewer than "
+            f"keyframes.capacity = {config.keyframes.capacity}"
+        )
+    units, capacity = images.depth_units_per_m, config.keyframes.capacity
+    store = KeyframeStore.create(arrays, camera, units, capacity)
+    for frame, T_world_cam in zip(saved_frames(path, saved), saved.T_world_keyframe, strict=True):
+        store.append(frame, T_world_cam)
+    store.mark_inherited()
+    return store, _restore_parameters(arrays, saved, moment)
+
+
+def saved_frames(path: Path, saved: MapCheckpoint) -> Iterator[Frame]:
+    """The keyframes of a saved map, one after the other; `path` stands in errors.
+
+    Raises:
+        UserError: it has none, or they are damaged, or it holds no images of them (versions before 3).
+    """
+    images, camera, _ = _whole(path, saved)
+    try:
+        if len(images) == 0:
+            raise ValueError("it has no keyframe")
+        if not np.isfinite(saved.T_world_keyframe).all():
+            raise ValueError("a pose of its keyframes is not finite")
+        for k, stamp_ns in enumerate(saved.keyframe_stamps_ns.tolist()):
+            color, depth_raw = images.pixels(k)
+            if color.shape[:2] != (camera.height_px, camera.width_px):
+                raise ValueError(f"keyframe {k} is of another size than its camera")
+            yield Frame(k, stamp_ns, camera, color, depth_raw, images.depth_units_per_m)
+    except ValueError as error:
+        raise UserError(f"{path}: damaged map: {error}") from None
+
+
+def _whole(path: Path, saved: MapCheckpoint) -> tuple[KeyframeImages, Camera, np.ndarray]:
+    """Images, camera and second moment of a map that has them."""
     images, camera, moment = saved.images, saved.camera, saved.second_moment
     if images is None or camera is None or moment is None:
         raise UserError(
             f"{path}: holds no images of its keyframes, as maps before version 3: expected one saved "
             "by this release"
         )
-    if len(images) >= config.keyframes.capacity:
-        raise UserError(
-            f"{path}: {len(images)} keyframes: expected fewer than "
-            f"keyframes.capacity = {config.keyframes.capacity}"
-        )
-    try:
-        store = _restore_keyframes(arrays, saved, images, camera, config.keyframes.capacity)
-    except ValueError as error:
-        raise UserError(f"{path}: damaged map: {error}") from None
-    return store, _restore_parameters(arrays, saved, moment)
+    return images, camera, moment
 
 
 def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
@@ -56,29 +85,6 @@ def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
                 f"{path}: map of another field: field.{field.name} is {there}: expected {here}; "
                 "run with the preset and the --slam.field options that it was made with"
             )
-
-
-def _restore_keyframes(
-    arrays: ArrayAllocator,
-    saved: MapCheckpoint,
-    images: KeyframeImages,
-    camera: Camera,
-    capacity: int,
-) -> KeyframeStore:
-    if len(images) == 0:
-        raise ValueError("it has no keyframe")
-    if not np.isfinite(saved.T_world_keyframe).all():
-        raise ValueError("a pose of its keyframes is not finite")
-    units = images.depth_units_per_m
-    store = KeyframeStore.create(arrays, camera, units, capacity)
-    for k, T_world_cam in enumerate(saved.T_world_keyframe):
-        color, depth_raw = images.pixels(k)
-        if color.shape[:2] != (camera.height_px, camera.width_px):
-            raise ValueError(f"keyframe {k} is of another size than its camera")
-        stamp_ns = int(saved.keyframe_stamps_ns[k])
-        store.append(Frame(k, stamp_ns, camera, color, depth_raw, units), T_world_cam)
-    store.mark_inherited()
-    return store
 
 
 def _restore_parameters(

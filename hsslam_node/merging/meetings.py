@@ -1,0 +1,94 @@
+"""Where two maps show the same: keyframes of both that match, and which of these matches agree."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import world_points
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.tracking.find_loop import find_loop
+
+_CANDIDATES = 3  # keyframes of the first map compared with one of the second, about 35 ms each
+_AGREE_M, _DRIFT = 0.1, 0.03  # meetings at a distance d agree within first + second d, m
+_AGREE_RAD = 0.05
+_APART_M = 1.0  # between the middles of what two places show
+_STRIDE_PX = 16
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """A keyframe of the second map that shows what a keyframe of the first shows."""
+
+    first: int  # id in the store of the first map
+    second: int  # number in the second map
+    T_first_second: np.ndarray  # [4, 4], by dense alignment of the two
+    T_world_first: np.ndarray  # [4, 4], world of the first map
+    T_world_second: np.ndarray  # [4, 4], world of the second map
+    shown: np.ndarray  # [3] m, world of the second map: the middle of what its keyframe measured
+
+    @property
+    def T_worlds(self) -> np.ndarray:
+        """[4, 4], from the second world to the first, as this meeting has it."""
+        return self.T_world_first @ self.T_first_second @ inverse(self.T_world_second)
+
+
+def find_meetings(
+    store: KeyframeStore,
+    frames: Iterable[Frame],
+    T_world_second: np.ndarray,
+    config: TrackerConfig,
+    seed: int = 0,
+) -> list[Meeting]:
+    """Compare each keyframe of the second map (`frames`, at poses [n, 4, 4]) with those of the store that
+    share most features with it. Nothing of the poses is used."""
+    index = KeyframeIndex(store)
+    index.update()
+    meetings = []
+    for k, (frame, T) in enumerate(zip(frames, T_world_second, strict=True)):
+        found = find_loop(store, index, frame, config, candidates=_CANDIDATES, seed=seed)
+        if not found:
+            continue
+        points = world_points(frame.depth_m(), frame.camera, T, _STRIDE_PX)
+        shown = np.median(points, axis=0)
+        meetings += [
+            Meeting(m.keyframe, k, m.T_keyframe_cam, store.pose(m.keyframe), T, shown)
+            for m in found
+        ]
+    return meetings
+
+
+def agreeing(meetings: Sequence[Meeting]) -> list[Meeting]:
+    """The largest set that agrees with one of its meetings on how the two worlds lie; this one comes first.
+
+    Two meetings agree if the one tells where the camera of the other is, to 10 cm and 3 % of the way
+    between them, as maps drift, and to 0.05 rad.
+    """
+    if not meetings:
+        return []
+    T_first = np.stack([m.T_world_first @ m.T_first_second for m in meetings])  # [n, 4, 4]
+    T_second = np.stack([m.T_world_second for m in meetings])
+    best = np.zeros(0, np.int64)
+    for k, meeting in enumerate(meetings):
+        told = meeting.T_worlds @ T_second
+        off_m = np.linalg.norm(told[:, :3, 3] - T_first[:, :3, 3], axis=1)
+        way_m = np.linalg.norm(T_first[:, :3, 3] - T_first[k, :3, 3], axis=1)
+        cosine = (np.einsum("nij,nij->n", told[:, :3, :3], T_first[:, :3, :3]) - 1.0) / 2.0
+        off_rad = np.arccos(np.clip(cosine, -1.0, 1.0))
+        agree = np.flatnonzero((off_m < _AGREE_M + _DRIFT * way_m) & (off_rad < _AGREE_RAD))
+        if len(agree) > len(best):
+            best = np.array([k, *agree[agree != k]])
+    return [meetings[k] for k in best.tolist()]
+
+
+def places_apart(meetings: Iterable[Meeting]) -> int:
+    """How many of them show things that lie a metre apart or more, taken as they come."""
+    places: list[np.ndarray] = []
+    for meeting in meetings:
+        if all(np.linalg.norm(meeting.shown - place) >= _APART_M for place in places):
+            places.append(meeting.shown)
+    return len(places)

@@ -1,0 +1,139 @@
+"""Two saved maps of one place, whose worlds have no known relation, made one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.device.device import CPU, Device
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.restore import restore_map, saved_frames
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.merging.joined_graph import JoinedGraph
+from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings, places_apart
+from hsslam_node.presets import REALTIME
+from hsslam_node.progress import Track, silently
+
+FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
+_SAME_PX = 1.0  # focal lengths and centres of one camera
+
+
+@dataclass(frozen=True)
+class JoinedMap:
+    """One map of two, in the world of the first; the keyframes of the second lie behind the first's."""
+
+    config: SlamConfig
+    store: KeyframeStore
+    parameters: FieldParameters  # published
+    parts: tuple[Trajectory, Trajectory]  # the keyframes of both as they were saved, own worlds
+    meetings: tuple[Meeting, ...]  # that the pose graph confirms
+    places: int  # of them that are apart
+
+    @property
+    def seam(self) -> int:
+        """Id of the first keyframe of the second map."""
+        return len(self.parts[0])
+
+
+def merge_maps(
+    arrays: ArrayAllocator,
+    first: Path,
+    second: Path,
+    seed: int = 0,
+    device: Device = CPU,
+    track: Track = silently,
+) -> JoinedMap:
+    """Find where the maps of two files meet, solve for all keyframes, and fit the field of the first to them.
+
+    Parameters are those of preset `realtime`, but for the field and the sampling, which stay those of the
+    first map.
+
+    Raises:
+        UserError: a map cannot be used (`restore_map`), they are of different cameras, or they do not meet
+            in three places that agree.
+        OutOfMemoryError: there is no room for the arrays.
+    """
+    saved, other = load_checkpoint(first), load_checkpoint(second)
+    _expect_same_camera(first, saved, second, other)
+    seam, count = (len(s.keyframe_stamps_ns) for s in (saved, other))
+    config = replace(
+        REALTIME,
+        field=saved.layout.config,
+        sampling=saved.sampling or REALTIME.sampling,
+        keyframes=replace(REALTIME.keyframes, capacity=seam + count + 1),
+    )
+    store, parameters = restore_map(arrays, first, config)
+    frames = track(saved_frames(second, other), count, description="places")
+    poses = other.T_world_keyframe
+    meetings = agreeing(find_meetings(store, frames, poses, config.tracker, seed))
+    _expect_places(first, second, meetings)
+    for frame, T in zip(saved_frames(second, other), meetings[0].T_worlds @ poses, strict=True):
+        store.append(frame, T)
+    solved, meetings = JoinedGraph(store, seam, config, seed).solve(meetings, track)
+    places = _expect_places(first, second, meetings)
+    store.correct_poses(np.arange(len(solved)), solved)
+    _refit(store, parameters, config, seed, device, track)
+    parts = (
+        Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
+        Trajectory(other.keyframe_stamps_ns, poses),
+    )
+    return JoinedMap(config, store, parameters, parts, tuple(meetings), places)
+
+
+def _refit(
+    store: KeyframeStore,
+    parameters: FieldParameters,
+    config: SlamConfig,
+    seed: int,
+    device: Device,
+    track: Track,
+) -> None:
+    """As many iterations as a run has for the keyframes that are new, then a run's last iterations."""
+    mapper = Mapper(config, parameters, seed, device)
+    mapper.grow_bound(store)
+    new = store.count - store.inherited
+    iterations = config.mapper.iterations * new + mapper.last_iterations(store)
+    for _ in track(range(iterations), description="map"):
+        mapper.refine_sparse(store)
+    mapper.publish()
+
+
+def _expect_places(first: Path, second: Path, meetings: Sequence[Meeting]) -> int:
+    """How many places agree; UserError if they are too few."""
+    places = places_apart(meetings)
+    if places < FEWEST_PLACES:
+        raise UserError(
+            f"{second}: meets {first} in {places} places that agree and lie apart: expected "
+            f"{FEWEST_PLACES} or more"
+        )
+    return places
+
+
+def _expect_same_camera(
+    first: Path, saved: MapCheckpoint, second: Path, other: MapCheckpoint
+) -> None:
+    """UserError unless both maps, if they tell it, are of one camera and one depth scale."""
+    here, there = saved.camera, other.camera
+    if here is None or there is None or saved.images is None or other.images is None:
+        return  # an old map, which is refused with a better reason
+    sizes = [f"{c.width_px} x {c.height_px} px" for c in (here, there)]
+    if sizes[0] != sizes[1]:
+        raise UserError(f"{second}: {sizes[1]}: expected {sizes[0]}, as in {first}")
+    for name in ("fx", "fy", "cx", "cy"):
+        expected, value = getattr(here, name), getattr(there, name)
+        if abs(value - expected) > _SAME_PX:
+            raise UserError(
+                f"{second}: camera.{name} is {value:.2f} px: expected {expected:.2f}, as in {first}"
+            )
+    expected, value = (s.images.depth_units_per_m for s in (saved, other) if s.images)
+    if value != expected:
+        raise UserError(
+            f"{second}: {value:g} depth units per metre: expected {expected:g}, as in {first}"
+        )
