@@ -10,6 +10,7 @@ from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
+from hsslam_bench.checks.map_worth.merge import merge_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
@@ -54,6 +55,7 @@ def catalogue() -> list[Check]:
         *field_error_checks(),
         *distance_checks(),
         *query_checks(),
+        *merge_checks(),
         *peer_checks(),
         *fault_checks(),
         *soak_checks(),

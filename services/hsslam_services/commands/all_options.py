@@ -30,6 +30,7 @@ OPTIONS: Mapping[str, str] = MappingProxyType(  # command: module:class, "" with
         "hsslam-map grid": f"{_ROOM}.maps.grid:GridOptions",
         "hsslam-map esdf": f"{_ROOM}.maps.esdf:EsdfOptions",
         "hsslam-map export": f"{_ROOM}.maps.export:ExportOptions",
+        "hsslam-map merge": f"{_ROOM}.maps.merge:MergeOptions",
         "hsslam-mesh": f"{_ROOM}.maps.mesh:MeshOptions",
         "hsslam-render": f"{_ROOM}.maps.render:RenderOptions",
         "hsslam-eval": f"{_ROOM}.evaluate.options:EvalOptions",

@@ -1,4 +1,4 @@
-"""`hsslam-map query|grid|esdf|export`: asks a saved map, and writes it for robots and other tools."""
+"""`hsslam-map query|grid|esdf|export|merge`: asks a saved map, writes it for robots and tools, joins two."""
 
 import sys
 from collections.abc import Sequence
@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 
 _PROG = "hsslam-map"
-_PURPOSE = "Asks a saved map, and writes it for robots and other tools, without the service."
+_PURPOSE = (
+    "Asks a saved map, writes it for robots and other tools, and merges two, without the service."
+)
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -39,11 +41,18 @@ def _export(args: Sequence[str]) -> None:
     export_map(parse_options(ExportOptions, f"{_PROG} export", args))
 
 
+def _merge(args: Sequence[str]) -> None:
+    from hsslam_services.commands.maps.merge import MergeOptions, merge_runs
+
+    merge_runs(parse_options(MergeOptions, f"{_PROG} merge", args))
+
+
 _COMMANDS: dict[str, tuple[Subcommand, str]] = {
     "query": (_query, "prints distance, gradient and certainty of places"),
     "grid": (_grid, "writes the floor for Nav2: map.yaml, map.pgm"),
     "esdf": (_esdf, "writes the distances of all voxels: esdf.npz"),
     "export": (_export, "writes mesh or points for other tools"),
+    "merge": (_merge, "makes one map of two runs in the same place"),
 }
 
 

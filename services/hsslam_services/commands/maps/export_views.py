@@ -37,7 +37,7 @@ def write_nerfstudio(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
     images, keyframes = _images_of(saved), saved.keyframes
     names = _names(images)
     text = transforms_json(keyframes.camera, keyframes.T_world_cam, names, _POINTS)
-    with _out_folder(out) as folder:
+    with out_folder(out) as folder:
         (folder / "transforms.json").write_text(text)
         PointCloud(mesh.vertices, colors=colors_of(mesh)).export(folder / _POINTS)
         _write_images(folder, images, names)
@@ -64,7 +64,7 @@ def write_colmap(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
         keyframes.camera,
     )
     seen = [observe(points, camera, T, depth_m, _OBSERVED) for depth_m, T in keyframes.views]
-    with _out_folder(out) as folder:
+    with out_folder(out) as folder:
         sparse = folder / "sparse" / "0"
         sparse.mkdir(parents=True)
         files = [f"{name}.jpg" for name in names]
@@ -102,7 +102,7 @@ def _told(images: KeyframeImages, mesh: Trimesh) -> str:
 
 
 @contextmanager
-def _out_folder(out: Path) -> Iterator[Path]:
+def out_folder(out: Path) -> Iterator[Path]:
     """A folder to fill that becomes `--out` when it is whole; if the block raises, nothing remains.
 
     Raises:

@@ -1,0 +1,41 @@
+"""Merge two runs in one place, and say how much of it each of them had seen.
+
+    python examples/merge_two_sessions.py runs/monday runs/tuesday [FOLDER]
+
+The runs may begin anywhere and know nothing of each other. FOLDER (default `merged`) becomes a run folder in
+the coordinate frame of the first. If the runs do not meet, the command says so in one line and exits with
+code 2.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_services.commands.maps.command import main as hsslam_map
+
+
+def main(first: str, second: str, folder: str = "merged") -> int:
+    """Merge, then ask the map of each run for the places of the surface."""
+    if code := hsslam_map(["merge", first, second, "--out", folder]):
+        return code
+    place = Path(folder)
+    T_first_second = np.array(
+        json.loads((place / "summary.json").read_text())["merged"]["T_first_second"]
+    )
+    vertices = trimesh.load_mesh(place / "mesh.ply").vertices
+    for run, T_run_first in ((first, np.eye(4)), (second, np.linalg.inv(T_first_second))):
+        path = Path(run) / "map.safetensors" if Path(run).is_dir() else Path(run)
+        points = vertices @ T_run_first[:3, :3].T + T_run_first[:3, 3]
+        share = SavedMap.open(path).query(points).known.mean()
+        print(f"{run} had seen {share:.0%} of the surface")
+    return 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (3, 4):
+        sys.exit(__doc__)
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,124 @@
+"""`hsslam-map merge`: two runs of one place as one run folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.device.choose_device import choose_device
+from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.checkpoint import save_checkpoint
+from hsslam_node.merging.carried_trajectory import carried, joined
+from hsslam_node.merging.merge_maps import JoinedMap, merge_maps
+from hsslam_services.artefacts.mesh_file import mesh_of_arena, mesh_section, save_mesh
+from hsslam_services.commands.cli import terminal_progress
+from hsslam_services.commands.maps.export_views import expect_new_folder, out_folder
+from hsslam_services.commands.maps.whole_space import MAP_NAME, map_file
+from hsslam_services.run.summary import update_summary
+
+_TRAJECTORY = "trajectory.txt"
+
+
+@dataclass(frozen=True)
+class MergeOptions:
+    """Makes one map of two runs in the same place, from anywhere in it.
+
+    Example:
+      hsslam-map merge runs/monday runs/tuesday --out runs/both
+
+    The command finds keyframes of both runs that show the same. If three or more places agree on how the runs
+    lie to each other, it solves for all keyframes and fits the map to them. Else it writes nothing. Both runs
+    must have the same camera.
+
+    The output folder is like that of a run: map.safetensors, mesh.ply, keyframes.txt, trajectory.txt,
+    summary.json. Its coordinate frame is that of the first run. trajectory.first.txt and
+    trajectory.second.txt have the poses of each run alone.
+
+    Raises:
+        UserError: an option has a value that cannot be used.
+    """
+
+    POSITIONALS: ClassVar = ("first", "second")
+    VALUES: ClassVar = {"first": "RUN", "second": "RUN", "out": "FOLDER"}
+    ALIASES: ClassVar = {"out": "-o"}
+
+    first: str = ""
+    """Run folder, or the file of a saved map; it gives the coordinate frame."""
+    second: str = ""
+    """Run folder, or the file of a saved map."""
+    out: Path = Path("merged")
+    """Output folder: a new one."""
+    seed: int = 0
+    """Seed of all random numbers."""
+    device: Literal["auto", "cpu", "cuda"] = "cpu"
+    """Where the map is fitted; auto: an NVIDIA GPU if one works."""
+
+
+def merge_runs(options: MergeOptions) -> None:
+    """Run the command."""
+    files = map_file(options.first, "merge"), map_file(options.second, "merge")
+    expect_new_folder(options.out)
+    frames = [_frames(file) for file in files]
+    device = choose_device(options.device)
+    with terminal_progress() as progress:
+        found = merge_maps(MemoryAllocator(), *files, options.seed, device, progress.track)
+    poses = found.store.poses()
+    first, second = (
+        carried(of_run if of_run is not None else part, part, now)
+        for of_run, part, now in zip(
+            frames, found.parts, np.split(poses, [found.seam]), strict=True
+        )
+    )
+    mesh = mesh_of_arena(found.store, found.parameters, found.config, device, lambda _: None)
+    with out_folder(options.out) as folder:
+        write_tum(folder / _TRAJECTORY, joined(first, second))
+        write_tum(folder / "trajectory.first.txt", first)
+        write_tum(folder / "trajectory.second.txt", second)
+        keyframes = Trajectory(found.store.stamps_ns(), poses)
+        write_tum(folder / "keyframes.txt", keyframes)
+        snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
+        save_checkpoint(folder / MAP_NAME, snapshot)
+        save_mesh(folder, mesh)
+        update_summary(folder, _section(options, found) | mesh_section(mesh))
+    print(f"{options.second} meets {options.first} in {found.places} places: {_told(found)}")
+    print(f"results: {options.out}")
+
+
+def _frames(file: Path) -> Trajectory | None:
+    """The poses of a run's frames, beside its map; None if there is the map alone."""
+    path = file.with_name(_TRAJECTORY)
+    return read_tum(path) if path.is_file() else None
+
+
+def _T_worlds(found: JoinedMap) -> np.ndarray:
+    """[4, 4], from the second world to the first, by the keyframe where the runs meet best."""
+    k = found.meetings[0].second
+    return found.store.pose(found.seam + k) @ inverse(found.parts[1].T_world_cam[k])
+
+
+def _told(found: JoinedMap) -> str:
+    T = _T_worlds(found)
+    turned_deg = np.rad2deg(np.linalg.norm(so3_log(T[:3, :3])))
+    counts = " and ".join(str(len(part)) for part in found.parts)
+    return (
+        f"{counts} keyframes, its world lies {np.linalg.norm(T[:3, 3]):.2f} m and "
+        f"{turned_deg:.1f} degrees off"
+    )
+
+
+def _section(options: MergeOptions, found: JoinedMap) -> dict[str, Any]:
+    return {
+        "keyframes": found.store.count,
+        "merged": {
+            "runs": [options.first, options.second],
+            "keyframes": [len(part) for part in found.parts],
+            "places": found.places,
+            "meetings": len(found.meetings),
+            "T_first_second": _T_worlds(found).tolist(),
+        },
+        "map": {"adam_steps": found.parameters.step},
+    }

@@ -1,0 +1,74 @@
+"""`hsslam-map merge`: two sessions in the small room become one run folder, or are refused."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.trajectory import read_tum
+from hsslam_services.commands.maps.command import main
+from tests.small_room import pose_error
+from tests.two_sessions import FIRST, SECOND, saved_session, walk
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    saved_session(folder / "first", FIRST)
+    saved_session(folder / "second", SECOND)
+    saved_session(folder / "mirrored", SECOND, mirrored=True)
+    return folder
+
+
+def test_two_sessions_become_one_run(runs, tmp_path, capsys):
+    out = tmp_path / "both"
+    arguments = ["merge", str(runs / "first"), str(runs / "second"), "-o", str(out)]
+    assert main([*arguments, "--device", "cpu"]) == 0
+    told = capsys.readouterr().out
+    assert f"{runs / 'second'} meets {runs / 'first'} in " in told
+    assert told.endswith(f"results: {out}\n")
+    frames, poses = walk()
+    found = read_tum(out / "trajectory.txt")
+    assert found.stamps_ns.tolist() == [frame.stamp_ns for frame in frames]
+    for T, true in zip(found.T_world_cam, inverse(poses[0]) @ poses, strict=True):
+        off_m, off_deg = pose_error(T, true)
+        assert off_m < 0.01 and off_deg < 0.3
+    second = read_tum(out / "trajectory.second.txt")
+    np.testing.assert_allclose(second.T_world_cam, found.T_world_cam[SECOND], atol=1e-8)
+    saved = SavedMap.open(out / "map.safetensors", "cpu")
+    assert len(saved.keyframes) == len(frames)
+    np.testing.assert_allclose(
+        read_tum(out / "keyframes.txt").T_world_cam, saved.keyframes.T_world_cam, atol=1e-8
+    )
+    assert len(trimesh.load_mesh(out / "mesh.ply").faces) > 1000
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["merged"]["places"] >= 3 and summary["merged"]["keyframes"] == [8, 8]
+
+
+def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys):
+    first, mirrored = runs / "first", runs / "mirrored"
+    assert main(["merge", str(first), str(mirrored), "-o", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: {mirrored}/map.safetensors: meets {first}/map.safetensors in ")
+    assert told.endswith(" places that agree and lie apart: expected 3 or more\n")
+    assert told.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ((), "merge: no map: expected a run folder or map.safetensors"),
+        (("RUN",), "merge: no map: expected a run folder or map.safetensors"),
+        (("RUN", "/nowhere"), "/nowhere: no such file: expected a map"),
+        (("RUN", "RUN", "--out", "RUN"), "is there already: expected a new folder"),
+        (("RUN", "RUN", "--out", "/nowhere/x"), "expected a folder in a folder that exists"),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(runs, arguments, text, capsys):
+    given = [str(runs / "first") if word == "RUN" else word for word in arguments]
+    assert main(["merge", *given]) == 2
+    told = capsys.readouterr().err
+    assert text in told and told.startswith("error: ") and told.count("\n") == 1
