@@ -1,7 +1,7 @@
 """Two sessions merged against one run over the whole, in one process, as JSON on stdout.
 
-`python -m hsslam_bench.scripts.merge_run SOURCE SEED`: a session over the first 55 % of the sequence, one over
-the last 55 %, which begins in a world of its own, and one over all of it.
+`python -m hsslam_bench.scripts.merge_run SOURCE SEED`: a session over the first 55 % of the sequence, one
+over the last 55 %, which begins in a world of its own, and one over all of it.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Sessions in different places, which must not merge, as JSON on stdout.
 
-`python -m hsslam_bench.scripts.strange_maps SEED`: seven rooms of the apartment against seven rooms of the mirror
-image of another apartment, each with each, and the apartment's hall against the corridor: 50 pairs. Keyframes
-stand at their true poses, so that no error of tracking keeps two maps apart.
+`python -m hsslam_bench.scripts.strange_maps SEED`: seven rooms of the apartment against seven rooms of the
+mirror image of another apartment, each with each, and the apartment's hall against the corridor: 50 pairs.
+Keyframes stand at their true poses, so that no error of tracking keeps two maps apart.
 """
 
 import argparse
