@@ -48,8 +48,8 @@ def in_mirror(frames: tuple[Frame, ...]) -> tuple[Frame, ...]:
 
 def session(rows: slice, *, mirrored: bool = False) -> tuple[KeyframeStore, FieldParameters]:
     """Keyframes of these rows at their true poses, the first in the origin, and a map of no training."""
-    frames, poses = (part[rows] for part in walk())
-    poses = inverse(poses[0]) @ poses
+    all_frames, all_poses = walk()
+    frames, poses = all_frames[rows], inverse(all_poses[rows][0]) @ all_poses[rows]
     if mirrored:
         frames, poses = in_mirror(frames), _MIRROR @ poses @ _MIRROR
     arrays, first = MemoryAllocator(), frames[0]
