@@ -1,1 +1,1 @@
-"""Rays through the scene model: where to sample them and what they show."""
+"""What rays through the scene model show, and where to sample them; what rays to a mesh meet."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
-from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
+from hsslam_node.rendering.chunked_mesh import chunked_mesh
+from hsslam_node.rendering.depth_render import render_depth
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ import matplotlib
 import numpy as np
 import trimesh
 
-from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
-from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.view_from_above import looking_down, mean_up
+from hsslam_node.rendering.chunked_mesh import chunked_mesh
+from hsslam_node.rendering.depth_render import render_depth
 
 _ABOVE = Camera(720, 560, 620.0, 620.0, 359.5, 279.5)
 _AT = 0.35  # of the given views: which one looks inside

@@ -10,12 +10,12 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.mesh.mesh_metrics import SAMPLES, MeshMetrics, sample_surface
 from hsslam_node.evaluation.mesh.virtual_views import view_of
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transformed
+from hsslam_node.rendering.chunked_mesh import chunked_mesh
 
 TOLERANCE_M = 0.03
 FAR_M = 10.0

@@ -7,12 +7,12 @@ import igl
 import numpy as np
 import trimesh
 
-from hsslam_node.evaluation.mesh.chunked_mesh import ChunkedMesh, chunked_mesh
-from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.rendering.chunked_mesh import ChunkedMesh, chunked_mesh
+from hsslam_node.rendering.depth_render import render_depth
 
 MOVED_M = 0.5
 TURNED_RAD = np.deg2rad(45.0)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from hsslam_node.evaluation.mesh.chunked_mesh import chunked_mesh
 from hsslam_node.evaluation.mesh.depth_l1 import depth_l1
-from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.evaluation.mesh.virtual_views import MOVED_M, TURNED_RAD, virtual_views
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_log
+from hsslam_node.rendering.chunked_mesh import chunked_mesh
+from hsslam_node.rendering.depth_render import render_depth
 
 CAMERA = Camera(48, 36, 40.0, 40.0, 23.5, 17.5)
 

@@ -6,10 +6,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hsslam_node.evaluation.mesh.chunked_mesh import CHUNK, chunked_mesh
-from hsslam_node.evaluation.mesh.depth_render import render_depth
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.rendering.chunked_mesh import CHUNK, chunked_mesh
+from hsslam_node.rendering.depth_render import render_depth
 
 CAMERA = Camera(32, 24, 25.0, 25.0, 15.5, 11.5)
 

@@ -3,9 +3,9 @@
 import numba
 import numpy as np
 
-from hsslam_node.evaluation.mesh.chunked_mesh import CHUNK, ChunkedMesh
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.rendering.chunked_mesh import CHUNK, ChunkedMesh
 
 _NEAR_M = 0.01
 
