@@ -68,12 +68,21 @@ class KeyframeImages:
         Raises:
             ValueError: they cannot be decoded.
         """
-        color, depth = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR), self.depth_raw(k)
+        color, depth = self.color_rgb(k), self.depth_raw(k)
         if depth.shape != color.shape[:2]:
             raise ValueError(
                 f"keyframe {k}: depth is {list(depth.shape)}, colour {list(color.shape)}"
             )
-        return cv2.cvtColor(color, cv2.COLOR_BGR2RGB), depth
+        return color, depth
+
+    def color_rgb(self, k: int) -> np.ndarray:
+        """Colour [H, W, 3] uint8 RGB of keyframe k alone.
+
+        Raises:
+            ValueError: it cannot be decoded.
+        """
+        bgr = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR)
+        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
 
     def color_jpeg(self, k: int) -> bytes:
         """Colour of keyframe k as it is kept, a JPEG."""

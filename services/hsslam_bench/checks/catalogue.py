@@ -12,6 +12,7 @@ from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.map_worth.merge import merge_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
+from hsslam_bench.checks.map_worth.texture import texture_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
@@ -56,6 +57,7 @@ def catalogue() -> list[Check]:
         *distance_checks(),
         *query_checks(),
         *merge_checks(),
+        *texture_checks(),
         *peer_checks(),
         *fault_checks(),
         *soak_checks(),

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal, NamedTuple
 from trimesh import Trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.errors import UserError
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.export.pcd_file import pcd_bytes
 from hsslam_services.commands.maps.export_views import (
@@ -20,6 +21,7 @@ from hsslam_services.commands.maps.export_views import (
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
+_TEXTURED = ("glb", "obj")
 Format = Literal["ply", "glb", "obj", "pcd", "nerfstudio", "colmap"]
 
 
@@ -29,6 +31,7 @@ class ExportOptions:
 
     Examples:
       hsslam-map export runs/desk --format glb
+      hsslam-map export runs/desk --format glb --texture --out desk.glb
       hsslam-map export runs/desk --format pcd --voxel 0.01 --out desk.pcd
       hsslam-map export runs/desk --format nerfstudio --out desk
 
@@ -38,6 +41,9 @@ class ExportOptions:
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
       colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
+
+    With --texture a glb or obj has an image from the keyframes in the place of colours of vertices, and fewer
+    triangles; the obj comes with .mtl and .png. It needs the extra texture.
 
     A file that exists is replaced. A folder that holds something is refused.
 
@@ -57,11 +63,19 @@ class ExportOptions:
     """Output file or folder (none: mesh.ply, mesh.glb, mesh.obj, points.pcd, nerfstudio, colmap)."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
+    texture: bool = False
+    """Give the mesh of glb or obj a texture from the keyframes."""
+    texture_px: int = 4096
+    """Width and height of the texture at most, px."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
         expect_voxel(self.voxel)
+        if self.texture and self.format not in _TEXTURED:
+            raise UserError(f"--texture: --format {self.format}: expected {' or '.join(_TEXTURED)}")
+        if not 256 <= self.texture_px <= 16384:
+            raise UserError(f"--texture-px {self.texture_px}: expected 256 to 16384")
 
 
 def export_map(options: ExportOptions) -> None:
@@ -72,7 +86,13 @@ def export_map(options: ExportOptions) -> None:
     kind.expect(out)
     saved = SavedMap.open(path, options.device)
     mesh = surface(saved, path, options.voxel)
-    print(f"{out}: {kind.write(out, saved, mesh)}")
+    if options.texture:
+        from hsslam_services.commands.maps.export_texture import write_textured
+
+        told = write_textured(out, saved, mesh, options.texture_px)
+    else:
+        told = kind.write(out, saved, mesh)
+    print(f"{out}: {told}")
 
 
 def _write_mesh(out: Path, _: SavedMap, mesh: Trimesh) -> str:

@@ -1,0 +1,86 @@
+"""From which keyframe every triangle takes its colours."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hsslam_node.texture.face_views import FaceViews
+from hsslam_node.texture.view_levels import view_levels
+
+NO_VIEW = -1
+_SWEEPS = 6
+_TOGETHER = 0.4  # what one neighbour with the same keyframe counts: a third more pixels, about
+_EDGE = 1.5  # what a triangle beside a nearer surface counts less
+_BURNT = 0.7  # what a triangle of which a colour is at its end counts less
+_DARKEST, _BRIGHTEST = 8.0, 247.0  # beyond them brightness says nothing of the exposure
+_LEAST_DETAIL = 2.0  # 1/px, in the sharpest image of a triangle: without it none says what is sharp
+_NOISE = 0.5  # 1/px
+_MOST_GAIN = 0.7  # of a logarithm
+
+
+class ChosenViews(NamedTuple):
+    """A keyframe for each triangle, and what their exposures differ by."""
+
+    view: np.ndarray  # [F] int32, `NO_VIEW`: none sees it
+    gain: (
+        np.ndarray
+    )  # [views, 3] float64: times these, red, green and blue of all keyframes are alike
+
+
+def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
+    """The keyframe that shows most of each triangle of faces [F, 3], of those that see it.
+
+    It counts how many pixels the triangle covers, which is nearness and angle, how sharp the image is beside
+    the others of the same triangles, and what the neighbours take: fewer borders are to be seen.
+    """
+    view = np.repeat(np.arange(len(seen)), [len(one.faces) for one in seen])
+    face, area_px, at_edge, color, detail = map(np.concatenate, zip(*seen, strict=True))
+    burnt = color.max(axis=1) > _BRIGHTEST
+    lit = ~burnt & (color.min(axis=1) > _DARKEST)
+    exposure = np.stack(
+        [view_levels(face[lit], view[lit], np.log(color[lit, k]), len(seen)) for k in range(3)], 1
+    )
+    most = np.zeros(len(faces), np.float32)
+    np.maximum.at(most, face, detail)
+    clear = most[face] > _LEAST_DETAIL
+    sharpness = view_levels(face[clear], view[clear], np.log(detail[clear] + _NOISE), len(seen))
+    score = (
+        np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _EDGE * at_edge - _BURNT * burnt
+    )
+    order = np.lexsort((view, face))
+    first = np.searchsorted(face[order], np.arange(len(faces) + 1))
+    chosen = _choose(first, view[order], score[order].astype(np.float64), _neighbours(faces))
+    return ChosenViews(chosen, np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN)))
+
+
+def _neighbours(faces: np.ndarray) -> np.ndarray:
+    """[F, 3] int64: the triangle beyond each edge, -1: none."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    same = np.flatnonzero((edges[order[1:]] == edges[order[:-1]]).all(axis=1))
+    beyond = np.full(len(edges), -1, np.int64)
+    one, other = order[same], order[same + 1]
+    beyond[one], beyond[other] = other // 3, one // 3
+    return beyond.reshape(-1, 3)
+
+
+@njit(cache=True, nogil=True)
+def _choose(first, view, score, neighbours):
+    """The best view of each face, then some rounds in which neighbours count (iterated conditional modes)."""
+    chosen = np.full(len(neighbours), NO_VIEW, np.int32)
+    for sweep in range(_SWEEPS + 1):
+        for f in range(len(neighbours)):
+            best = -np.inf
+            for i in range(first[f], first[f + 1]):
+                value = score[i]
+                if sweep:
+                    for edge in range(3):
+                        g = neighbours[f, edge]
+                        if g >= 0 and chosen[g] == view[i]:
+                            value += _TOGETHER
+                if value > best:
+                    best = value
+                    chosen[f] = view[i]
+    return chosen

@@ -1,0 +1,56 @@
+"""A textured mesh of a saved map, as glTF or as Wavefront's obj with its material and image."""
+
+from pathlib import Path
+
+import numpy as np
+from trimesh import Trimesh
+from trimesh.exchange.obj import export_obj
+
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.device.device import CPU
+from hsslam_node.errors import UserError
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_node.texture.textured_mesh import textured_mesh
+from hsslam_services.commands.maps.surface import out_file
+
+
+def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> str:
+    """The mesh with a texture from the keyframes; returns what it wrote.
+
+    A .glb has y up and z back, as glTF requires, and holds the image. Beside an .obj lie an .mtl and a .png
+    of its name; they are written first.
+
+    Raises:
+        UserError: the map has no images, or one is damaged; a package is missing; a file cannot be written.
+    """
+    images = saved.checkpoint.images
+    if images is None:
+        raise UserError(
+            "--texture: the map was saved without images of its keyframes: expected version 3"
+        )
+    keyframes = saved.keyframes
+
+    def color(k: int) -> np.ndarray:
+        try:
+            return images.color_rgb(k)
+        except ValueError as error:
+            raise UserError(f"damaged map: {error}") from None
+
+    textured = textured_mesh(mesh, keyframes, color, most_px, CPU.threads)
+    if out.suffix.lower() == ".glb":
+        textured.apply_transform(OPENGL_FROM_OPENCV)
+        with out_file(out) as partial:
+            textured.export(partial)
+    else:
+        _write_obj(out, textured)
+    material = textured.visual.material  # type: ignore[union-attr]
+    width, height = material.baseColorTexture.size
+    return f"{len(textured.faces)} triangles, texture of {width} x {height} px"
+
+
+def _write_obj(out: Path, textured: Trimesh) -> None:
+    textured.visual.material.name = out.stem  # type: ignore[union-attr]
+    text, beside = export_obj(textured, return_texture=True, mtl_name=f"{out.stem}.mtl")
+    for name, data in (*beside.items(), (out.name, text.encode())):
+        with out_file(out.with_name(name)) as partial:
+            partial.write_bytes(data)

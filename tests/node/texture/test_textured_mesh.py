@@ -1,0 +1,136 @@
+"""A wall with a pattern, seen by a few keyframes: which of them gives the colours, and where they lie."""
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.errors import UserError
+from hsslam_node.evaluation.image_quality import psnr_db
+from hsslam_node.evaluation.mesh.mesh_view import MeshView
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.texture.textured_mesh import textured_mesh
+
+_CAMERA = Camera(160, 120, 130.0, 130.0, 79.5, 59.5)
+_WALL_M, _FAR_M = 2.0, 3.0  # before the first camera and before one that steps back
+_CELL_M = 0.02
+
+
+@pytest.fixture(autouse=True, scope="module")
+def packages() -> None:
+    for name in ("xatlas", "fast_simplification"):
+        pytest.importorskip(name)
+
+
+def _wall() -> trimesh.Trimesh:
+    """A grey wall of 1.6 x 1.2 m, of cells of 2 cm; its front looks at the cameras."""
+    x, y = np.meshgrid(np.arange(-0.8, 0.81, _CELL_M), np.arange(-0.6, 0.61, _CELL_M))
+    rows, columns = x.shape
+    vertices = np.stack([x, y, np.full(x.shape, _WALL_M)], axis=-1).reshape(-1, 3)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    one = np.stack([corner, corner + columns, corner + 1], axis=1)
+    other = np.stack([corner + 1, corner + columns, corner + columns + 1], axis=1)
+    grey = np.full((len(vertices), 3), 128, np.uint8)
+    return trimesh.Trimesh(vertices, np.vstack([one, other]), vertex_colors=grey, process=False)
+
+
+def _image(distance_m: float) -> np.ndarray:
+    """The pattern on the wall, a colour for each place, as a camera before its middle sees it."""
+    v, u = np.mgrid[: _CAMERA.height_px, : _CAMERA.width_px]
+    x = (u - _CAMERA.cx) / _CAMERA.fx * distance_m
+    y = (v - _CAMERA.cy) / _CAMERA.fy * distance_m
+    waves = np.stack([np.sin(40 * x), np.sin(30 * y), np.sin(25 * (x + y))], axis=-1)
+    return (128 + 70 * waves).astype(np.uint8)
+
+
+def _keyframes(*distances_m: float) -> MapKeyframes:
+    """They stand before the wall, with exact depth."""
+    poses = np.tile(np.eye(4), (len(distances_m), 1, 1))
+    poses[:, 2, 3] = _WALL_M - np.array(distances_m)
+    size = _CAMERA.height_px, _CAMERA.width_px
+    numbers = np.arange(len(poses))
+
+    def depth_m(k: int) -> np.ndarray:
+        return np.full(size, distances_m[k], np.float32)
+
+    return MapKeyframes(_CAMERA, numbers, numbers, poses, depth_m)
+
+
+def _drawn_psnr(mesh: trimesh.Trimesh, true: np.ndarray) -> float:
+    """Of the inner part of the first camera's view, which all keyframes see."""
+    image, hit = MeshView(mesh).draw(_CAMERA, np.eye(4))
+    inner = np.s_[25:-25, 35:-35]
+    assert hit[inner].all()
+    return psnr_db(image[inner], true[inner] / 255.0)
+
+
+def test_the_texture_shows_what_the_keyframe_saw():
+    wall, true = _wall(), _image(_WALL_M)
+    textured = textured_mesh(wall, _keyframes(_WALL_M), lambda _: true, 1024)
+    assert 100 <= len(textured.faces) < len(wall.faces)
+    np.testing.assert_allclose(textured.area, wall.area, rtol=1e-3)
+    assert _drawn_psnr(textured, true) > 32
+    assert _drawn_psnr(wall, true) < 20  # the control: the colours of vertices are grey
+
+
+def test_the_sharper_of_two_images_gives_the_colours():
+    true = _image(_WALL_M)
+    blurred = cv2.GaussianBlur(true, (0, 0), 3)
+    for images in ([true, blurred], [blurred, true]):
+        textured = textured_mesh(_wall(), _keyframes(_WALL_M, _WALL_M), images.__getitem__, 1024)
+        assert _drawn_psnr(textured, true) > 30
+
+
+def test_the_nearer_of_two_keyframes_gives_the_colours_where_it_sees():
+    near, far = _image(_WALL_M), np.zeros_like(_image(_FAR_M))
+    far[...] = (250, 250, 250)
+    textured = textured_mesh(_wall(), _keyframes(_FAR_M, _WALL_M), [far, near].__getitem__, 1024)
+    assert _drawn_psnr(textured, near) > 30
+
+
+def test_keyframes_of_other_exposure_are_made_alike():
+    true = _image(_WALL_M)
+    dark = (true * 0.7).astype(np.uint8)
+    left = true.copy(), dark.copy()
+    keyframes = _keyframes(_WALL_M, _WALL_M)
+    textured = textured_mesh(_wall(), keyframes, left.__getitem__, 1024)
+    between = true * np.sqrt(0.7)
+    assert _drawn_psnr(textured, between) > 30
+
+
+def test_what_stood_before_the_wall_gives_it_no_colour():
+    true = _image(_WALL_M)
+    with_person = true.copy()
+    with_person[30:90, 40:80] = (255, 0, 255)
+    plain = _keyframes(_WALL_M, _WALL_M)
+
+    def depth_m(k: int) -> np.ndarray:
+        depth = np.full(true.shape[:2], _WALL_M, np.float32)
+        if k == 0:
+            depth[30:90, 40:80] = 1.0
+        return depth
+
+    keyframes = MapKeyframes(_CAMERA, plain.ids, plain.stamps_ns, plain.T_world_cam, depth_m)
+    textured = textured_mesh(_wall(), keyframes, [with_person, true].__getitem__, 1024)
+    assert _drawn_psnr(textured, true) > 28
+
+
+def test_what_no_keyframe_sees_has_the_colours_of_vertices():
+    away = _keyframes(_WALL_M)
+    away.T_world_cam[0] = np.diag([-1.0, 1.0, -1.0, 1.0])
+    textured = textured_mesh(_wall(), away, lambda _: _image(_WALL_M), 1024)
+    image, hit = MeshView(textured).draw(_CAMERA, np.eye(4))
+    np.testing.assert_allclose(255 * image[hit], 128, atol=1)
+
+
+def test_the_texture_is_no_larger_than_asked_for():
+    textured = textured_mesh(_wall(), _keyframes(_WALL_M), lambda _: _image(_WALL_M), 256)
+    material = textured.visual.material  # type: ignore[union-attr]
+    assert max(material.baseColorTexture.size) <= 256
+
+
+def test_a_missing_package_is_one_line(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "xatlas", None)
+    with pytest.raises(UserError, match=r"--texture: package xatlas is not there: pip install"):
+        textured_mesh(_wall(), _keyframes(_WALL_M), lambda _: _image(_WALL_M), 256)

@@ -1,0 +1,70 @@
+"""`hsslam-map export --texture` on a map of the small room: read by trimesh, drawn, compared with a frame."""
+
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from hsslam_node.evaluation.image_quality import psnr_db
+from hsslam_node.evaluation.mesh.mesh_view import MeshView
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_services.commands.maps.command import main
+from tests.small_room import room_frames, room_poses
+
+_COARSE = ("--voxel", "0.04", "--device", "cpu", "--texture-px", "1024")
+_HELD_OUT = (10, 22, 34)  # frames that are no keyframes
+
+
+def _drawn_db(mesh: trimesh.Trimesh) -> float:
+    """PSNR of what the mesh covers of frames that it was not made of."""
+    view, found = MeshView(mesh), []
+    for k in _HELD_OUT:
+        frame = room_frames()[k]
+        image, hit = view.draw(frame.camera, room_poses()[k])
+        assert hit.mean() > 0.8
+        found.append(psnr_db(image[hit], frame.color[hit] / 255.0))
+    return float(np.mean(found))
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj"])
+def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
+    mapped_run, tmp_path, capsys, kind
+):
+    pytest.importorskip("xatlas")
+    pytest.importorskip("fast_simplification")
+    found = {}
+    for name, more in (("plain", ()), ("textured", ("--texture",))):
+        out = tmp_path / f"{name}.{kind}"
+        arguments = ["export", str(mapped_run), "--format", kind, "-o", str(out), *_COARSE, *more]
+        assert main(arguments) == 0
+        found[name] = trimesh.load_mesh(out, process=False)
+        if kind == "glb":
+            found[name].apply_transform(OPENGL_FROM_OPENCV)
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert told.startswith(f"{out}: {len(found['textured'].faces)} triangles, texture of ")
+    assert _drawn_db(found["textured"]) > _drawn_db(found["plain"]) + 3
+    if kind == "obj":
+        files = sorted(path.name for path in tmp_path.iterdir())
+        assert files == ["plain.obj", "textured.mtl", "textured.obj", "textured.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("--format", "ply", "--texture"), "--texture: --format ply: expected glb or obj"),
+        (("--format", "glb", "--texture-px", "9"), "--texture-px 9: expected 256 to 16384"),
+        (
+            ("--format", "glb", "--texture", *_COARSE),
+            "--texture: package xatlas is not there: pip install 'hsslam-node[texture]'",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(
+    mapped_run, tmp_path, monkeypatch, capsys, arguments, text
+):
+    monkeypatch.setitem(sys.modules, "xatlas", None)  # as if it were not installed
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(mapped_run), *arguments]) == 2
+    assert capsys.readouterr().err == f"error: {text}\n"
+    assert not list(tmp_path.iterdir())
