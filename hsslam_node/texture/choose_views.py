@@ -24,9 +24,7 @@ class ChosenViews(NamedTuple):
     """A keyframe for each triangle, and what their exposures differ by."""
 
     view: np.ndarray  # [F] int32, `NO_VIEW`: none sees it
-    gain: (
-        np.ndarray
-    )  # [views, 3] float64: times these, red, green and blue of all keyframes are alike
+    gain: np.ndarray  # [views, 3] float64: times it, red, green and blue of all views are alike
 
 
 def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
@@ -51,11 +49,11 @@ def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
     )
     order = np.lexsort((view, face))
     first = np.searchsorted(face[order], np.arange(len(faces) + 1))
-    chosen = _choose(first, view[order], score[order].astype(np.float64), _neighbours(faces))
+    chosen = _choose(first, view[order], score[order].astype(np.float64), neighbours(faces))
     return ChosenViews(chosen, np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN)))
 
 
-def _neighbours(faces: np.ndarray) -> np.ndarray:
+def neighbours(faces: np.ndarray) -> np.ndarray:
     """[F, 3] int64: the triangle beyond each edge, -1: none."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))

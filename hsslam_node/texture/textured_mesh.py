@@ -1,26 +1,30 @@
-"""A mesh with a texture from keyframes: charts, a keyframe for each triangle, colours."""
+"""A mesh with a texture that is cut out of keyframes: a keyframe for each triangle, charts, one image.
+
+A chart is what one keyframe shows of connected triangles, so its pixels are copied and nothing is unwrapped.
+Source: Waechter, Moehrle and Goesele, Let There Be Color! Large-Scale Texturing of 3D Reconstructions, 2014
+"""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import cv2
 import numpy as np
 import trimesh
 from PIL import Image
-from scipy.spatial import KDTree
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
-from hsslam_node.errors import UserError
 from hsslam_node.rendering.chunked_mesh import chunked_mesh
-from hsslam_node.texture.atlas import make_atlas
-from hsslam_node.texture.bake import Texture
+from hsslam_node.texture.charts import cut_charts
 from hsslam_node.texture.choose_views import NO_VIEW, choose_views
 from hsslam_node.texture.face_views import FaceViews, views_of_faces
+from hsslam_node.texture.packing import pack
 
-_FACES_PER_M2 = 1500
-_TEXEL_M = 0.003  # what a camera of 640 x 480 px resolves from 1.5 m
+_SMALLER = 0.9
+_TILE_PX = 4  # of a triangle that no keyframe sees: 2 x 2 pixels, and one around them
+_IN_TILE_PX = np.array([[1.5, 1.5], [2.5, 1.5], [1.5, 2.5]])  # its corners, at pixel centres
 ColorOf = Callable[[int], np.ndarray]
 
 
@@ -31,63 +35,96 @@ def textured_mesh(
     most_px: int,
     threads: int = 1,
 ) -> trimesh.Trimesh:
-    """The mesh of fewer triangles with a texture, in the same frame.
+    """The same triangles with a texture; vertices at the borders of charts are there twice.
 
     Args:
-        mesh: with colours of vertices, which triangles have that no keyframe sees.
+        mesh: with colours of vertices, which triangles have that no keyframe sees. Triangles should be
+            small beside their distance from the cameras, as those of marching cubes are.
         keyframes: that the mesh was made of.
         color_of: gives the colour [H, W, 3] uint8 RGB of the k-th of them; it is asked twice.
-        most_px: width and height of the texture at most.
+        most_px: width and height of the texture at most; if it were larger, charts are made smaller.
         threads: that look at keyframes at once; the texture is the same with any number.
-
-    Raises:
-        UserError: a package of the extra `texture` is not there.
     """
-    vertices, faces = _simplified(mesh)
-    atlas = make_atlas(vertices, faces, _TEXEL_M, most_px)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     camera, poses = keyframes.camera, keyframes.T_world_cam
     chunks = chunked_mesh(vertices, faces)
 
     def look(k: int) -> FaceViews:
         return views_of_faces(chunks, camera, color_of(k), keyframes.depth_m(k), poses[k])
 
-    texture = Texture(atlas, vertices)
     with ThreadPoolExecutor(threads) as pool:
-        chosen = choose_views(faces, list(pool.map(look, range(len(poses)))))
-    for k, T in enumerate(poses):
-        mine = np.flatnonzero(chosen.view == k)
-        if len(mine):
-            texture.paint_view(mine, color_of(k), chosen.gain[k], camera, T)
+        view, gain = choose_views(faces, list(pool.map(look, range(len(poses)))))
+    charts = cut_charts(vertices, faces, view, camera, poses)
+    unseen = faces[view == NO_VIEW]
+    sizes, places, (width, height) = _packed(charts.size, len(unseen), most_px)
+    texture = np.zeros((height, width, 3), np.uint8)
+    for k in np.unique(charts.view):
+        image = _brightened(color_of(int(k)), gain[k])
+        for i in np.flatnonzero(charts.view == k):
+            _paste(texture, image, charts.low[i], charts.size[i], places[i], sizes[i])
+    tiles = places[len(charts.size) :]
     visual: Any = mesh.visual
-    nearest = KDTree(mesh.vertices).query(vertices)[1]
-    colors = np.asarray(visual.vertex_colors)[nearest, :3]
-    texture.paint_vertices(np.flatnonzero(chosen.view == NO_VIEW), colors)
-    texture.pad()
-    uv = atlas.uv_px / atlas.size_px
-    uv[:, 1] = 1.0 - uv[:, 1]  # trimesh counts from below
-    material = PBRMaterial(
-        name="texture", baseColorTexture=Image.fromarray(texture.color), metallicFactor=0.0,
-        roughnessFactor=1.0,
-    )  # fmt: skip
-    return trimesh.Trimesh(
-        vertices[atlas.vertices], atlas.faces, visual=TextureVisuals(uv, material=material),
-        process=False,
-    )  # fmt: skip
-
-
-def _simplified(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [V, 3] float64 m and faces [F, 3] int64 of no more triangles than the texture needs."""
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    most = max(int(_FACES_PER_M2 * mesh.area), 100)
-    if len(faces) <= most:
-        return vertices, faces
-    try:
-        from fast_simplification import simplify
-    except ImportError:
-        raise UserError(
-            "--texture: package fast-simplification is not there: pip install 'hsslam-node[texture]'"
-        ) from None
-    points, triangles = simplify(
-        vertices.astype(np.float32), faces.astype(np.int32), target_count=most
+    _paint_tiles(texture, tiles, np.asarray(visual.vertex_colors)[unseen, :3])
+    scale = sizes[: len(charts.size)] / charts.size
+    uv_px = (charts.uv_px + 0.5 - charts.low[charts.chart]) * scale[charts.chart]
+    uv_px = np.concatenate(
+        [uv_px + places[charts.chart], (tiles[:, None] + _IN_TILE_PX).reshape(-1, 2)]
     )
-    return points.astype(np.float64), triangles.astype(np.int64)
+    uv = uv_px / (width, height)
+    uv[:, 1] = 1.0 - uv[:, 1]  # trimesh counts from below
+    image = Image.fromarray(texture)
+    material = PBRMaterial(
+        name="texture", baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0
+    )
+    more = len(charts.vertices) + np.arange(unseen.size).reshape(-1, 3)
+    return trimesh.Trimesh(
+        vertices[np.concatenate([charts.vertices, unseen.ravel()])],
+        np.concatenate([charts.faces, more]),
+        visual=TextureVisuals(uv, material=material),
+        process=False,
+    )
+
+
+def _packed(
+    charts: np.ndarray, tiles: int, most_px: int
+) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+    """Sizes and places, [n, 2] int64 px, of charts [m, 2] and then of tiles, and the image's size."""
+    rest = np.full((tiles, 2), _TILE_PX, np.int64)
+    scale = 1.0
+    while True:
+        sizes = np.concatenate([np.maximum((scale * charts).astype(np.int64), 1), rest])
+        places, size = pack(sizes)
+        if max(size) <= most_px or scale < 0.01:
+            return sizes, places, size
+        scale *= min(_SMALLER, most_px / max(size))
+
+
+def _brightened(image: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """The image [H, W, 3] uint8 times a gain [3] for each colour."""
+    table = np.clip(np.arange(256)[:, None] * gain + 0.5, 0, 255).astype(np.uint8)
+    return cv2.LUT(image, table[None])
+
+
+def _paste(
+    texture: np.ndarray,
+    image: np.ndarray,
+    low: np.ndarray,
+    size: np.ndarray,
+    place: np.ndarray,
+    new_size: np.ndarray,
+) -> None:
+    """Copy a rectangle of the image into the texture, smaller if its new size is."""
+    part = image[low[1] : low[1] + size[1], low[0] : low[0] + size[0]]
+    if (new_size != size).any():
+        part = cv2.resize(part, (int(new_size[0]), int(new_size[1])), interpolation=cv2.INTER_AREA)
+    texture[place[1] : place[1] + new_size[1], place[0] : place[0] + new_size[0]] = part
+
+
+def _paint_tiles(texture: np.ndarray, tiles: np.ndarray, colors: np.ndarray) -> None:
+    """Tiles at places [n, 2] whose bilinear colours between corners are those of [n, 3, 3] uint8 RGB."""
+    a, b, c = colors.astype(np.int64).swapaxes(0, 1)
+    block = np.stack([np.stack([a, b], 1), np.stack([c, np.clip(b + c - a, 0, 255)], 1)], 1)
+    whole = np.pad(block, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")  # [n, 4, 4, 3]
+    step = np.arange(_TILE_PX)
+    rows, columns = tiles[:, 1, None, None] + step[:, None], tiles[:, 0, None, None] + step
+    texture[rows, columns] = whole

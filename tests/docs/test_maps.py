@@ -77,6 +77,7 @@ def test_a_map_is_written_for_other_tools(capsys):
     assert [line.partition(":")[0] for line in told] == [
         "room.ply",
         "room.glb",
+        "textured.glb",
         "room.pcd",
         "room",
         "scene",

@@ -28,7 +28,7 @@ from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.sources.open_source import open_source
 from hsslam_services.commands.maps.command import main as hsslam_map
 
-_EVERY = 8
+_EVERY, _FIRST = 8, 3  # keyframes of a steady camera are even numbers
 _NEAR_NS = 2_000_000  # stamps of a trajectory are rounded to microseconds, at least
 
 
@@ -84,7 +84,7 @@ def _other_frames(run: Path, spec: str) -> Iterator[tuple[Frame, np.ndarray]]:
     trajectory = read_tum(run / "trajectory.txt")
     keyframes_ns = load_checkpoint(run / "map.safetensors").keyframe_stamps_ns
     for number, frame in enumerate(open_source(spec).frames()):
-        if number % _EVERY or not isinstance(frame, Frame):
+        if number % _EVERY != _FIRST or not isinstance(frame, Frame):
             continue
         nearest = int(np.abs(trajectory.stamps_ns - frame.stamp_ns).argmin())
         is_known = abs(int(trajectory.stamps_ns[nearest]) - frame.stamp_ns) < _NEAR_NS

@@ -42,8 +42,8 @@ class ExportOptions:
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
       colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
 
-    With --texture a glb or obj has an image from the keyframes in the place of colours of vertices, and fewer
-    triangles; the obj comes with .mtl and .png. It needs the extra texture.
+    With --texture a glb or obj has an image, cut out of the keyframes, in the place of colours of
+    vertices; the obj comes with .mtl and .png.
 
     A file that exists is replaced. A folder that holds something is refused.
 

@@ -21,7 +21,7 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
     of its name; they are written first.
 
     Raises:
-        UserError: the map has no images, or one is damaged; a package is missing; a file cannot be written.
+        UserError: the map has no images, one is damaged, or a file cannot be written.
     """
     images = saved.checkpoint.images
     if images is None:

@@ -1,7 +1,5 @@
 """`hsslam-map export --texture` on a map of the small room: read by trimesh, drawn, compared with a frame."""
 
-import sys
-
 import numpy as np
 import pytest
 import trimesh
@@ -31,8 +29,6 @@ def _drawn_db(mesh: trimesh.Trimesh) -> float:
 def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
     mapped_run, tmp_path, capsys, kind
 ):
-    pytest.importorskip("xatlas")
-    pytest.importorskip("fast_simplification")
     found = {}
     for name, more in (("plain", ()), ("textured", ("--texture",))):
         out = tmp_path / f"{name}.{kind}"
@@ -54,16 +50,11 @@ def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
     [
         (("--format", "ply", "--texture"), "--texture: --format ply: expected glb or obj"),
         (("--format", "glb", "--texture-px", "9"), "--texture-px 9: expected 256 to 16384"),
-        (
-            ("--format", "glb", "--texture", *_COARSE),
-            "--texture: package xatlas is not there: pip install 'hsslam-node[texture]'",
-        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(
     mapped_run, tmp_path, monkeypatch, capsys, arguments, text
 ):
-    monkeypatch.setitem(sys.modules, "xatlas", None)  # as if it were not installed
     monkeypatch.chdir(tmp_path)
     assert main(["export", str(mapped_run), *arguments]) == 2
     assert capsys.readouterr().err == f"error: {text}\n"
