@@ -53,10 +53,20 @@ def _plain_source(
         raise UserError(
             f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
         )
-    opener = imported(row.opener)
-    if row.is_live:
-        return opener(source_name(spec), options, should_stop)
-    return opener(source_name(spec), options)
+    if row.fault:
+        raise UserError(f"source {spec}: package {row.package} does not work: {row.fault}")
+    try:
+        opener = imported(row.opener)
+        if row.is_live:
+            return opener(source_name(spec), options, should_stop)
+        return opener(source_name(spec), options)
+    except UserError:
+        raise
+    except Exception as error:
+        if not row.package:
+            raise
+        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise UserError(f"source {spec}: package {row.package} does not work: {told}") from error
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:

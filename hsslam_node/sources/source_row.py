@@ -44,10 +44,16 @@ class SourceRow:
     stamps: str | None = None
     """Import path of `(name) -> (colour, depth or None)`: all stamps in the order of the recording, [N]
     int64 ns, for the doctor."""
+    package: str = ""
+    """The installed package that it comes from; empty: this one."""
+    fault: str = ""
+    """Why no source of it can be opened; empty: they can."""
 
     def matches(self, spec: str) -> bool:
         """Whether `spec` is a source of this kind."""
         kind, _, name = spec.partition(":")
+        if self.fault:
+            return kind == self.kind
         return spec in self.examples if self.only_examples else kind == self.kind and bool(name)
 
 

@@ -1,4 +1,4 @@
-"""All sources of a run: those of the library, and those that need the bus or a log; one row a kind."""
+"""All sources of a run: the library's, those that need the bus or a log, and plugins; one row a kind."""
 
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import (
@@ -9,6 +9,7 @@ from hsslam_node.sources.source_row import (
     has_suffix,
     source_name,
 )
+from hsslam_services.run.source_plugins import plugin_rows
 
 _LOG = SourceRow(
     kind="mcap",
@@ -53,7 +54,8 @@ SERVICE_SOURCES = (
     ),
 )
 _EXAMPLES_WIDTH = 40  # characters of a line of `--help`
-ALL_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
+OWN_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
+ALL_SOURCES: tuple[SourceRow, ...] = (*OWN_SOURCES, *plugin_rows(OWN_SOURCES))
 
 
 def sources_help() -> str:

@@ -1,0 +1,12 @@
+"""What HS-SLAM reads of this source before it opens it; apart, so that `--help` loads no driver."""
+
+from hsslam_node.sources.source_row import SourceRow, has_files
+
+ROW = SourceRow(
+    kind="npz",
+    examples=("npz:FOLDER",),
+    brief="frames saved with NumPy",
+    about="frames saved with NumPy, one `.npz` each, with `camera.json`",
+    opener="hsslam_npz.source:NpzSource",
+    looks_like=has_files("*.npz"),
+)

@@ -1,0 +1,71 @@
+"""Sources of other packages that are installed here: entry points of the group `hsslam.sources`.
+
+An entry point names a `SourceRow`, under the kind of that row. One that does not work becomes a row of its
+kind which says why, so that it costs no other source.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from hsslam_node.sources.source_row import SourceRow
+
+GROUP = "hsslam.sources"
+
+
+def plugin_rows(own: Sequence[SourceRow]) -> tuple[SourceRow, ...]:
+    """The rows of all packages that are installed, by kind; `own` kinds are taken."""
+    taken = {row.kind for row in own}
+    rows = []
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value)):
+        rows.append(_row(point, taken))
+        taken.add(point.name)
+    return tuple(rows)
+
+
+def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
+    package = point.dist.name if point.dist else point.module
+    try:
+        row = point.load()
+    except Exception as error:  # code of others, which may raise what it likes
+        return _broken(point, package, _one_line(error))
+    if not isinstance(row, SourceRow):
+        return _broken(point, package, f"{point.value} is {type(row).__name__}: expected SourceRow")
+    if row.kind != point.name:
+        return _broken(
+            point, package, f"{point.value} has kind {row.kind!r}: expected {point.name!r}"
+        )
+    if row.kind in taken:
+        return _broken(point, package, f"kind {row.kind!r} is taken: expected another")
+    if not row.examples or not all(map(row.matches, row.examples)):
+        return _broken(
+            point, package, f"examples {row.examples}: expected sources of kind {row.kind}"
+        )
+    return replace(row, package=package, looks_like=_never_raising(row.looks_like))
+
+
+def _broken(point: EntryPoint, package: str, reason: str) -> SourceRow:
+    return SourceRow(
+        kind=point.name,
+        examples=(f"{point.name}:",),
+        brief=f"does not work: package {package}: {reason}",
+        about=f"does not work: {reason}",
+        opener=point.value,
+        package=package,
+        fault=reason,
+    )
+
+
+def _never_raising(looks_like: Callable[[Path], bool]) -> Callable[[Path], bool]:
+    def asked(path: Path) -> bool:
+        try:
+            return bool(looks_like(path))
+        except Exception:  # it only makes suggestions
+            return False
+
+    return asked
+
+
+def _one_line(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

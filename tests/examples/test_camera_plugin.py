@@ -1,0 +1,72 @@
+"""The example of a camera plugin, visible as pip makes it: in help, in errors, and opened by the doctor."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.repository import ROOT
+from tests.services.run.installed_package import install
+from tests.small_room import room_frames
+
+_EXAMPLE = ROOT / "examples/camera_plugin"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of packages with the example, and with another that cannot be imported."""
+    project = tomllib.loads((_EXAMPLE / "pyproject.toml").read_text())["project"]
+    folder = tmp_path_factory.mktemp("site")
+    shutil.copytree(_EXAMPLE / "hsslam_npz", folder / "hsslam_npz")
+    install(folder, project["name"], {}, project["entry-points"]["hsslam.sources"])
+    install(folder, "hsslam-broken", {}, {"broken": "hsslam_broken:ROW"})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six frames of the small room, as the example reads them."""
+    folder, frames = tmp_path_factory.mktemp("recording"), room_frames()[:6]
+    camera = frames[0].camera
+    told = {
+        name: getattr(camera, name) for name in ("width_px", "height_px", "fx", "fy", "cx", "cy")
+    }
+    told |= {"rate_hz": 30.0, "depth_units_per_m": frames[0].depth_units_per_m}
+    (folder / "camera.json").write_text(json.dumps(told))
+    for k, frame in enumerate(frames):
+        arrays = {"stamp_ns": frame.stamp_ns, "color": frame.color, "depth": frame.depth_raw}
+        np.savez(folder / f"{k:06d}.npz", **arrays)
+    return folder
+
+
+def _run(site: Path, module: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    command = [sys.executable, "-m", f"hsslam_services.commands.{module}", *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200)
+
+
+def test_help_lists_the_plugin_and_says_what_is_wrong_with_another(site):
+    lines = _run(site, "serve", "--help").stdout.splitlines()
+    (npz,) = (line for line in lines if "npz:FOLDER" in line)
+    assert npz.endswith("frames saved with NumPy")
+    (broken,) = (line for line in lines if "broken:" in line)
+    assert "package hsslam-broken: ModuleNotFoundError: No module named 'hsslam_broken'" in broken
+
+
+def test_the_doctor_opens_its_recording(site, recording):
+    done = _run(site, "doctor", f"npz:{recording}")
+    assert done.returncode in (0, 1), done.stderr  # it may find the recording short
+    assert "160 x 120" in done.stdout or "160x120" in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+def test_bad_input_is_one_line(site, tmp_path):
+    done = _run(site, "doctor", f"npz:{tmp_path}")
+    assert done.returncode == 2
+    assert done.stderr == f"error: source npz:{tmp_path}: no .npz: expected a folder of frames\n"
