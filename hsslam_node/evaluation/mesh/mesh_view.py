@@ -31,8 +31,8 @@ class MeshView:
             self._values = np.asarray(visual.vertex_colors)[:, :3] / 255.0
 
     def draw(self, camera: Camera, T_world_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """RGB [H, W, 3] 0..1, and which pixels [H, W] show the mesh; the others are black."""
-        _, face = render_depth(self._mesh, camera, T_world_cam)
+        """RGB [H, W, 3] 0..1 and planar depth [H, W] float32 m; without a mesh there, black and 0."""
+        depth_m, face = render_depth(self._mesh, camera, T_world_cam)
         row, column = np.nonzero(face >= 0)
         corners = self._mesh.faces[face[row, column]]  # [n, 3]
         a, b, c = (
@@ -47,7 +47,7 @@ class MeshView:
         values = np.einsum("nk,nkd->nd", weights, self._values[corners])
         image = np.zeros((*face.shape, 3))
         image[row, column] = values if self._texture is None else self._looked_up(values)
-        return image, face >= 0
+        return image, depth_m
 
     def _looked_up(self, places: np.ndarray) -> np.ndarray:
         """Colours [n, 3] 0..1 at places [n, 2] px of the texture, bilinear."""

@@ -2,9 +2,9 @@
 
 `python -m hsslam_bench.scripts.texture_quality RUN SOURCE`: `hsslam-map export --format glb` writes the saved
 map of a run folder with colours of vertices and with a texture. Both are read again by trimesh, and drawn
-from the poses that the run gave to every eighth frame. Pixels count that both meshes cover. The exposure of
-a camera that changes it is no property of a mesh: each drawn view is multiplied by the factor that fits it
-best.
+from the poses that the run gave to every eighth frame. Pixels count where both meshes have the depth that the
+frame measured, as only colours are compared. The exposure of a camera that changes it is no property of a
+mesh: each drawn view is multiplied by the factor that fits it best.
 """
 
 import argparse
@@ -29,6 +29,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_services.commands.maps.command import main as hsslam_map
 
 _EVERY, _FIRST = 8, 3  # keyframes of a steady camera are even numbers
+_SAME_M = 0.03
 _NEAR_NS = 2_000_000  # stamps of a trajectory are rounded to microseconds, at least
 
 
@@ -48,7 +49,7 @@ def main() -> None:
     rows: list[list[float]] = []
     for frame, T_world_cam in _other_frames(arguments.run, arguments.source):
         drawn = [view.draw(frame.camera, T_world_cam) for view in views]
-        covered = drawn[0][1] & drawn[1][1]
+        covered = np.logical_and(*(_is_true(depth_m, frame) for _, depth_m in drawn))
         true = frame.color[covered] / 255.0
         rows.append([_fitted_psnr_db(image[covered], true) for image, _ in drawn])
     vertices_db, texture_db = np.mean(rows, axis=0)
@@ -90,6 +91,11 @@ def _other_frames(run: Path, spec: str) -> Iterator[tuple[Frame, np.ndarray]]:
         is_known = abs(int(trajectory.stamps_ns[nearest]) - frame.stamp_ns) < _NEAR_NS
         if is_known and np.abs(keyframes_ns - frame.stamp_ns).min() > _NEAR_NS:
             yield frame, trajectory.T_world_cam[nearest]
+
+
+def _is_true(depth_m: np.ndarray, frame: Frame) -> np.ndarray:
+    """Mask [H, W] of the pixels whose drawn depth [H, W] m is that of the frame."""
+    return (frame.depth_raw > 0) & (np.abs(depth_m - frame.depth_m()) < _SAME_M)
 
 
 def _fitted_psnr_db(drawn: np.ndarray, true: np.ndarray) -> float:

@@ -37,8 +37,8 @@ def _texture_check(sequence: str) -> Check:
 
     what = (
         f"{sequence}, lockstep: hsslam-map export --format glb --texture: PSNR of every eighth frame that is "
-        "no keyframe, drawn from the mesh at the run's pose, its brightness fitted by one factor; the same "
-        "without --texture; time of the command"
+        "no keyframe, drawn from the mesh at the run's pose where it has the frame's depth to 3 cm, its "
+        "brightness fitted by one factor; the same without --texture; time of the command"
     )
     bound = f"{_GAIN_DB:g} dB more; {_SECONDS:g} s" if sequence == _HELD else ""
     return Check(f"texture:{sequence}", what, bound, measure, by_name_only=True)
