@@ -12,8 +12,9 @@ from hsslam_node.texture.view_levels import view_levels
 NO_VIEW = -1
 _SWEEPS = 6
 _TOGETHER = 0.4  # what one neighbour with the same keyframe counts: a third more pixels, about
-_EDGE = 1.5  # what a triangle beside a nearer surface counts less
+_EDGE = 3.0  # what a triangle beside a nearer surface counts less
 _BURNT = 0.7  # what a triangle of which a colour is at its end counts less
+_STRANGE, _MOST_STRANGE = 10.0, 4.0  # levels of colour, of 255, that count 1; the most that counts
 _DARKEST, _BRIGHTEST = 8.0, 247.0  # beyond them brightness says nothing of the exposure
 _LEAST_DETAIL = 2.0  # 1/px, in the sharpest image of a triangle: without it none says what is sharp
 _NOISE = 0.5  # 1/px
@@ -44,13 +45,24 @@ def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
     np.maximum.at(most, face, detail)
     clear = most[face] > _LEAST_DETAIL
     sharpness = view_levels(face[clear], view[clear], np.log(detail[clear] + _NOISE), len(seen))
-    score = (
-        np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _EDGE * at_edge - _BURNT * burnt
-    )
+    gain = np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN))
+    score = np.log(np.maximum(area_px, 1e-3)) + 2 * sharpness[view] - _EDGE * at_edge
+    score -= _BURNT * burnt + _strangeness(face, color * gain[view], len(faces))
     order = np.lexsort((view, face))
     first = np.searchsorted(face[order], np.arange(len(faces) + 1))
     chosen = _choose(first, view[order], score[order].astype(np.float64), neighbours(faces))
-    return ChosenViews(chosen, np.exp(-np.clip(exposure, -_MOST_GAIN, _MOST_GAIN)))
+    return ChosenViews(chosen, gain)
+
+
+def _strangeness(face: np.ndarray, color: np.ndarray, faces: int) -> np.ndarray:
+    """What values [n] count less whose colour [n, 3] differs from the mean of their face.
+
+    A reflection, or something before the surface that depth did not show, is seen from few places.
+    """
+    count = np.maximum(np.bincount(face, minlength=faces), 1)
+    mean = np.stack([np.bincount(face, color[:, k], faces) / count for k in range(3)], axis=1)
+    far = np.linalg.norm(color - mean[face], axis=1) / _STRANGE
+    return np.minimum(far, _MOST_STRANGE)
 
 
 def neighbours(faces: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ _ROUNDS = 20
 def view_levels(face: np.ndarray, view: np.ndarray, value: np.ndarray, views: int) -> np.ndarray:
     """[views] float64: level of each view if its values are that of the face plus its own level.
 
-    Least squares, by turns for faces and views; the mean of the levels is 0.
+    By turns the means of faces and the medians of views, which reflections do not move; the mean of the
+    levels is 0.
 
     Args:
         face: [n] int64, number of the face of each value.
@@ -21,9 +22,12 @@ def view_levels(face: np.ndarray, view: np.ndarray, value: np.ndarray, views: in
         return level
     faces = int(face.max()) + 1
     of_face = np.maximum(np.bincount(face, minlength=faces), 1)
-    of_view = np.bincount(view, minlength=views)
+    order = np.argsort(view, kind="stable")
+    end = np.cumsum(np.bincount(view, minlength=views))
+    shows = np.diff(end, prepend=0) > 0
     for _ in range(_ROUNDS):
         mean = np.bincount(face, value - level[view], faces) / of_face
-        level = np.bincount(view, value - mean[face], views) / np.maximum(of_view, 1)
-        level -= level[of_view > 0].mean()
-    return np.where(of_view > 0, level, 0.0)
+        parts = np.split((value - mean[face])[order], end[:-1])
+        level = np.array([np.median(part) if len(part) else 0.0 for part in parts])
+        level[shows] -= level[shows].mean()
+    return level
