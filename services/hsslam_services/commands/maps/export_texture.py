@@ -1,6 +1,7 @@
 """A textured mesh of a saved map, as glTF or as Wavefront's obj with its material and image."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from trimesh import Trimesh
@@ -43,8 +44,8 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
             textured.export(partial)
     else:
         _write_obj(out, textured)
-    material = textured.visual.material  # type: ignore[union-attr]
-    width, height = material.baseColorTexture.size
+    visual: Any = textured.visual
+    width, height = visual.material.baseColorTexture.size
     return f"{len(textured.faces)} triangles, texture of {width} x {height} px"
 
 
