@@ -1,4 +1,4 @@
-"""Rectangles side by side on one image, in rows of falling height."""
+"""Rectangles side by side on one image, in rows of falling height; alone, as it knows no mesh."""
 
 import math
 

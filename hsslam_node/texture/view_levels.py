@@ -1,4 +1,4 @@
-"""Which number a keyframe adds to the logarithm of what it shows: exposure, sharpness."""
+"""What a keyframe adds to the logarithm of all it shows; alone, as exposure and sharpness are such."""
 
 import numpy as np
 
