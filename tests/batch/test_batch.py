@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from hsslam_batch.__main__ import main
-from tests.batch.outcomes import planned
+from hsslam_batch.attempt.commit import commit
+from tests.batch.outcomes import outcome, planned, run_folder
 
 
 def _run(*args: str, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -51,3 +52,19 @@ def test_what_a_worker_and_the_commands_import(modules: str, without: set[str]):
     code = f"import {modules}, sys; print(sorted({without!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("command", ["run", "status"])
+def test_a_batch_without_anything_left_is_counted_with_few_imports(tmp_path: Path, command: str):
+    batch = planned(tmp_path / "out", frames=(100,))
+    commit(batch, outcome(batch, 0), run_folder(batch, 0))
+    (batch.out / "runs.parquet").touch()
+    slow = {"ray", "torch", "numba", "cv2", "pandas", "fsspec", "matplotlib"}
+    code = (
+        f"import sys; sys.argv[1:] = [{command!r}, {str(batch.out)!r}]; "
+        "from hsslam_batch.__main__ import main; code = main(); "
+        f"print(code, sorted({slow!r} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    counts, end = done.stdout.splitlines()
+    assert counts.startswith("1 ") and end == "0 []"

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from hsslam_batch.plan.batch import MANIFEST
-from hsslam_node.durable_file import durable_file
+from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
 
 _DIGEST_BYTES = 8
@@ -46,14 +46,8 @@ def write_manifest(out: Path, logs: Sequence[Log]) -> None:
     Raises:
         OSError: the folder cannot be written.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    kinds = {int: pa.int64(), str: pa.string()}
-    schema = pa.schema([(field.name, kinds[field.type]) for field in fields(Log)])
-    table = pa.Table.from_pylist([asdict(log) for log in logs], schema=schema)
-    with durable_file(out / MANIFEST) as partial:
-        pq.write_table(table, partial, compression="zstd")
+    columns = {field.name: int if field.type is int else str for field in fields(Log)}
+    write_rows(out / MANIFEST, [asdict(log) for log in logs], columns)
 
 
 def read_manifest(out: Path) -> list[Log]:
@@ -62,15 +56,11 @@ def read_manifest(out: Path) -> list[Log]:
     Raises:
         UserError: no manifest there, or one of another version.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     path = out / MANIFEST
     try:
-        rows = pq.read_table(path, columns=[field.name for field in fields(Log)]).to_pylist()
-        return [Log(**row) for row in rows]
+        return [Log(**row) for row in read_rows(path)]
     except FileNotFoundError:
         raise UserError(f"{out}: no {MANIFEST}: expected a folder of hsslam-batch plan") from None
-    except (OSError, pa.ArrowException, TypeError) as error:
+    except (OSError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: {reason}: expected a file of hsslam-batch plan") from None

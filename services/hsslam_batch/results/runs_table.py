@@ -12,7 +12,7 @@ from hsslam_batch.attempt.outcome import Outcome
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
-from hsslam_node.durable_file import durable_file
+from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
 
 RUNS = "runs.parquet"
@@ -32,15 +32,10 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
         OSError: the folder or the store cannot be written.
         UserError: the store cannot be read.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     settled = all_settled(batch, logs)
     rows = [_row(batch, log, settled[log.id]) for log in logs if log.id in settled]
     path = batch.out / RUNS
-    with durable_file(path) as partial:
-        table = pa.Table.from_pylist(rows, schema=_schema(pa))
-        pq.write_table(table, partial, compression="zstd")
+    write_rows(path, rows, _columns())
     batch.publish(RUNS)
     return path
 
@@ -51,13 +46,10 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
     Raises:
         UserError: no table there, or one that cannot be read.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     path = out / RUNS
     try:
-        return pq.read_table(path).to_pylist()
-    except (OSError, pa.ArrowException) as error:
+        return read_rows(path)
+    except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: {reason}: expected the table of a batch") from None
 
@@ -86,17 +78,13 @@ def _files(batch: Batch, log: Log, outcome: Outcome) -> dict[str, str | None]:
     return {n: batch.name(p) if is_done and p.exists() else None for n, p in paths.items()}
 
 
-def _schema(pa: Any) -> Any:
-    kinds = {int: pa.int64(), float: pa.float64(), str: pa.string()}
-    columns = [
-        (field.name, kinds.get(_plain(field.type), pa.string()))
-        for field in msgspec.structs.fields(Outcome)
-    ]
-    columns += [("index", pa.int64()), ("source", pa.string()), ("log_bytes", pa.int64())]
-    columns += [(name, pa.string()) for name in (*_ARTEFACTS, "rrd")]
-    return pa.schema(columns)
+def _columns() -> dict[str, type]:
+    of_outcome = {field.name: _plain(field.type) for field in msgspec.structs.fields(Outcome)}
+    of_log = {"index": int, "source": str, "log_bytes": int}
+    return {**of_outcome, **of_log, **dict.fromkeys((*_ARTEFACTS, "rrd"), str)}
 
 
-def _plain(kind: Any) -> Any:
-    """The type without None."""
-    return next((part for part in typing.get_args(kind) if part in (int, float, str)), kind)
+def _plain(kind: Any) -> type:
+    """The type without None; of a choice of words, text."""
+    parts = (kind, *typing.get_args(kind))
+    return next((part for part in parts if part in (int, float, str)), str)

@@ -1,0 +1,36 @@
+"""Rows as Parquet files; apart from what they mean, as manifest and table of results share it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hsslam_node.durable_file import durable_file
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type]) -> None:
+    """Write a file in one step; `columns`: names and whether they are int, float or text.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {int: pa.int64(), float: pa.float64(), str: pa.string()}
+    schema = pa.schema([(name, kinds[kind]) for name, kind in columns.items()])
+    table = pa.Table.from_pylist(rows, schema=schema)
+    with durable_file(path) as partial:
+        pq.write_table(table, partial, compression="zstd")
+
+
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """All rows of a file.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is not Parquet.
+    """
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:  # pq.read_table imports pandas if it is there: a second
+        return file.read().to_pylist()
