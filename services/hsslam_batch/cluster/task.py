@@ -6,6 +6,7 @@ command ends the run.
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -28,14 +29,19 @@ class TaskResult(msgspec.Struct, frozen=True):
 
 def perform(arguments: list[str], index: int, board: Any) -> TaskResult:
     """Run `hsslam-batch work` with these arguments; `board`: the handle of a `Board`."""
+    command = [sys.executable, "-P", "-m", "hsslam_batch", "work", *arguments, "--json", "--tied"]
+    return perform_command(command, index, board)
+
+
+def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResult:
+    """Run a command that prints what `hsslam-batch work --json` does."""
     import ray
 
     node_id = ray.get_runtime_context().get_node_id()
     if not ray.get(board.begin.remote(index, node_id)):
         return TaskResult(is_begun=False)
-    command = [sys.executable, "-P", "-m", "hsslam_batch", "work", *arguments]
     process = subprocess.Popen(
-        [*command, "--json", "--tied"],
+        command,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -13,8 +13,9 @@ from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
-from tests.batch.small_logs import QUICK, write_small_log
+from tests.batch.quick_options import QUICK
 
 pytestmark = pytest.mark.e2e
 _LONG_S = 900  # on a machine that does other things

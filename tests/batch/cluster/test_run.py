@@ -19,8 +19,9 @@ from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.runs_table import read_runs
+from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.ray_nodes import add_node
-from tests.batch.small_logs import QUICK, write_small_log
+from tests.batch.quick_options import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
 _LONG_S = 3000

@@ -7,9 +7,9 @@ import pytest
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
+from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import UserError
 from hsslam_services.commands.serve_command_line import parse_command_line
-from tests.batch.small_logs import write_small_log
 
 
 @pytest.fixture

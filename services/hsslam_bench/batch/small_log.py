@@ -1,5 +1,10 @@
-"""Small logs of the built-in room, written without a run."""
+"""Small logs of the built-in room, written without a run.
 
+`python -m hsslam_bench.batch.small_log FOLDER COUNT`: so many logs of one frame, the same in all.
+"""
+
+import argparse
+import shutil
 from pathlib import Path
 
 from hsslam_node.frame import Frame
@@ -12,10 +17,17 @@ from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 
 _START_NS = 1_700_000_000_000_000_000
-QUICK = (  # options of a run that takes seconds
-    *("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
-    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
-)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="batch.small_log", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("count", type=int)
+    arguments = parser.parse_args()
+    first = write_small_log(arguments.folder / "0", count=1)
+    for k in range(1, arguments.count):
+        (arguments.folder / str(k)).mkdir()
+        shutil.copy(first, arguments.folder / str(k))
 
 
 def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
@@ -31,3 +43,7 @@ def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
         log.write(FRAME, encode(FRAME, message), at_ns, at_ns, index)
     log.close()
     return folder / "run.mcap"
+
+
+if __name__ == "__main__":
+    main()

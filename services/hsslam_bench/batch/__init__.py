@@ -1,0 +1,1 @@
+"""The benchmark and `hsslam-batch`: what it costs to schedule many logs."""
