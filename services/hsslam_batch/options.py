@@ -160,7 +160,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Writes runs.parquet, a row a log, and shows the sums and the worst logs; with --against what changed.
+    """Writes runs.parquet, a row a log, shows sums, costs and the worst logs; with --against what changed.
 
     A log got worse if its value grew by more than --noise, and by more than what is too small to matter. Logs
     are compared by name.
@@ -172,7 +172,7 @@ class ReportOptions:
     """
 
     POSITIONALS: ClassVar = ("out",)
-    VALUES: ClassVar = {"out": "FOLDER", "against": "FOLDER"}
+    VALUES: ClassVar = {"out": "FOLDER", "against": "FOLDER", "plots": "FOLDER"}
 
     out: str = "."
     """Folder of the batch, or URL as s3://BUCKET/BATCH."""
@@ -182,6 +182,8 @@ class ReportOptions:
     """Growth of a value that counts as noise, as a fraction."""
     worst: int = 10
     """Show at most N logs of each list."""
+    plots: Path | None = None
+    """Draw the figures of all logs, and what changed, into this folder (none: no pictures)."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.noise < _MOST:

@@ -32,6 +32,7 @@ class Outcome(msgspec.Struct, frozen=True):
     core_s: float = 0.0  # user and system time of all processes
     memory_mb: int = 0  # peak of all processes together (PSS)
     nbytes: int = 0  # of the run folder
+    log_s: float = 0.0  # from its first frame to its last, by the clock of the sensor
     frames: int = 0
     tracked: int = 0
     lost: int = 0
@@ -84,6 +85,7 @@ def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of an outcome that `summary.json` of a run has."""
     frames, evaluation = summary.get("frames", {}), summary.get("evaluation", {})
     return {
+        "log_s": summary.get("sensor_s", 0.0),
         "frames": frames.get("in", 0),
         "tracked": frames.get("tracked", 0),
         "lost": frames.get("lost", 0),

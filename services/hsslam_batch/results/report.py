@@ -1,7 +1,7 @@
 """`hsslam-batch report`: the table of a batch, its sums and worst logs, and what changed against another."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -9,7 +9,8 @@ from rich.table import Table
 from hsslam_batch.options import ReportOptions
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
-from hsslam_batch.results.comparison import FIGURES, Row, compare, newly_failed, worst
+from hsslam_batch.results.comparison import FIGURES, Change, Row, compare, newly_failed, worst
+from hsslam_batch.results.costs import cost_table, costs
 from hsslam_batch.results.runs_table import read_runs, write_runs
 from hsslam_batch.results.tally import duration
 from hsslam_services.commands.cli import parse_options
@@ -28,11 +29,16 @@ def report_command(args: Sequence[str]) -> int:
     console = Console(emoji=False, highlight=False, markup=False)
     for line in _sums(rows):
         console.print(line, soft_wrap=True)
+    if found := costs(rows):
+        console.print(cost_table(found))
     if options.against is None:
         console.print(_worst_logs(rows, options.worst))
+        _plot({options.out: rows}, [], options, console)
         return 0
     before = _rows(options.against)
-    return _show_changes(before, rows, options, console)
+    changes = compare(before, rows, options.noise)
+    _plot({options.against: before, options.out: rows}, changes, options, console)
+    return _show_changes(before, rows, changes, options, console)
 
 
 def _rows(out: str) -> list[Row]:
@@ -71,13 +77,32 @@ def _worst_logs(rows: Sequence[Row], count: int) -> Table:
     return table
 
 
+def _plot(
+    batches: Mapping[str, Sequence[Row]],
+    changes: Sequence[Change],
+    options: ReportOptions,
+    console: Console,
+) -> None:
+    if options.plots is None:
+        return
+    from hsslam_batch.results.plots import draw, draw_changes  # Matplotlib takes a second
+
+    written = [*draw(batches, options.plots), *draw_changes(changes, options.noise, options.plots)]
+    for path in written:
+        console.print(f"plot: {path}", soft_wrap=True)
+
+
 def _show_changes(
-    before: Sequence[Row], after: Sequence[Row], options: ReportOptions, console: Console
+    before: Sequence[Row],
+    after: Sequence[Row],
+    changes: Sequence[Change],
+    options: ReportOptions,
+    console: Console,
 ) -> int:
     failed = newly_failed(before, after)
     table = Table("figure", "logs", "median of after / before", "better", "worse", "worst of these")
     is_worse = bool(failed)
-    for change in compare(before, after, options.noise):
+    for change in changes:
         if change.median_ratio is None:
             continue
         is_worse = is_worse or bool(change.worse)

@@ -1,7 +1,7 @@
 """All rows of the benchmark's table, in its order."""
 
+from hsslam_bench.batch.rows import batch_checks
 from hsslam_bench.checks.accuracy import covariance_checks, lockstep_checks, map_term_checks
-from hsslam_bench.checks.batch import batch_checks
 from hsslam_bench.checks.camera import gap_checks, kidnapping_checks, localise_checks
 from hsslam_bench.checks.check import Check
 from hsslam_bench.checks.faithful import faithful_checks

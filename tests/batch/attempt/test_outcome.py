@@ -21,11 +21,13 @@ def test_figures_of_a_summary():
     gaps = [{"gap_frames": gap, "depth_median_m": gap / 1e3} for gap in (10, 30, 100)]
     summary = {
         "frames": {"in": 9, "tracked": 8, "lost": 1, "bad": 0},
+        "sensor_s": 0.3,
         "keyframes": 3,
         "mesh": {"vertices": 5, "faces": 7},
         "evaluation": {"ate": {"final": {"rmse_m": 0.01}}, "consistency": {"final": gaps}},
     }
     assert figures(summary) == {
+        "log_s": 0.3,
         "frames": 9,
         "tracked": 8,
         "lost": 1,

@@ -7,6 +7,7 @@ import pytest
 from hsslam_batch.attempt.commit import commit, settle_failed
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.results.comparison import FIGURES, compare
+from hsslam_batch.results.costs import costs
 from hsslam_batch.results.report import report_command
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
@@ -28,6 +29,58 @@ def test_sums_and_worst_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     ates = [line.split() for line in shown.splitlines() if "log" in line and "ATE" in line]
     assert ates and "log1" in ates[0] and "3" in ates[0]
     assert (batch.out / "runs.parquet").exists()
+
+
+def test_what_logs_cost_by_kind_of_source_and_in_total(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    def row(source: str, log_s: float, core_s: float, kind: str = "done"):
+        figures = {
+            "frames": 30 * int(log_s),
+            "log_s": log_s,
+            "core_s": core_s,
+            "wall_s": core_s / 2,
+        }
+        return {"source": source, "kind": kind, **figures}
+
+    bad = row("mcap:/d", 60.0, 1.0, "crash")
+    unknown = row("mcap:/e", 0.0, 1.0)
+    rows = [row("mcap:/a", 30.0, 40.0), row("mcap:/b", 30.0, 20.0), row("tum:/c", 60.0, 180.0)]
+    found = {cost.source: cost for cost in costs([*rows, bad, unknown])}
+    assert {name: (c.logs, c.core_s_a_minute) for name, c in found.items()} == {
+        "mcap": (2, 60.0),
+        "tum": (1, 180.0),
+        "all": (3, 120.0),
+    }
+    assert found["all"].wall_s_a_minute == 60.0
+    assert round(found["tum"].core_ms_a_frame) == 100
+    assert [cost.source for cost in costs(rows[:2])] == ["mcap"] and costs([bad]) == []
+    batch = planned(tmp_path / "out", frames=(100,))
+    commit(batch, outcome(batch, 0, log_s=30.0, frames=900, core_s=45.0), run_folder(batch, 0))
+    assert report_command([str(batch.out)]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if "mcap" in line)
+    assert [cell.strip() for cell in line.split("│")[2:6]] == ["1", "0.5", "45", "90"]
+
+
+def test_pictures_of_all_logs_and_of_what_changed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    before = _batch(tmp_path / "a", (0.01, 0.02, 0.02, 0.03))
+    after = _batch(tmp_path / "b", (0.01, 0.05, 0.02, 0.02))
+    plots = tmp_path / "plots"
+    command = [str(after.out), "--plots", str(plots)]
+    assert report_command(command) == 0
+    assert [path.name for path in plots.iterdir()] == ["logs.png"]
+    assert report_command([*command, "--against", str(before.out)]) == 1
+    assert sorted(path.name for path in plots.iterdir()) == ["changes.png", "logs.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in plots.iterdir())
+    assert f"plot: {plots / 'changes.png'}" in capsys.readouterr().out
+    nothing = planned(tmp_path / "c")
+    with pytest.raises(UserError, match=r"--plots .*: no log is done: expected one at least"):
+        report_command([str(nothing.out), "--plots", str(plots)])
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match=r"--plots .*file: .*: expected a folder to write"):
+        report_command([str(after.out), "--plots", str(tmp_path / "file")])
 
 
 def test_a_log_that_got_worse_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

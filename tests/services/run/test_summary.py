@@ -24,6 +24,7 @@ def test_rate_and_latency_leave_out_the_first_pose():
     section = pose_section(rows)
     assert section["frames"] == {"tracked": 30, "lost": 1}
     assert abs(section["wall_fps"] - 10.0) < 1e-6
+    assert abs(section["sensor_s"] - 1002.9) < 1e-6  # the first stamp is 0
     assert section["latency_ms"] == {"p50": 20.0, "p95": 20.0, "p99": 20.0}
 
 
