@@ -5,6 +5,7 @@ It takes minutes, so it has the mark `long`: `pytest -m long tests/batch`.
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,12 +16,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from hsslam_batch.attempt.commit import all_settled
+from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.cluster.ray_nodes import add_node
+from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.quick_options import QUICK
 
 pytestmark = [pytest.mark.e2e, pytest.mark.long, pytest.mark.timeout(3600)]
@@ -40,7 +44,7 @@ def batch(tmp_path: Path) -> Batch:
 
 
 def _start(batch: Batch, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "hsslam_batch", "run", str(batch.out), *_MEMORY, *options]
+    command = [sys.executable, "-m", "hsslam_batch", "run", batch.place, *_MEMORY, *options]
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
@@ -167,3 +171,43 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     assert third.returncode == 3 and "3 done, 1 failed, 0 left" in said
     assert next(row["name"] for row in rows if row["kind"] == "done") in _trajectories(batch)
     assert len(read_runs(batch.out)) == 4 and _nothing_left(batch)
+
+
+def test_logs_and_results_in_a_store_that_fails_now_and_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with object_store() as (server, client), faulty(server, Faults(10, of_all=True)) as address:
+        for k in range(2):
+            log = write_small_log(tmp_path / "logs" / f"good{k}", start=20 * k, count=4)
+            client.upload_file(str(log), BUCKET, f"logs/good{k}/run.mcap")
+        here = str(tmp_path / "out")
+        plan_command([str(tmp_path / "logs"), "--out", here, *QUICK])
+        by_hand = _by_hand(read_batch(here), tmp_path / "hand")
+        reach(address, monkeypatch)
+        url = f"s3://{BUCKET}/out"
+        plan_command([f"s3://{BUCKET}/logs", "--out", url, *QUICK])
+        batch = read_batch(url)
+        try:
+            said = _end(run := _start(batch))
+            assert run.returncode == 0 and "2 done, 0 failed, 0 left" in said, said
+            made = {}
+            rows = all_settled(batch, read_manifest(batch.out))
+            for log_id, row in rows.items():
+                assert isinstance(row, StoredOutcome) and row.frames == 4
+                key = f"out/runs/{log_id}/{row.folder}/trajectory.txt"
+                made[row.name] = client.get_object(Bucket=BUCKET, Key=key)["Body"].read()
+            assert made == by_hand
+            client.download_file(BUCKET, "out/runs.parquet", str(tmp_path / "runs.parquet"))
+            table = read_runs(tmp_path)
+            assert sorted((row["name"], row["kind"]) for row in table) == [
+                *((f"good{k}", "done") for k in range(2))
+            ]
+            events = client.get_object(Bucket=BUCKET, Key="out/progress.jsonl")["Body"].read()
+            assert json.loads(events.splitlines()[-1])["left"] == 0
+            assert _nothing_left(batch) and not batch.work.exists()
+
+            said = _end(again := _start(batch))
+            assert again.returncode == 0 and "2 done, 0 failed, 0 left" in said
+            assert all_settled(batch, read_manifest(batch.out)) == rows
+        finally:
+            shutil.rmtree(batch.out)
