@@ -3,7 +3,8 @@
 # make lint  formatter, linter, type checker, generated docs
 # make docs  build the site of docs/ into build/site, strictly
 # make docs-update  write the generated parts of documents anew
-# make bench measure the table of the README and store it as JSON
+# make bench measure the table of the README and store it as JSON; BATCH=1 runs lockstep rows as tasks of Ray,
+#            BATCH=ADDRESS of a cluster
 # make lock  write requirements/*.lock anew from pyproject.toml; UPGRADE=1 for the newest versions
 # make resolve  do pyproject.toml and the locks resolve on plain PyPI, for every Python and platform?
 # make package  build wheel and sdist, install each into a fresh environment, run it there
@@ -48,7 +49,7 @@ docs-update: $(VENV)/.installed-dev
 	$(BIN)/cog -r $(GENERATED)
 
 bench: $(VENV)/.installed
-	$(BIN)/python -m hsslam_bench
+	$(BIN)/python -m hsslam_bench $(if $(BATCH),--address $(patsubst 1,local,$(BATCH)))
 
 package:
 	.ci/package $(PYTHON)

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from hsslam_bench.batch.lockstep_tasks import measure_as_tasks
 from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import Check, Row, perform, select
 from hsslam_bench.options import BenchOptions
@@ -75,12 +76,15 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
     console = Console(emoji=False, highlight=False, markup=False)
     interrupted = False
 
+    order = [check.name for check in checks]
+
     def keep(row: Row) -> None:
         rows.append(row)
+        rows.sort(key=lambda kept: order.index(kept.name))
         write_report(out, report(session, on, rows))
 
     try:
-        _measure(checks, session, keep, console)
+        _measure(checks, session, options.address, keep, console)
     except KeyboardInterrupt:
         interrupted = True
     console.print(_table(rows))
@@ -92,22 +96,51 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
 
 
 def _measure(
-    checks: list[Check], session: Session, keep: Callable[[Row], None], console: Console
+    checks: Sequence[Check],
+    session: Session,
+    address: str,
+    keep: Callable[[Row], None],
+    console: Console,
 ) -> None:
-    """Measure and keep one row after the other, showing how far it is; off a terminal one line a row."""
+    """Measure and keep all rows, showing how far it is; off a terminal one line a row.
+
+    With an address of Ray those of lockstep runs come first, the others one after the other.
+    """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
         task = progress.add_task("", total=len(checks))
-        for check in checks:
-            session.say = lambda text, name=check.name: progress.update(
-                task, description=f"{name} {text}"
-            )
-            session.say("")
-            row = perform(check, session)
+
+        def take(row: Row) -> None:
             keep(row)
             progress.advance(task)
             if not console.is_terminal:
                 console.print(f"{row.name}: {row.verdict}: {row.measured}", soft_wrap=True)
+
+        if address:
+            session.say = lambda text: progress.update(task, description=text)
+            _measure_as_tasks(
+                [check for check in checks if check.is_lockstep], session, address, take
+            )
+        for check in checks:
+            if address and check.is_lockstep:
+                continue
+            session.say = lambda text, name=check.name: progress.update(
+                task, description=f"{name} {text}"
+            )
+            session.say("")
+            take(perform(check, session))
+
+
+def _measure_as_tasks(
+    checks: Sequence[Check], session: Session, address: str, take: Callable[[Row], None]
+) -> None:
+    try:
+        measure_as_tasks(checks, session, address, take)
+    except ModuleNotFoundError as error:
+        wanted = "pip install 'hsslam-node[batch]'"
+        raise UserError(
+            f"--address {address}: package {error.name} is missing: expected {wanted}"
+        ) from None
 
 
 def _table(rows: list[Row]) -> Table:

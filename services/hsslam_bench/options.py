@@ -26,7 +26,12 @@ class BenchOptions:
         UserError: options that do not belong together.
     """
 
-    VALUES: ClassVar = {"only": "NAME...", "data": "FOLDER", "results": "JSON..."}
+    VALUES: ClassVar = {
+        "only": "NAME...",
+        "data": "FOLDER",
+        "results": "JSON...",
+        "address": "local|auto|HOST:PORT|ray://HOST:PORT",
+    }
     ALIASES: ClassVar = {"results": "--from"}
 
     only: tuple[str, ...] = ()
@@ -35,6 +40,8 @@ class BenchOptions:
     """Use one seed and few frames, to try the bench out."""
     list: bool = False
     """Print the names of the rows and exit."""
+    address: str = ""
+    """Ray on which the rows of lockstep runs are made first, several at once (none: one after the other)."""
     data: Path | None = None
     """Folder of the sequences (none: $HSSLAM_TEST_DATA, else ../shared/data)."""
     out: Path | None = None

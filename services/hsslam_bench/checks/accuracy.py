@@ -99,12 +99,14 @@ def lockstep_checks() -> list[Check]:
             "house, lockstep: median distance of the mesh to the truth, worst seed",
             f"{100 * _ACCURACY_M:g} cm",
             _mesh_accuracy,
+            is_lockstep=True,
         ),
         Check(
             "mesh:house:completion",
             "house, lockstep: share of the truth within 5 cm of the mesh, worst seed",
             f"{_COMPLETION:.0%}",
             _mesh_completion,
+            is_lockstep=True,
         ),
     ]
 
@@ -180,7 +182,8 @@ def _map_term_check(sequence: str, refined: bool) -> Check:
         f"{sequence}, lockstep, pose graph {graph}: ATE RMSE, final, mean of the seeds, if map and "
         "keyframe, the keyframe alone, or the map alone move the poses"
     )
-    return Check(f"map-term:{sequence}:graph-{graph}", what, "", measure, by_name_only=True)
+    name = f"map-term:{sequence}:graph-{graph}"
+    return Check(name, what, "", measure, by_name_only=True, is_lockstep=True)
 
 
 def _ate_check(sequence: str, bound_m: float) -> Check:
@@ -199,7 +202,7 @@ def _ate_check(sequence: str, bound_m: float) -> Check:
         )
 
     what = f"{sequence}, lockstep: ATE RMSE, final, worst of the seeds; all scored, none lost"
-    return Check(f"ate:{sequence}", what, f"{100 * bound_m:g} cm", measure)
+    return Check(f"ate:{sequence}", what, f"{100 * bound_m:g} cm", measure, is_lockstep=True)
 
 
 def _repeat_check(sequence: str) -> Check:
@@ -210,7 +213,7 @@ def _repeat_check(sequence: str) -> Check:
         return Measured(text, not different, {"different": different})
 
     what = f"{sequence}, lockstep, twice with one seed: {', '.join(TRAJECTORIES)}"
-    return Check(f"repeat:{sequence}", what, "identical", measure)
+    return Check(f"repeat:{sequence}", what, "identical", measure, is_lockstep=True)
 
 
 def _mesh_accuracy(session: Session) -> Measured:

@@ -32,6 +32,7 @@ class Check:
     bound: str  # "" without one
     measure: Callable[[Session], Measured]
     by_name_only: bool = False  # takes long, or is no figure of the documents
+    is_lockstep: bool = False  # of runs whose results do not depend on what else the machine does
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,8 @@ def _robustness_check(sequence: str) -> Check:
         )
 
     what = f"{sequence}, lockstep: ATE RMSE, final, mean of the seeds; all scored, none lost"
-    return Check(f"robust:{sequence}", what, f"{100 * _BOUND_M:g} cm", measure)
+    bound = f"{100 * _BOUND_M:g} cm"
+    return Check(f"robust:{sequence}", what, bound, measure, is_lockstep=True)
 
 
 def lens_check() -> Check:
@@ -96,7 +97,8 @@ def _stride_check(sequence: str, stride: int) -> Check:
         f"every {_STRIDES[stride]} frame of {sequence}, lockstep: ATE RMSE, final, mean of the "
         "seeds; all scored, none lost"
     )
-    return Check(f"stride:{sequence}:{stride}", what, f"{_FACTOR:g} x full rate", measure)
+    bound = f"{_FACTOR:g} x full rate"
+    return Check(f"stride:{sequence}:{stride}", what, bound, measure, is_lockstep=True)
 
 
 def refinement_checks() -> list[Check]:
@@ -132,6 +134,7 @@ def _refinement_check(pace: str, sequence: str) -> Check:
         f"{sequence}, {pace}: ATE RMSE, final, mean of the seeds, with BA against without",
         f"{factor:g} x{limit}",
         measure,
+        is_lockstep=pace == "lockstep",
     )
 
 

@@ -57,6 +57,7 @@ class Session:
     quick: bool = False
     extra: Sequence[str] = ()
     say: Callable[[str], None] = lambda _: None
+    make: Callable[..., ServeRun] = serve  # a run
     runs: dict[str, ServeRun] = field(default_factory=dict)
     outputs: dict[tuple[str, ...], str] = field(default_factory=dict)  # of modules run alone
 
@@ -227,7 +228,7 @@ class Session:
             self.say(name)
             arguments = (*options, *self.extra)
             folder = self.folder / name
-            self.runs[name] = serve(
+            self.runs[name] = self.make(
                 name,
                 folder,
                 arguments,
