@@ -40,7 +40,8 @@ class Frame(Message, frozen=True, kw_only=True):
 
     `stamp_ns` is the wall clock of the sensor, `source_stamp_ns` the stamp in the source's files.
     `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
-    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement.
+    endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. Where undistortion
+    finds no pixel, color is that of the border, not black, and depth is 0.
 
     `publisher` is a random number from 2**62 on that a camera draws each time it counts from 0, so that its
     frames are known by publisher and index. Without one (0) the publisher in the attachment stands for it,
