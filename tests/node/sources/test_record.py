@@ -131,7 +131,7 @@ def test_the_camera_comes_from_its_file_and_the_options_go_before_it(tmp_path):
     assert (source.camera.fx, source.camera.fy, source.camera.cx) == (60, 41, 30)
     assert source.camera.distortion == ()  # taken out of the images
     (frame,) = source.frames()
-    assert (frame.color[0, 0] == 0).all()  # barrel: the corner lies outside
+    assert frame.depth_raw[0, 0] == 0  # barrel: the corner lies outside
 
 
 def test_what_is_missing_is_said(tmp_path):
