@@ -69,6 +69,7 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     assert beyond.returncode == 2 and "--index 2: expected 0 to 1" in beyond.stderr
 
 
+@pytest.mark.long
 def test_a_batch_in_a_store_has_the_same_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write_small_log(tmp_path / "logs" / "good")
     with object_store() as (server, client), faulty(server, Faults(5, of_all=True)) as address:

@@ -13,6 +13,7 @@ from hsslam_node.errors import UserError
 _TINY = ("mapper.first_iterations=20", "mapper.rays=256", "mesher.final_voxel_m=0.1")
 
 
+@pytest.mark.long
 def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: Path, capsys):
     (tmp_path / "house").mkdir()  # there, but empty
     out = tmp_path / "out/table.json"

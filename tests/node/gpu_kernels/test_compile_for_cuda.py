@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from tests.repository import ROOT
 
 _WITH_KERNELS = {
@@ -14,6 +16,7 @@ _WITH_KERNELS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 def test_every_kernel_compiles_without_spilling(tmp_path):
     environment = {k: v for k, v in os.environ.items() if k != "TRITON_INTERPRET"}
     done = subprocess.run(
