@@ -9,6 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 
+_SAME_PX = 1.0  # focal lengths and centres of one camera
 LensModel = Literal["opencv", "equidistant"]
 _LENSES: dict[str, tuple[tuple[int, ...], str]] = {  # numbers of coefficients, and their names
     "opencv": ((0, 4, 5, 8, 12, 14), "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty"),
@@ -79,6 +80,20 @@ class Camera:
     def undistorted(self) -> "Camera":
         """The same camera without lens distortion (what `cv2.undistort` with this K leaves)."""
         return replace(self, distortion=(), distortion_model="opencv")
+
+    def differs_in(self, other: "Camera") -> tuple[str, str, str] | None:
+        """What tells two cameras apart first: its name, the value here, the value there; None: nothing.
+
+        The name is "size" or a field such as "camera.fx", whose values may differ by a pixel.
+        """
+        here, there = (f"{c.width_px} x {c.height_px} px" for c in (self, other))
+        if here != there:
+            return "size", here, there
+        for name in ("fx", "fy", "cx", "cy"):
+            value, expected = getattr(self, name), getattr(other, name)
+            if abs(value - expected) > _SAME_PX:
+                return f"camera.{name}", f"{value:.2f}", f"{expected:.2f}"
+        return None
 
     def scaled(self, factor: float) -> "Camera":
         """The camera of the image resized by `factor`, pixel centres at integers on both sides."""

@@ -22,7 +22,6 @@ from hsslam_node.presets import REALTIME
 from hsslam_node.progress import Track, silently
 
 FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
-_SAME_PX = 1.0  # focal lengths and centres of one camera
 
 
 @dataclass(frozen=True)
@@ -123,15 +122,10 @@ def _expect_same_camera(
     here, there = saved.camera, other.camera
     if here is None or there is None or saved.images is None or other.images is None:
         return  # an old map, which is refused with a better reason
-    sizes = [f"{c.width_px} x {c.height_px} px" for c in (here, there)]
-    if sizes[0] != sizes[1]:
-        raise UserError(f"{second}: {sizes[1]}: expected {sizes[0]}, as in {first}")
-    for name in ("fx", "fy", "cx", "cy"):
-        expected, value = getattr(here, name), getattr(there, name)
-        if abs(value - expected) > _SAME_PX:
-            raise UserError(
-                f"{second}: camera.{name} is {value:.2f} px: expected {expected:.2f}, as in {first}"
-            )
+    if difference := there.differs_in(here):
+        name, value, expected = difference
+        what = value if name == "size" else f"{name} is {value} px"
+        raise UserError(f"{second}: {what}: expected {expected}, as in {first}")
     expected, value = (s.images.depth_units_per_m for s in (saved, other) if s.images)
     if value != expected:
         raise UserError(

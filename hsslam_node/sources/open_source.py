@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source import Source
@@ -65,8 +65,9 @@ def _plain_source(
     except Exception as error:
         if not row.package:
             raise
-        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise UserError(f"source {spec}: package {row.package} does not work: {told}") from error
+        raise UserError(
+            f"source {spec}: package {row.package} does not work: {one_line(error)}"
+        ) from error
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:

@@ -72,7 +72,7 @@ def draw_changes(changes: Sequence[Change], noise: float, folder: Path) -> list[
 
 
 def _panels(count: int) -> tuple[Picture, list[Axes]]:
-    """A picture with so many axes."""
+    """A picture with `count` axes."""
     matplotlib.use("Agg")
     columns = min(_COLUMNS, count)
     rows = math.ceil(count / columns)

@@ -1,6 +1,6 @@
 """Small logs of the built-in room, written without a run.
 
-`python -m hsslam_bench.batch.small_log FOLDER COUNT`: so many logs of one frame, the same in all.
+`python -m hsslam_bench.batch.small_log FOLDER COUNT` writes COUNT logs. Each holds the same single frame.
 """
 
 import argparse

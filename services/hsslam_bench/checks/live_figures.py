@@ -10,9 +10,7 @@ from hsslam_bench.checks.check import Measured
 from hsslam_bench.runs.serve_run import ServeRun
 
 _LIGHT_POINTS = 640 * 12  # of one light iteration
-_LOOK_SHARE = (
-    0.8  # of the seconds with poses: a viewer that took data in fewer has not seen the whole run
-)
+_LOOK_SHARE = 0.8  # of the seconds with poses, in which a viewer that sees the whole run takes data
 
 
 def tracked(run: ServeRun, least: float) -> Measured:

@@ -13,8 +13,6 @@ from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 
-_SAME_PX = 1.0  # focal lengths and centres of one camera
-
 
 def main() -> None:
     run_worker("map_loader", _run)
@@ -33,19 +31,12 @@ def _run(worker: Worker) -> None:
 def _expect_camera(options: ServeOptions, store: KeyframeStore) -> None:
     """UserError where the source is not of the camera that the map was made with."""
     source = open_any_source(options.source, replace(options.source_options, noise="none"))
-    here, there = source.camera, store.camera
-    if (here.width_px, here.height_px) != (there.width_px, there.height_px):
-        sizes = (
-            f"{here.width_px} x {here.height_px} px: expected {there.width_px} x {there.height_px}"
-        )
-        raise UserError(f"--map {options.map}: source {options.source} has {sizes}, as in the map")
-    for name in ("fx", "fy", "cx", "cy"):
-        value, expected = getattr(here, name), getattr(there, name)
-        if abs(value - expected) > _SAME_PX:
-            raise UserError(
-                f"--map {options.map}: camera.{name} of source {options.source} is {value:.2f} px: "
-                f"expected {expected:.2f}, as in the map"
-            )
+    if difference := source.camera.differs_in(store.camera):
+        name, value, expected = difference
+        what = f"source {options.source} has {value}"
+        if name != "size":
+            what = f"{name} of source {options.source} is {value} px"
+        raise UserError(f"--map {options.map}: {what}: expected {expected}, as in the map")
     if source.depth_units_per_m != store.depth_units_per_m:
         raise UserError(
             f"--map {options.map}: source {options.source} has {source.depth_units_per_m:g} depth "

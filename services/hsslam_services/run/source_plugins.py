@@ -1,7 +1,7 @@
 """Sources of other packages that are installed here: entry points of the group `hsslam.sources`.
 
-An entry point names a `SourceRow`, under the kind of that row. One that does not work becomes a row of its
-kind which says why, so that it costs no other source.
+The name of an entry point is the kind of a source; its value is the place of the `SourceRow`. An entry point
+that does not work becomes a row of its kind which says why, so other sources go on working.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,6 +9,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
+from hsslam_node.errors import one_line
 from hsslam_node.sources.source_row import SourceRow
 
 GROUP = "hsslam.sources"
@@ -29,7 +30,7 @@ def _row(point: EntryPoint, taken: set[str]) -> SourceRow:
     try:
         row = point.load()
     except Exception as error:  # code of others, which may raise what it likes
-        return _broken(point, package, _one_line(error))
+        return _broken(point, package, one_line(error))
     if not isinstance(row, SourceRow):
         return _broken(point, package, f"{point.value} is {type(row).__name__}: expected SourceRow")
     if row.kind != point.name:
@@ -65,7 +66,3 @@ def _never_raising(looks_like: Callable[[Path], bool]) -> Callable[[Path], bool]
             return False
 
     return asked
-
-
-def _one_line(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"

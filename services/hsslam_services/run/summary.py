@@ -31,8 +31,8 @@ def read_summary(run_dir: Path) -> dict[str, Any]:
 
 
 def pose_section(rows: np.ndarray) -> dict[str, Any]:
-    """Frames, rate, latency and the time between the first frame and the last, out of the pose log, [N] of
-    POSE_ROW.
+    """Frames, rate, latency, and the time from the first frame to the last by the source's stamps, out of the
+    pose log, [N] of POSE_ROW.
 
     Rate and latency leave out the first pose: the sensor clock starts when its map is there.
     """
@@ -41,7 +41,7 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
     after = rows[1:]
     if len(rows):
         section["first_pose_ns"] = int(rows["publish_ns"][0])
-        section["sensor_s"] = float(rows["stamp_ns"][-1] - rows["stamp_ns"][0]) / 1e9
+        section["sensor_s"] = float(np.ptp(rows["source_stamp_ns"])) / 1e9
     if len(after) > 1:
         seconds = (after["publish_ns"][-1] - after["publish_ns"][0]) / 1e9
         latency_ms = (after["publish_ns"] - after["stamp_ns"]) / 1e6

@@ -80,16 +80,13 @@ class ViewerProcess:
         for port in (wanted, 0, 0, 0):
             with socket.socket() as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                with contextlib.suppress(
-                    OSError
-                ):  # another program has it, or another run its name
+                # another program has it, or another run its name, which the kernel frees with that
+                with contextlib.suppress(OSError):
                     probe.bind(("127.0.0.1", port))
                     found = probe.getsockname()[1]
                     name = socket.socket(socket.AF_UNIX)
                     self._held.append(name)
-                    name.bind(
-                        f"\0hsslam-viewer-port-{found}"
-                    )  # freed by the kernel with this process
+                    name.bind(f"\0hsslam-viewer-port-{found}")
                     return found
         raise UserError("viewer: no free port on 127.0.0.1")
 

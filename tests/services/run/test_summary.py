@@ -21,6 +21,7 @@ def test_rate_and_latency_leave_out_the_first_pose():
     rows["status"][5] = LOST
     rows["stamp_ns"][1:] = 10**12 + np.arange(30) * 10**8
     rows["publish_ns"] = rows["stamp_ns"] + 20_000_000
+    rows["source_stamp_ns"] = 10**9 + np.arange(31) * 33_430_000_000  # sent faster than recorded
     section = pose_section(rows)
     assert section["frames"] == {"tracked": 30, "lost": 1}
     assert abs(section["wall_fps"] - 10.0) < 1e-6
