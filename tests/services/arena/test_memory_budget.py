@@ -21,6 +21,26 @@ def arena(tmp_path: Path) -> Arena:
     return Arena(tmp_path)
 
 
+@pytest.fixture(autouse=True)
+def shared_memory_bytes(monkeypatch) -> list[int]:
+    """Bytes in all and free, of the system's shared memory: plenty, whatever the disk of the test has."""
+    real, said = os.statvfs, [64_000_000_000, 32_000_000_000]
+
+    def limited(folder: Path) -> os.statvfs_result:
+        of = real(folder)
+        total, free = (n // of.f_frsize for n in said)
+        return os.statvfs_result((*of[:2], total, free, free, *of[5:]))
+
+    monkeypatch.setattr(os, "statvfs", limited)
+    return said
+
+
+@pytest.fixture
+def nearly_full(shared_memory_bytes) -> None:
+    """Of 64 MB of shared memory 16 are free."""
+    shared_memory_bytes[:] = 64_000_000, 16_000_000
+
+
 def _store(arena: Arena, count: int, capacity: int = 1000) -> KeyframeStore:
     store = KeyframeStore.create(arena, CAMERA, 1000.0, capacity)
     for k in range(count):
@@ -63,19 +83,6 @@ def test_capacity_counts_as_well(arena):
     store = _store(arena, 9, capacity=12)
     told = MemoryBudget(arena.folder, 2.0).apply(store)
     assert store.most_kept == 12 and told is not None and "keyframes.capacity" in told
-
-
-@pytest.fixture
-def nearly_full(monkeypatch):
-    """Of 64 MB of shared memory 16 are free."""
-    real = os.statvfs
-
-    def limited(folder: Path) -> os.statvfs_result:
-        of = real(folder)
-        blocks = 64_000_000 // of.f_frsize
-        return os.statvfs_result((*of[:2], blocks, *[blocks // 4] * 2, *of[5:]))
-
-    monkeypatch.setattr(os, "statvfs", limited)
 
 
 def test_so_does_what_the_system_has_left(arena, nearly_full):
