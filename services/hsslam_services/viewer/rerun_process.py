@@ -17,6 +17,7 @@ from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 
 _PORT = 9876
 _WEB_PORT = 9090
+_PROBE_EVERY_S = 0.05
 _SERVER_SHARE = 0.25  # of the memory of a native viewer; for viewers that connect later
 _MEMORY_GB = {"spawn": 0.5, "web": 0.15}  # unless the user says otherwise
 
@@ -34,7 +35,7 @@ class ViewerProcess:
 
     def __init__(self, kind: Literal["spawn", "web"], memory_gb: float | None = None) -> None:
         self._held: list[socket.socket] = []  # names of the ports, until this process ends
-        port = self._free_port(_PORT)
+        self._port = port = self._free_port(_PORT)
         self.kind = kind
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self.page: str | None = None
@@ -71,9 +72,23 @@ class ViewerProcess:
         """Process id of the viewer, or of the web server."""
         return self._process.pid
 
+    @property
+    def exit_code(self) -> int | None:
+        """None: it runs."""
+        return self._process.poll()
+
     def has_ended(self) -> bool:
         """Whether the viewer was closed."""
-        return self._process.poll() is not None
+        return self.exit_code is not None
+
+    def wait_until_it_listens(self) -> None:
+        """Return if it takes connections, or has ended: rerun's client gives up after 7 s."""
+        while not self.has_ended():
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", self._port)) == 0:
+                    return
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_PROBE_EVERY_S)
 
     def _free_port(self, wanted: int) -> int:
         """`wanted` if it is free on loopback, else any; not that of a viewer that does not listen yet."""

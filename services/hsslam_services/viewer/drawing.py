@@ -1,0 +1,154 @@
+"""A thread that draws messages into one recording stream of rerun."""
+
+import contextlib
+import math
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import rerun as rr
+
+from hsslam_proto import messages
+from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_services.bus.publisher import Report
+from hsslam_services.viewer.layout import blueprint
+from hsslam_services.viewer.scene import RerunScene
+from hsslam_services.viewer.watch import ViewerWatch
+
+_FRAMES_WAITING = 2
+_OTHERS_WAITING = 4096
+_STUCK_S = 3.0  # in the drawing of one message
+_FLUSH_S = 2.0  # at the end
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """The least time between what is drawn of a kind; poses and blocks of the mesh are drawn together.
+
+    `flush_s`: what is drawn of an entity leaves as a chunk this often. The end of a file lists all its
+    chunks, so rerun keeps 2.4 kB of each in memory until then.
+    """
+
+    images_s: float
+    meshes_s: float
+    poses_s: float
+    flush_s: float
+
+
+@dataclass(frozen=True)
+class NextFile:
+    """Stands among the messages at which a new file begins."""
+
+    rrd: Path
+
+
+class Drawing(threading.Thread):
+    """One recording stream, its queue and the thread between them.
+
+    With `watch`, of a live viewer, the thread waits for the viewer to start; a file opens at once.
+    """
+
+    def __init__(
+        self,
+        sink: rr.FileSink | rr.GrpcSink,
+        recording_id: str,
+        intervals: Intervals,
+        report: Report,
+        watch: ViewerWatch | None = None,
+    ) -> None:
+        super().__init__(name="rerun", daemon=True)
+        self.dropped = 0
+        self._frames: deque[messages.Frame] = deque()
+        self._others: deque[messages.Message | NextFile] = deque()
+        self._arrival = threading.Condition()
+        self._stopped = False
+        self._gone = False
+        self._drawn_s = math.inf  # the thread has not begun
+        self._report, self._watch = report, watch
+        self.images_s = intervals.images_s
+        self._image_ns = 0
+        self._stream = rr.RecordingStream(
+            "hsslam",
+            recording_id=recording_id,
+            batcher_config=rr.ChunkBatcherConfig(flush_tick=intervals.flush_s),
+        )
+        self._sink = sink
+        if watch is None:
+            self._begin()
+        self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
+        self.start()
+
+    def put(self, message: messages.Message | NextFile) -> None:
+        if self._gone or not self._is_due(message):
+            return
+        if isinstance(message, MeshBlocks):
+            self._scene.add_blocks(message)
+            return
+        is_frame = isinstance(message, messages.Frame)
+        with self._arrival:
+            if is_frame:
+                self._frames.append(message)
+                overflow = len(self._frames) > _FRAMES_WAITING and self._frames.popleft()
+            else:
+                self._others.append(message)
+                overflow = len(self._others) > _OTHERS_WAITING and self._others.popleft()
+            self.dropped += bool(overflow)
+            self._arrival.notify()
+        if overflow and self._watch is not None and time.monotonic() - self._drawn_s > _STUCK_S:
+            self._watch.takes_nothing()  # the SDK waits for it
+
+    def stop(self) -> None:
+        with self._arrival:
+            self._stopped = True
+            self._arrival.notify()
+
+    def run(self) -> None:
+        if self._watch is not None:
+            self._watch.wait_until_it_listens()
+            self._begin()
+        while (message := self._next()) is not None:
+            if isinstance(message, NextFile):
+                self._begin_file(message.rrd)
+            else:
+                self._scene.draw(message)
+            self._drawn_s = time.monotonic()
+            if self._watch is not None and self._watch.is_gone(self._stream):
+                self._gone = True
+                break
+        with contextlib.suppress(RuntimeError):
+            if not self._gone:
+                self._scene.finish()
+                self._stream.flush(timeout_sec=_FLUSH_S)
+        self._stream.disconnect()
+
+    def _begin(self) -> None:
+        self._drawn_s = time.monotonic()
+        self._stream.set_sinks(self._sink, default_blueprint=blueprint())
+
+    def _begin_file(self, rrd: Path) -> None:
+        """Go on in this file, or in the one before, if this one cannot be written."""
+        self._scene.end_file()
+        try:
+            self._stream.set_sinks(rr.FileSink(rrd), default_blueprint=blueprint())
+        except RuntimeError as error:
+            self._report("warning", f"{rrd}: {error}; the file before goes on")
+            return
+        self._scene.begin_file()
+
+    def _next(self) -> messages.Message | NextFile | None:
+        with self._arrival:
+            while not (self._others or self._frames):
+                if self._stopped:
+                    return None
+                self._arrival.wait()
+            return self._others.popleft() if self._others else self._frames.popleft()
+
+    def _is_due(self, message: messages.Message | NextFile) -> bool:
+        """Thin out images, so that the file stays small."""
+        if isinstance(message, messages.Frame):
+            if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:
+                return False
+            self._image_ns = message.stamp_ns
+        return True
