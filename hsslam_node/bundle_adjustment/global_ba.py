@@ -8,7 +8,9 @@ from hsslam_node.bundle_adjustment.report import (
     BaReport,
     Lease,
     MayStep,
+    Rest,
     always,
+    no_rest,
     nothing_done,
 )
 from hsslam_node.config import BundleAdjustmentConfig, SlamConfig
@@ -92,13 +94,15 @@ class GlobalBundleAdjustment:
         store: KeyframeStore,
         lease: Lease = nullcontext,
         may_step: MayStep = always,
+        rest: Rest = no_rest,
     ) -> BaReport:
         """Probe, select, refine. `lease()` is held for one iteration at a time, so that a mapper
-        beside this process never waits for a whole round, and the round ends where `may_step()` says no."""
+        beside this process never waits for a whole round, and the round ends where `may_step()` says no.
+        `rest()` is called before each iteration."""
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
-        chosen = self._select(store, generator, lease)
+        chosen = self._select(store, generator, lease, rest)
         if len(chosen) == 0:
             return nothing_done()
         measured = self._config.selection == "active"
@@ -108,6 +112,7 @@ class GlobalBundleAdjustment:
         counts = np.full(len(chosen), self._config.rays // len(chosen))
         free = self._config.pose_rate > 0
         for _ in range(self._config.iterations):
+            rest()
             with lease():
                 if not may_step():
                     return nothing_done()
@@ -128,7 +133,7 @@ class GlobalBundleAdjustment:
         return BaReport(chosen, poses, losses[0], losses[-1], moved)
 
     def _select(
-        self, store: KeyframeStore, generator: np.random.Generator, lease: Lease
+        self, store: KeyframeStore, generator: np.random.Generator, lease: Lease, rest: Rest
     ) -> np.ndarray:
         kept = store.kept()
         self._moments = {k: moments for k, moments in self._moments.items() if store.is_kept(k)}
@@ -136,6 +141,7 @@ class GlobalBundleAdjustment:
             size = min(self._config.top_keyframes, len(kept))
             return np.sort(kept[generator.choice(len(kept), size, replace=False)])
         for keyframes in self._to_measure(store, kept, generator):
+            rest()
             with lease():
                 self._measure(store, keyframes, generator)
         return self._table.select(kept)

@@ -9,7 +9,7 @@ from hsslam_node.bundle_adjustment.global_ba import GlobalBundleAdjustment
 from hsslam_node.bundle_adjustment.keyframe_alignment import KeyframeAlignment, difference
 from hsslam_node.bundle_adjustment.loop_search import LoopSearch
 from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
-from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, always
+from hsslam_node.bundle_adjustment.report import BaReport, Lease, MayStep, Rest, always, no_rest
 from hsslam_node.bundle_adjustment.tracked_chain import TrackedChain
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
@@ -51,17 +51,22 @@ class GraphBundleAdjustment:
         return self._map.is_due(store)
 
     def round(
-        self, store: KeyframeStore, lease: Lease = nullcontext, may_step: MayStep = always
+        self,
+        store: KeyframeStore,
+        lease: Lease = nullcontext,
+        may_step: MayStep = always,
+        rest: Rest = no_rest,
     ) -> BaReport:
         """Measure, solve, refine the map. `lease()` is held while the map is stepped, not before.
 
         Where `may_step()` says no, the round ends, and what was solved for is left to the next.
+        `rest()` is called before each keyframe that is aligned and each step of the map.
         """
         poses = store.poses()
-        closed = self._measure(store, poses)
+        closed = self._measure(store, poses, rest)
         all_asked = self._all_at_next
         solved = self._solved(poses)
-        mapped = self._map.round(store, lease, may_step)
+        mapped = self._map.round(store, lease, may_step, rest)
         if not may_step():
             self._all_at_next = all_asked
             return replace(mapped, moved=False, loops=closed)
@@ -74,7 +79,9 @@ class GraphBundleAdjustment:
             known=len(poses),
         )  # fmt: skip
 
-    def _measure(self, store: KeyframeStore, poses: np.ndarray) -> tuple[tuple[int, int], ...]:
+    def _measure(
+        self, store: KeyframeStore, poses: np.ndarray, rest: Rest
+    ) -> tuple[tuple[int, int], ...]:
         """Edges of the keyframes that are new; returns the loops they close."""
         c = self._config
         if self._alignment is None or self._loops is None:
@@ -88,6 +95,7 @@ class GraphBundleAdjustment:
         loops: list[PoseEdge] = []
         oldest = max(self._seen, count - c.most_keyframes)
         for k in range(count - 1, oldest - 1, -c.aligned_every):
+            rest()
             near = {
                 gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
                 for gap in c.neighbours

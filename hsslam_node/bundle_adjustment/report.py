@@ -11,6 +11,7 @@ from hsslam_node.map.store import KeyframeStore
 
 Lease = Callable[[], AbstractContextManager[object]]
 MayStep = Callable[[], bool]
+Rest = Callable[[], None]
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,13 @@ class BundleAdjustment(Protocol):
         """Whether enough keyframes have come since the last round."""
         ...
 
-    def round(self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ...) -> BaReport:
+    def round(
+        self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ..., rest: Rest = ...
+    ) -> BaReport:
         """One round. `lease()` is held while the map is stepped, for one iteration at a time.
 
         Where `may_step()` says no, asked before each step, the round ends there and moves no pose.
+        `rest()` may wait: it is called between pieces of work, when the lease is not held.
         """
         ...
 
@@ -46,6 +50,10 @@ class BundleAdjustment(Protocol):
 def always() -> bool:
     """The map may be stepped at any time."""
     return True
+
+
+def no_rest() -> None:
+    """Go on at once."""
 
 
 def nothing_done() -> BaReport:

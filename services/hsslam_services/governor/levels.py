@@ -16,6 +16,9 @@ class LoadLevel:
     iterations: float = 1.0  # share of the mapper's iterations
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
+    background_share: float = (
+        1.0  # of a core, at most, for bundle adjustment; as much for the mesher
+    )
 
 
 LEVELS: Final = (
@@ -25,6 +28,7 @@ LEVELS: Final = (
         mesh_every=3.0,
         distances_every=2.0,
         image_every_s=0.1,
+        background_share=0.6,
     ),
     LoadLevel(
         "half of the mapping iterations, bundle adjustment less often",
@@ -33,6 +37,7 @@ LEVELS: Final = (
         image_every_s=0.1,
         iterations=0.5,
         ba_every=2.0,
+        background_share=0.5,
     ),
     LoadLevel(
         "a third of the rays, smaller views",
@@ -43,6 +48,7 @@ LEVELS: Final = (
         iterations=0.5,
         rays=0.67,
         ba_every=2.0,
+        background_share=0.4,
     ),
     LoadLevel(
         "mapping but for a sixth",
@@ -53,5 +59,17 @@ LEVELS: Final = (
         iterations=0.25,
         rays=0.67,
         ba_every=4.0,
+        background_share=0.15,
+    ),
+    LoadLevel(
+        "mapping but for a twelfth",
+        mesh_every=24.0,
+        distances_every=4.0,
+        view_width_px=32,
+        image_every_s=1.0,
+        iterations=0.125,
+        rays=0.67,
+        ba_every=8.0,
+        background_share=0.08,
     ),
 )

@@ -18,6 +18,7 @@ from hsslam_services.arena.arena import PARAMETERS_LEASE
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.governor.background_pace import BackgroundPace
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.launch.worker_device import worker_device
@@ -58,6 +59,7 @@ class _BaLoop:
         self._mode = MapState(worker.run.arena_dir)
         self._corrector = PoseCorrector(worker.bus.publisher(topics.CORRECTION), self._mode)
         self._level = SharedLevel(worker.run.arena_dir)
+        self._pace = BackgroundPace(self._level, worker.stop_event())
         self._count_at_round = 0
         self._ba: BundleAdjustment | None = None
         self._loops: list[tuple[int, int]] = []  # closed since the last correction
@@ -77,7 +79,7 @@ class _BaLoop:
         self._count_at_round = store.count
         with self._worker.timed("round"):
             lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
-            report = self._ba.round(store, lease, self._may_step)
+            report = self._ba.round(store, lease, self._may_step, self._pace.rest)
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
         self._worker.count("loops", len(report.loops))

@@ -35,6 +35,7 @@ from hsslam_services.arena.asked_map import AskedMap
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.bus import Bus
+from hsslam_services.governor.background_pace import BackgroundPace
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.worker import Worker, run_worker
 from hsslam_services.launch.worker_device import worker_device
@@ -126,6 +127,7 @@ class _MesherLoop:
         asked_map = AskedMap(worker.arena, worker.options.slam, self._mode)
         worker.bus.answer(QUERY, asked_map.answer)
         self._level = SharedLevel(worker.run.arena_dir)
+        self._pace = BackgroundPace(self._level, worker.stop_event())
         self._view = ModelView(worker.bus, self._level)
         config = worker.options.slam
         self._lock = (
@@ -154,7 +156,7 @@ class _MesherLoop:
 
     def pause_s(self) -> float:
         """How long the other processes have the core before the next turn."""
-        return _BETWEEN_S * self._level.now.mesh_every if self._mesh.waiting else _POLL_S
+        return _BETWEEN_S if self._mesh.waiting else _POLL_S
 
     def show_if_due(self) -> None:
         """The map from where the camera is, for whoever looks on."""
@@ -183,17 +185,20 @@ class _MesherLoop:
         queries, self._version = self._queries(parameters), parameters.version
         self._poses_version = store.count, store.pose_version
 
-        def has_time(share: float) -> HasTime:
+        def until(share: float) -> HasTime:
             end = start + share * _REFRESH_S
-            return lambda: time.monotonic() < end and not self._worker.should_stop()
+
+            def has_time() -> bool:
+                self._pace.rest()
+                return time.monotonic() < end and not self._worker.should_stop()
+
+            return has_time
 
         with self._lock:
             self._marked.cover(parameters.layout.bound)
-            self._marked.mark(
-                store.poses(), store.camera, lambda k: _depth_m(store, k), has_time(0.4)
-            )
-            self._mesh.probe(queries.sdf, has_time(0.6))
-            refresh = self._mesh.refresh(queries.sdf, queries.color, has_time(1.0))
+            self._marked.mark(store.poses(), store.camera, lambda k: _depth_m(store, k), until(0.4))
+            self._mesh.probe(queries.sdf, until(0.6))
+            refresh = self._mesh.refresh(queries.sdf, queries.color, until(1.0))
         self._publish(refresh.changed)
         self._worker.stage_ms["mesh"] = 1e3 * (time.monotonic() - start)
         self._worker.stage_ms["mesh_behind"] = 1e3 * (time.monotonic() - self._begun_s)

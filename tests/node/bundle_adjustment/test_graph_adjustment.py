@@ -1,5 +1,6 @@
 """Adjustment of keyframe poses as a graph: what it pulls back, what it leaves, and loops."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -123,6 +124,27 @@ def test_keyframes_that_came_meanwhile_move_along():
     moved = room.store.correct_poses(report.keyframes, report.T_world_cam, report.known)
     assert appended == [20] and moved.keyframes[-1] == 20
     np.testing.assert_allclose(moved.T_world_cam[-1], moved.T_world_cam[-2], atol=1e-12)
+
+
+def test_a_round_that_rests_is_the_same_and_holds_no_lease_meanwhile():
+    reports, held, rested = [], [], []
+
+    @contextlib.contextmanager
+    def lease():
+        held.append(True)
+        yield
+        held.pop()
+
+    def rest():
+        rested.append(bool(held))
+
+    for options in ({}, {"lease": lease, "rest": rest}):
+        room, _ = _drifted_return(_config(neighbours=(1,)), 0.04)
+        reports.append(
+            GraphBundleAdjustment(room.config, room.parameters, 0).round(room.store, **options)
+        )
+    np.testing.assert_array_equal(reports[0].T_world_cam, reports[1].T_world_cam)
+    assert len(rested) > 10 and not any(rested)  # keyframes and steps of the map
 
 
 def test_true_poses_stay_where_they_are():
