@@ -1,9 +1,10 @@
-"""Sources that alter the frames of another: size, exposure, noise of the depth, stamps."""
+"""Sources that alter the frames of another: size, exposure, noise and mask of the depth, stamps."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numba
@@ -12,6 +13,7 @@ from scipy.special import ndtri
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sources.files.image_files import BadImageError, read_color
 from hsslam_node.sources.source import BadFrame, Source
 
 
@@ -85,6 +87,30 @@ class Downscaled(ChangedSource):
         return replace(
             frame, camera=self.camera, color=np.asarray(color, np.uint8), depth_raw=depth
         )
+
+
+class Masked(ChangedSource):
+    """A source without depth in the pixels that are black in a mask, as of the robot itself in its view.
+
+    `mask`: an image file of the size of the frames, which have no lens distortion; of a colour image
+    the brightest channel counts.
+
+    Raises:
+        UserError: the mask cannot be read, or has another size.
+    """
+
+    def __init__(self, source: Source, mask: str) -> None:
+        super().__init__(source, "with a mask")
+        try:
+            image = read_color(Path(mask), source.camera)
+        except BadImageError as error:
+            raise UserError(f"--mask {error}") from None
+        self._is_hidden = image.max(axis=2) == 0  # [H, W]
+
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, without depth where it is hidden."""
+        depth_raw = np.where(self._is_hidden, np.uint16(0), frame.depth_raw)
+        return replace(frame, depth_raw=depth_raw)
 
 
 _JUMP_EVERY = 120  # frames

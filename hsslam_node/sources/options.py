@@ -228,6 +228,8 @@ class SourceOptions:
     """Number of the frame that is held."""
     hold_frames: int = 0
     """Repeat that frame this many times, like a camera that stands still."""
+    mask: str = ""
+    """Image file; where it is black, frames have no depth (empty: none)."""
     downscale: int = 1
     """Make images smaller by this factor along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)

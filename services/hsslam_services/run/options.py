@@ -48,6 +48,7 @@ class ServeOptions:
         *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
         *("localise_only", "seed", "noise", "rate_hz", "start", "stride", "frames"),
         *(
+            "mask",
             "downscale",
             "memory_gb",
             "log_color",
@@ -66,6 +67,7 @@ class ServeOptions:
         "config": "FILE...",
         "viewer": "auto|none|web|spawn|connect:URL",
         "out": "FOLDER",
+        "mask": "FILE",
         "maps": "FOLDER",
         "map": "FILE",
         "log_keep": "GB",
@@ -127,6 +129,8 @@ class ServeOptions:
     """Number of the frame that --hold-frames repeats."""
     hold_frames: int = 0
     """Repeat that frame N times, like a camera that stands still."""
+    mask: str = ""
+    """Image of the size of the frames; where it is black, they have no depth (empty: none)."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -221,6 +225,11 @@ class ServeOptions:
             raise UserError(f"--hold-at {self.hold_at}: expected 0 or more")
         if not 0 <= self.hold_frames <= 10_000_000:
             raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
+        if self.mask and not self.has_camera_process:
+            raise UserError(
+                f"--mask {self.mask}: frames of source {self.source} come from another program: "
+                "expected depth 0 there"
+            )
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
 
