@@ -12,6 +12,7 @@ from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.export.pcd_file import pcd_bytes
+from hsslam_node.export.usd_file import expect_usd, write_usd
 from hsslam_services.commands.maps.export_views import (
     colors_of,
     expect_new_folder,
@@ -22,7 +23,7 @@ from hsslam_services.commands.maps.surface import expect_voxel, out_file, surfac
 from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
 _TEXTURED = ("glb", "obj")
-Format = Literal["ply", "glb", "obj", "pcd", "nerfstudio", "colmap"]
+Format = Literal["ply", "glb", "obj", "usd", "pcd", "nerfstudio", "colmap"]
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class ExportOptions:
     Formats:
       ply, obj    the mesh with colours of vertices, in the world frame of the map
       glb         the same with y up and z back, as glTF requires
+      usd         the same as glb, for Isaac Sim, Omniverse and Blender; by the extra usd
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
       colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
@@ -60,7 +62,7 @@ class ExportOptions:
     format: Format = "ply"
     """What to write."""
     out: Path | None = None
-    """Output file or folder (none: mesh.ply, mesh.glb, mesh.obj, points.pcd, nerfstudio, colmap)."""
+    """Output file or folder (none: mesh.FORMAT, points.pcd, nerfstudio or colmap)."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
     texture: bool = False
@@ -106,6 +108,18 @@ def _write_y_up(out: Path, saved: SavedMap, mesh: Trimesh) -> str:
     return _write_mesh(out, saved, mesh)
 
 
+def _write_usd(out: Path, _: SavedMap, mesh: Trimesh) -> str:
+    mesh.apply_transform(OPENGL_FROM_OPENCV)
+    with out_file(out) as partial:
+        write_usd(partial, mesh.vertices, mesh.faces, colors_of(mesh))
+    return f"{len(mesh.vertices)} vertices, {len(mesh.faces)} triangles"
+
+
+def _expect_usd(out: Path) -> None:
+    expect_out(out, ".usd")
+    expect_usd()
+
+
 def _write_points(out: Path, _: SavedMap, mesh: Trimesh) -> str:
     with out_file(out) as partial:
         partial.write_bytes(pcd_bytes(mesh.vertices, colors_of(mesh)))
@@ -129,6 +143,7 @@ _KINDS: Mapping[Format, _Kind] = MappingProxyType(
         "ply": _Kind("mesh.ply", _file(".ply"), _write_mesh),
         "glb": _Kind("mesh.glb", _file(".glb"), _write_y_up),
         "obj": _Kind("mesh.obj", _file(".obj"), _write_mesh),
+        "usd": _Kind("mesh.usd", _expect_usd, _write_usd),
         "pcd": _Kind("points.pcd", _file(".pcd"), _write_points),
         "nerfstudio": _Kind("nerfstudio", expect_new_folder, write_nerfstudio),
         "colmap": _Kind("colmap", expect_new_folder, write_colmap),

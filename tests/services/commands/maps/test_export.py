@@ -37,6 +37,20 @@ def test_a_mesh_keeps_vertices_triangles_and_colours(mapped_run, mesh, tmp_path,
     assert _colors(mesh).std() > 10
 
 
+def test_the_library_of_usd_reads_the_mesh_with_y_up(mapped_run, mesh, tmp_path, capsys):
+    from pxr import Usd, UsdGeom
+
+    out = tmp_path / "room.usd"
+    assert main(["export", str(mapped_run), "--format", "usd", "-o", str(out), *_COARSE]) == 0
+    told = f"{out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles\n"
+    assert capsys.readouterr().out == told
+    stage = Usd.Stage.Open(str(out))
+    found = UsdGeom.Mesh(stage.GetPrimAtPath("/hsslam/mesh"))
+    expected = np.array(mesh.vertices) * [1, -1, -1]
+    np.testing.assert_allclose(np.array(found.GetPointsAttr().Get()), expected, atol=1e-6)
+    assert np.array(found.GetDisplayColorPrimvar().Get()).std() > 0.04
+
+
 def test_open3d_reads_the_points_with_their_colours(mapped_run, mesh, tmp_path, monkeypatch):
     open3d = pytest.importorskip("open3d", exc_type=(ImportError, OSError))
     monkeypatch.chdir(tmp_path)
@@ -56,6 +70,7 @@ def test_open3d_reads_the_points_with_their_colours(mapped_run, mesh, tmp_path, 
         (("MAP", "--voxel", "0"), "--voxel 0.0: expected 0.001 to 1 m"),
         (("MAP", "--out", "x.glb"), "--out x.glb: expected a file .ply in a folder that exists"),
         (("MAP", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file .ply"),
+        (("MAP", *_COARSE, "--format", "usd", "--out", "/proc/x.usd"), "--out /proc/x.usd: "),
         (("MAP", *_COARSE, "--out", "/proc/x.ply"), "--out /proc/x.ply: No such file or directory"),
     ],
 )
