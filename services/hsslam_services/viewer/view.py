@@ -37,7 +37,7 @@ class RerunView:
         memory_gb: float | None = None,
     ) -> None:
         self._process: ViewerProcess | None = None
-        live = None if viewer == "none" else self._open_viewer(viewer, report, memory_gb)
+        live = None if viewer == "none" else self._open_viewer(viewer, memory_gb)
         self._rrd = rrd
         self._threads = [Drawing(rr.FileSink(rrd), recording_id, _FILE, report)]
         if live is not None:
@@ -75,11 +75,9 @@ class RerunView:
         if self._process is not None:
             self._process.close()
 
-    def _open_viewer(self, viewer: str, report: Report, memory_gb: float | None) -> rr.GrpcSink:
+    def _open_viewer(self, viewer: str, memory_gb: float | None) -> rr.GrpcSink:
         if viewer in ("spawn", "web"):
             process = ViewerProcess("spawn" if viewer == "spawn" else "web", memory_gb)
-            if process.page is not None:
-                report("info", f"viewer: open {process.page}")
             self._process = process
             return rr.GrpcSink(process.url)
         address = viewer.removeprefix("connect:")

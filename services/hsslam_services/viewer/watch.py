@@ -26,9 +26,15 @@ class ViewerWatch:
         self._was_told = False
 
     def wait_until_it_listens(self) -> None:
-        """Return at once if others started the viewer."""
-        if self._process is not None:
-            self._process.wait_until_it_listens()
+        """Then say where its page is; return at once if others started the viewer.
+
+        Not earlier: a viewer that opens the address before there is a server may take the server's port.
+        """
+        if self._process is None:
+            return
+        self._process.wait_until_it_listens()
+        if self._process.page is not None and not self._process.has_ended():
+            self._report("info", f"viewer: open {self._process.page}")
 
     def is_gone(self, stream: rr.RecordingStream) -> bool:
         """Checked now and then; tells it once."""

@@ -186,6 +186,10 @@ def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
     events = []
     view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: events.append(event))
     _show_a_run(view)
+    deadline = time.monotonic() + 30
+    while not events:  # as soon as the page can be opened
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
     ((level, text),) = events
     page = text.split()[-1]
     assert level == "info" and page.startswith("http://127.0.0.1:")
