@@ -10,7 +10,7 @@ import time
 
 from hsslam_services.governor.shared_level import SharedLevel
 
-_LONGEST_S = 1.0  # of one rest
+_LONGEST_S = 5.0  # of one rest
 
 
 class BackgroundPace:

@@ -28,6 +28,10 @@ pytestmark = [
 def test_the_page_shows_mesh_and_path(tmp_path):
     told = []
     view = RerunView(tmp_path / "run.rrd", "web", "run-1", lambda *event: told.append(event))
+    deadline = time.monotonic() + PATIENCE_S
+    while not told:  # as soon as the page can be opened
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     page = told[0][1].split()[-1] + "&renderer=webgl"
     browser = _browser(page, tmp_path)
     try:
