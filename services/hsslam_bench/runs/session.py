@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from hsslam_bench.runs.cpu_quota import NoQuotaError
-from hsslam_bench.runs.distorted_room import write_distorted_room
+from hsslam_bench.runs.room_recordings import write_distorted_room, write_recorded_room
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
 from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_node.kernels.cache_folder import warm_stamp
@@ -33,6 +33,7 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
 _SCENES = ("room", "apartment", "corridor", "person", "chair")
+RECORDED_ROOM = "recordedroom"  # synth:room as files: nothing is rendered while it runs
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
 
@@ -207,10 +208,19 @@ class Session:
         """
         if sequence in _SCENES:
             return f"synth:{sequence}"
+        if sequence == RECORDED_ROOM:
+            return f"tum:{self._recorded_room().absolute()}"
         folder = (self.data / sequence).absolute()
         if not folder.is_dir():
             raise Skipped(f"{folder} is not on disk")
         return f"{_SOURCES[sequence]}:{folder}"
+
+    def _recorded_room(self) -> Path:
+        folder = self.folder / "recorded-room"
+        if not (folder / "groundtruth.txt").exists():
+            self.say("recording the room")
+            write_recorded_room(folder)
+        return folder
 
     def _run(
         self,

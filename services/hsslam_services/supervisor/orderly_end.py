@@ -37,7 +37,8 @@ class OrderlyEnd:
     `turn()` is one turn of the supervisor's loop; `run_alone(module, patience)` runs a process to its
     end, or to more stop signals than that, and returns "" or what went wrong; `signals()` is how many
     have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
-    `not_saved` has a line for each artefact that is missing.
+    `not_saved` has a line for each artefact that is missing. `done_s`: when each process had ended and
+    each artefact was first saved, s since the end began.
     """
 
     run: RunInfo
@@ -48,6 +49,8 @@ class OrderlyEnd:
     signals: Callable[[], int]
     report: Callable[[str], None]
     not_saved: dict[str, str] = field(default_factory=dict)
+    done_s: dict[str, float] = field(default_factory=dict)
+    _begun_s: float = field(default_factory=time.monotonic)
 
     def to_the_end(self) -> None:
         """Do all steps; one that fails does not cost the others."""
@@ -86,6 +89,7 @@ class OrderlyEnd:
             self.turn()
         for child in of_stage:
             child.kill()
+            self._done(child.spec.name)
 
     def _drain(self) -> None:
         """Wait for the answer to the last frame that the source has sent."""
@@ -103,8 +107,13 @@ class OrderlyEnd:
             return
         self.not_saved.pop(artefact, None)  # trajectories are saved again after a correction
         error = self.run_alone(module, patience)
-        if error and self.signals() <= patience:
+        if not error:
+            self._done(artefact)
+        elif self.signals() <= patience:
             self.miss(artefact, error)
+
+    def _done(self, what: str) -> None:
+        self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))
 
     def _check_log(self) -> None:
         """The recorder saves the log; what it leaves says whether the log is whole."""

@@ -202,7 +202,7 @@ class RunLoop:
         end.to_the_end()
         self._wait_while(lambda: self._gateway.is_busy)
         try:
-            self._complete_summary(reason, stop_ns, end.not_saved)
+            self._complete_summary(reason, stop_ns, end)
         except OSError as error:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
         self.not_saved = end.not_saved
@@ -213,9 +213,7 @@ class RunLoop:
         while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
 
-    def _complete_summary(
-        self, reason: StopReason, stop_ns: int, not_saved: Mapping[str, str]
-    ) -> None:
+    def _complete_summary(self, reason: StopReason, stop_ns: int, end: OrderlyEnd) -> None:
         path = self._info.path
         for name in self._children:
             update_summary(path, read_result(path, name).summary)
@@ -223,8 +221,9 @@ class RunLoop:
             self._info, self._children, self._listener.state, reason.text, stop_ns
         )
         section |= self._memory.section() | self._gateway.section(self._children)
-        section |= {"not_saved": dict(not_saved), "supervisor_failures": self._guard.failures}
-        section["exit_code"] = int(self._code(reason, is_saved=not not_saved))
+        section |= {"not_saved": end.not_saved, "supervisor_failures": self._guard.failures}
+        section["end_s"] = end.done_s
+        section["exit_code"] = int(self._code(reason, is_saved=not end.not_saved))
         update_summary(path, section)
         if evaluation := read_summary(path).get("evaluation"):
             self._status.say(evaluation_line(evaluation))

@@ -1,4 +1,4 @@
-"""The built-in room as TUM folders: as a pinhole camera sees it, and through a lens of 8 coefficients."""
+"""The built-in room as TUM folders: as it is, and through a lens of 8 coefficients."""
 
 import json
 from collections.abc import Iterator
@@ -22,6 +22,17 @@ _FINER = 2  # times the size, rendered for the lens
 _FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
+def write_recorded_room(folder: Path) -> None:
+    """Write all frames as they are, lossless: a run of them renders nothing."""
+    first = next(iter(_rendered(1, 1)))
+    _begin(folder, first.camera, first.depth_units_per_m, ())
+    stamps_ns: list[int] = []
+    for frame in _rendered(None, 1):
+        stamps_ns.append(frame.stamp_ns)
+        _write(folder, frame.stamp_ns, frame.color, frame.depth_raw)
+    _finish(folder, stamps_ns)
+
+
 def write_distorted_room(folder: Path, frames: int) -> None:
     """Write `plain` and `lens` below a folder; both have the same K, size, stamps and truth."""
     coarse, fine = (_rendered(frames, scale) for scale in (1, _FINER))
@@ -35,22 +46,27 @@ def write_distorted_room(folder: Path, frames: int) -> None:
         stamps_ns.append(plain.stamp_ns)
         _write(folder / "plain", plain.stamp_ns, plain.color, plain.depth_raw)
         _write(folder / "lens", plain.stamp_ns, *lens_view.of(large))
-    truth = open_ground_truth(SPEC, _options(frames, 1))
-    assert truth is not None
     for name in ("plain", "lens"):
-        write_tum(folder / name / "groundtruth.txt", truth.trajectory)
-        for kind in ("rgb", "depth"):
-            lines = [f"{format_stamp(s)} {kind}/{format_stamp(s)}.png\n" for s in stamps_ns]
-            (folder / name / f"{kind}.txt").write_text("".join(lines))
+        _finish(folder / name, stamps_ns)
 
 
-def _options(frames: int, scale: int) -> SourceOptions:
+def _finish(folder: Path, stamps_ns: list[int]) -> None:
+    """The lists of images and the truth, which comes last."""
+    for kind in ("rgb", "depth"):
+        lines = [f"{format_stamp(s)} {kind}/{format_stamp(s)}.png\n" for s in stamps_ns]
+        (folder / f"{kind}.txt").write_text("".join(lines))
+    truth = open_ground_truth(SPEC, _options(len(stamps_ns), 1))
+    assert truth is not None
+    write_tum(folder / "groundtruth.txt", truth.trajectory)
+
+
+def _options(frames: int | None, scale: int) -> SourceOptions:
     size = SynthOptions()
     larger = SynthOptions(width_px=scale * size.width_px, height_px=scale * size.height_px)
     return SourceOptions(frames=frames, synth=larger)
 
 
-def _rendered(frames: int, scale: int) -> Iterator[Frame]:
+def _rendered(frames: int | None, scale: int) -> Iterator[Frame]:
     source = open_source(SPEC, _options(frames, scale))
     return (frame for frame in source.frames() if isinstance(frame, Frame))
 
