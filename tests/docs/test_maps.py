@@ -78,6 +78,7 @@ def test_a_map_is_written_for_other_tools(capsys):
         "room.ply",
         "room.glb",
         "textured.glb",
+        "room.usd",
         "room.pcd",
         "room",
         "scene",

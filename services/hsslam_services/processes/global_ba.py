@@ -79,7 +79,7 @@ class _BaLoop:
         self._count_at_round = store.count
         with self._worker.timed("round"):
             lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
-            report = self._ba.round(store, lease, self._may_step, self._pace.rest)
+            report = self._ba.round(store, lease, self._may_step, self._rest)
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
         self._worker.count("loops", len(report.loops))
@@ -89,6 +89,11 @@ class _BaLoop:
             alone = options.slam.mapper.pose_rate == 0
             with nullcontext() if alone else lease():
                 self._correct(store, report)
+
+    def _rest(self) -> None:
+        """Between two pieces of a round; the supervisor sees a turn of the loop."""
+        self._worker.should_stop()
+        self._pace.rest()
 
     def _correct(self, store: KeyframeStore, report: BaReport) -> None:
         losses = report.loss_before, report.loss_after

@@ -189,7 +189,11 @@ class _MesherLoop:
             end = start + share * _REFRESH_S
 
             def has_time() -> bool:
-                self._pace.rest()
+                self._lock.release()  # who asks for all blocks does not wait for a rest
+                try:
+                    self._pace.rest()
+                finally:
+                    self._lock.acquire()
                 return time.monotonic() < end and not self._worker.should_stop()
 
             return has_time

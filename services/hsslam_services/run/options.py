@@ -48,7 +48,6 @@ class ServeOptions:
         *("source", "config", "preset", "pace", "device", "viewer", "out", "maps", "map"),
         *("localise_only", "seed", "noise", "rate_hz", "start", "stride", "frames"),
         *(
-            "mask",
             "downscale",
             "memory_gb",
             "log_color",
@@ -130,7 +129,7 @@ class ServeOptions:
     hold_frames: int = 0
     """Repeat that frame N times, like a camera that stands still."""
     mask: str = ""
-    """Image of the size of the frames; where it is black, they have no depth (empty: none)."""
+    """Image file, before --downscale; frames have no depth where it is black (empty: none)."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -227,8 +226,8 @@ class ServeOptions:
             raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
         if self.mask and not self.has_camera_process:
             raise UserError(
-                f"--mask {self.mask}: frames of source {self.source} come from another program: "
-                "expected depth 0 there"
+                f"--mask {self.mask}: another program sends the frames (--source {self.source}): "
+                "set their depth to 0 in that program"
             )
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")

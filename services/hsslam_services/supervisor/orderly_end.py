@@ -37,8 +37,8 @@ class OrderlyEnd:
     `turn()` is one turn of the supervisor's loop; `run_alone(module, patience)` runs a process to its
     end, or to more stop signals than that, and returns "" or what went wrong; `signals()` is how many
     have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
-    `not_saved` has a line for each artefact that is missing. `done_s`: when each process had ended and
-    each artefact was first saved, s since the end began.
+    `not_saved` has a line for each artefact that is missing. `done_s`: when each process was no
+    longer waited for and each artefact was first saved, s since the end began.
     """
 
     run: RunInfo

@@ -21,6 +21,7 @@ _FRAMES_WAITING = 2
 _OTHERS_WAITING = 4096
 _STUCK_S = 3.0  # in the drawing of one message
 _FLUSH_S = 2.0  # at the end
+_START_AFTER_END_S = 3.0  # a viewer that has not started by then gets nothing
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Drawing(threading.Thread):
         self._frames: deque[messages.Frame] = deque()
         self._others: deque[messages.Message | NextFile] = deque()
         self._arrival = threading.Condition()
-        self._stopped = False
+        self._stopped, self._stopped_s = False, math.inf
         self._gone = False
         self._drawn_s = math.inf  # the thread has not begun
         self._report, self._watch = report, watch
@@ -101,12 +102,15 @@ class Drawing(threading.Thread):
 
     def stop(self) -> None:
         with self._arrival:
-            self._stopped = True
+            self._stopped, self._stopped_s = True, time.monotonic()
             self._arrival.notify()
 
     def run(self) -> None:
         if self._watch is not None:
-            self._watch.wait_until_it_listens()
+            if not self._watch.has_begun(self._may_wait_no_longer):
+                self._gone = True
+                self._stream.disconnect()
+                return
             self._begin()
         while (message := self._next()) is not None:
             if isinstance(message, NextFile):
@@ -122,6 +126,10 @@ class Drawing(threading.Thread):
                 self._scene.finish()
                 self._stream.flush(timeout_sec=_FLUSH_S)
         self._stream.disconnect()
+
+    def _may_wait_no_longer(self) -> bool:
+        """Whether the end has come some seconds ago: a short run still shows what it has."""
+        return self._stopped and time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
     def _begin(self) -> None:
         self._drawn_s = time.monotonic()

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -35,13 +36,15 @@ class ViewerProcess:
 
     def __init__(self, kind: Literal["spawn", "web"], memory_gb: float | None = None) -> None:
         self._held: list[socket.socket] = []  # names of the ports, until this process ends
-        self._port = port = self._free_port(_PORT)
+        port = self._free_port(_PORT)
+        self._ports = [port]
         self.kind = kind
         self.url = f"rerun+http://127.0.0.1:{port}/proxy"
         self.page: str | None = None
         command = [_executable(), "--bind", "127.0.0.1", "--port", str(port)]
         if kind == "web":
             web_port = self._free_port(_WEB_PORT)
+            self._ports.append(web_port)
             query = self.url.replace(":", "%3A").replace("/", "%2F").replace("+", "%2B")
             self.page = f"http://127.0.0.1:{web_port}/?url={query}"
             command += ["--serve-web", "--web-viewer-port", str(web_port)]
@@ -81,14 +84,17 @@ class ViewerProcess:
         """Whether the viewer was closed."""
         return self.exit_code is not None
 
-    def wait_until_it_listens(self) -> None:
-        """Return if it takes connections, or has ended: rerun's client gives up after 7 s."""
-        while not self.has_ended():
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", self._port)) == 0:
-                    return
+    def wait_until_it_listens(self, should_stop: Callable[[], bool]) -> bool:
+        """Whether all its ports take connections; not if it ends, or `should_stop`, before that.
+
+        rerun's client gives up an address that takes no connection for 7 s.
+        """
+        while not (self.has_ended() or should_stop()):
+            if all(map(_takes_connections, self._ports)):
+                return True
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_PROBE_EVERY_S)
+        return False
 
     def _free_port(self, wanted: int) -> int:
         """`wanted` if it is free on loopback, else any; not that of a viewer that does not listen yet."""
@@ -123,6 +129,13 @@ def _memory_limits(kind: Literal["spawn", "web"], memory_gb: float) -> list[str]
     server_mb = round(1000 * memory_gb * (1.0 if kind == "web" else _SERVER_SHARE))
     viewer = ["--memory-limit", f"{round(1000 * memory_gb)}MB"] if kind == "spawn" else []
     return [*viewer, "--server-memory-limit", f"{server_mb}MB"]
+
+
+def _takes_connections(port: int) -> bool:
+    with socket.socket() as probe:
+        if probe.connect_ex(("127.0.0.1", port)) != 0:
+            return False
+        return probe.getsockname() != probe.getpeername()  # a socket can connect to itself
 
 
 def _executable() -> str:

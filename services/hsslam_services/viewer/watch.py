@@ -1,6 +1,7 @@
 """Whether a live viewer is there and takes data."""
 
 import time
+from collections.abc import Callable
 
 import rerun as rr
 
@@ -25,16 +26,21 @@ class ViewerWatch:
         self._patience_s = _FIRST_CHECK_S
         self._was_told = False
 
-    def wait_until_it_listens(self) -> None:
-        """Then say where its page is; return at once if others started the viewer.
+    def has_begun(self, should_stop: Callable[[], bool]) -> bool:
+        """Wait until the viewer takes data and say where its page is; not if it ends, or `should_stop`.
 
-        Not earlier: a viewer that opens the address before there is a server may take the server's port.
+        The page is not said earlier: a viewer that opens it before there is a server may take the
+        server's port.
         """
-        if self._process is None:
-            return
-        self._process.wait_until_it_listens()
-        if self._process.page is not None and not self._process.has_ended():
-            self._report("info", f"viewer: open {self._process.page}")
+        if self._process is None:  # others started it
+            return True
+        if self._process.wait_until_it_listens(should_stop):
+            if self._process.page is not None:
+                self._report("info", f"viewer: open {self._process.page}")
+            return True
+        if self._process.has_ended():
+            self._tell_gone(self._why_ended(self._process))
+        return False
 
     def is_gone(self, stream: rr.RecordingStream) -> bool:
         """Checked now and then; tells it once."""
@@ -44,13 +50,13 @@ class ViewerWatch:
         self._patience_s = _CHECK_S
         self._next_s = time.monotonic() + _CHECK_S
         if why:
-            self._report("warning", f"viewer {self._viewer} {why}; the run goes on without it")
+            self._tell_gone(why)
         return bool(why)
 
     def _why_gone(self, stream: rr.RecordingStream) -> str:
         """Empty: it is there."""
         if self._process is not None and self._process.has_ended():
-            return f"is closed (exit code {self._process.exit_code})"
+            return self._why_ended(self._process)
         try:
             stream.flush(timeout_sec=self._patience_s)
             self._was_told = False
@@ -59,6 +65,12 @@ class ViewerWatch:
                 return f"is closed ({error})"
             self.takes_nothing()
         return ""
+
+    def _why_ended(self, process: ViewerProcess) -> str:
+        return f"is closed (exit code {process.exit_code})"
+
+    def _tell_gone(self, why: str) -> None:
+        self._report("warning", f"viewer {self._viewer} {why}; the run goes on without it")
 
     def takes_nothing(self) -> None:
         """Tell it, once until it takes data again."""

@@ -50,7 +50,10 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
             "--slam.field.plane-channels 17",
             "--slam.field.plane-channels 17: expected 0 or 16 or 32",
         ),
-        ("--source zenoh: --mask a.png", "--mask a.png: frames of source zenoh: come from another"),
+        (
+            "--source zenoh: --mask a.png",
+            "--mask a.png: another program sends the frames (--source zenoh:): set",
+        ),
         ("--viewer vlc", "--viewer vlc: expected auto, none, web, spawn or connect:URL"),
         ("--viewer-memory-gb 0", "--viewer-memory-gb 0.0: expected GB, 0.1 or more"),
         ("--viewer-memory-gb nan", "--viewer-memory-gb nan: expected GB, 0.1 or more"),

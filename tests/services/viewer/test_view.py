@@ -193,7 +193,7 @@ def test_the_web_viewer_is_served_on_loopback_until_the_end(tmp_path):
     ((level, text),) = events
     page = text.split()[-1]
     assert level == "info" and page.startswith("http://127.0.0.1:")
-    assert _status(page) == 200
+    assert _status(page, patience_s=0) == 200
     address = (socket.gethostbyname(socket.gethostname()), int(page.split(":")[2].split("/")[0]))
     if not address[0].startswith("127."):
         with socket.socket() as outside:

@@ -39,7 +39,7 @@ class ExportOptions:
     Formats:
       ply, obj    the mesh with colours of vertices, in the world frame of the map
       glb         the same with y up and z back, as glTF requires
-      usd         the same as glb, for Isaac Sim, Omniverse and Blender; by the extra usd
+      usd         as glb, for Isaac Sim, Omniverse and Blender; needs pip install 'hsslam-node[usd]'
       pcd         the vertices of the mesh as coloured points, for PCL and Open3D
       nerfstudio  a folder: transforms.json, images and depth of the keyframes, these points
       colmap      a folder: sparse/0 with poses, points and which image sees them, as text; images
@@ -62,7 +62,7 @@ class ExportOptions:
     format: Format = "ply"
     """What to write."""
     out: Path | None = None
-    """Output file or folder (none: mesh.FORMAT, points.pcd, nerfstudio or colmap)."""
+    """Output file or folder (none: mesh.FORMAT; points.pcd; folder nerfstudio or colmap)."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
     texture: bool = False
