@@ -10,7 +10,7 @@ from hsslam_bench.runs.session import RECORDED_ROOM, Session
 
 _SEQUENCES = {
     "kitchen": "kitchen",
-    RECORDED_ROOM: "a recording of room, as a camera renders nothing",
+    RECORDED_ROOM: "a recording of room in PNG",
     "room": "room",
 }
 _TRACKED, _P99_MS, _ATE_FACTOR = 0.99, 80.0, 1.5
