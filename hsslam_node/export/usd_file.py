@@ -39,35 +39,28 @@ def write_usd(path: Path, vertices: np.ndarray, faces: np.ndarray, colors: np.nd
     Source: https://openusd.org/release/api/class_usd_geom_mesh.html
     """
     expect_usd()
-    from pxr import Gf, Tf, Usd, UsdGeom, Vt
+    from pxr import Tf, Usd, UsdGeom, Vt
 
-    points = np.ascontiguousarray(vertices, np.float32)
+    points = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(vertices, np.float32))
     try:
         stage = Usd.Stage.CreateNew(str(path))
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
         stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, _SCENE).GetPrim())
         mesh = UsdGeom.Mesh.Define(stage, _MESH)
-        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+        mesh.CreatePointsAttr(points)
         mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
         mesh.CreateFaceVertexIndicesAttr(
             Vt.IntArray.FromNumpy(np.ascontiguousarray(faces, np.int32).ravel())
         )
         mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         mesh.CreateDoubleSidedAttr(True)
-        mesh.CreateExtentAttr([Gf.Vec3f(*map(float, end)) for end in _ends(points)])
+        mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
         color = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(_linear(colors)))
         stage.GetRootLayer().Save()
     except Tf.ErrorException as error:
         raise OSError(errno.EIO, one_line(error), str(path)) from None
-
-
-def _ends(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates, [3] each."""
-    if not len(points):
-        return np.zeros(3), np.zeros(3)
-    return points.min(axis=0), points.max(axis=0)
 
 
 def _linear(colors: np.ndarray) -> np.ndarray:

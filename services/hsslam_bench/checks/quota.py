@@ -51,9 +51,8 @@ def _checks(kind: _Kind, sequence: str) -> list[Check]:
         return live_figures.accuracy(run, finished(session.lockstep(sequence)), _ATE_FACTOR)
 
     def levels(session: Session) -> Measured:
-        counters = finished(kind.make(session, sequence)).summary["processes"]["tracker"][
-            "counters"
-        ]
+        run = finished(kind.make(session, sequence))
+        counters = run.summary["processes"]["tracker"]["counters"]
         found = {k: n for k, n in sorted(counters.items()) if "load level" in k}
         return Measured(", ".join(f"{key}: {n}" for key, n in found.items()), None, found)
 

@@ -23,7 +23,7 @@ _FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 def write_recorded_room(folder: Path) -> None:
-    """Write all frames as they are, lossless: a run of them renders nothing."""
+    """Write all frames as they are, lossless: a run of the recording renders nothing."""
     first = next(iter(_rendered(1, 1)))
     _begin(folder, first.camera, first.depth_units_per_m, ())
     stamps_ns: list[int] = []

@@ -64,7 +64,7 @@ class Drawing(threading.Thread):
         self._frames: deque[messages.Frame] = deque()
         self._others: deque[messages.Message | NextFile] = deque()
         self._arrival = threading.Condition()
-        self._stopped, self._stopped_s = False, math.inf
+        self._stopped_s = math.inf
         self._gone = False
         self._drawn_s = math.inf  # the thread has not begun
         self._report, self._watch = report, watch
@@ -102,7 +102,7 @@ class Drawing(threading.Thread):
 
     def stop(self) -> None:
         with self._arrival:
-            self._stopped, self._stopped_s = True, time.monotonic()
+            self._stopped_s = time.monotonic()
             self._arrival.notify()
 
     def run(self) -> None:
@@ -129,7 +129,7 @@ class Drawing(threading.Thread):
 
     def _may_wait_no_longer(self) -> bool:
         """Whether the end has come some seconds ago: a short run still shows what it has."""
-        return self._stopped and time.monotonic() - self._stopped_s > _START_AFTER_END_S
+        return time.monotonic() - self._stopped_s > _START_AFTER_END_S
 
     def _begin(self) -> None:
         self._drawn_s = time.monotonic()
@@ -148,7 +148,7 @@ class Drawing(threading.Thread):
     def _next(self) -> messages.Message | NextFile | None:
         with self._arrival:
             while not (self._others or self._frames):
-                if self._stopped:
+                if self._stopped_s < math.inf:
                     return None
                 self._arrival.wait()
             return self._others.popleft() if self._others else self._frames.popleft()

@@ -21,8 +21,8 @@ class RerunView:
 
     `memory_gb` is the limit of a viewer that is started here (None: 0.5 GB, a web server 0.15 GB).
     `write_to` goes on in another file: rerun keeps a list of all chunks of a file until its end.
-    `show` never waits: frames push out older frames. A viewer that is closed or does not take data
-    is told once through `report`; the file goes on.
+    `show` never waits: frames push out older frames. If a viewer is closed or takes no data, `report`
+    gets one warning, and the file goes on.
 
     Raises:
         UserError: the viewer cannot be started.

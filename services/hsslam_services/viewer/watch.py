@@ -13,9 +13,9 @@ _FIRST_CHECK_S = 20.0  # a viewer may take its time to start
 
 
 class ViewerWatch:
-    """Notices a live viewer that is gone, and tells of one that takes no data, as when it is frozen.
+    """Reports a live viewer that is gone, or that takes no data because it is frozen.
 
-    While it takes none, the queue loses what is old, and what is new is drawn when it comes round.
+    While the viewer takes no data, the queue drops old messages; new ones are drawn when it goes on.
     """
 
     def __init__(self, viewer: str, report: Report, process: ViewerProcess | None) -> None:
@@ -39,41 +39,43 @@ class ViewerWatch:
                 self._report("info", f"viewer: open {self._process.page}")
             return True
         if self._process.has_ended():
-            self._tell_gone(self._why_ended(self._process))
+            self._report_gone(_exit_code(self._process))
         return False
 
     def is_gone(self, stream: rr.RecordingStream) -> bool:
-        """Checked now and then; tells it once."""
+        """Whether the viewer is gone; looks every two seconds, and reports it."""
         if time.monotonic() < self._next_s:
             return False
         why = self._why_gone(stream)
         self._patience_s = _CHECK_S
         self._next_s = time.monotonic() + _CHECK_S
         if why:
-            self._tell_gone(why)
+            self._report_gone(why)
         return bool(why)
 
     def _why_gone(self, stream: rr.RecordingStream) -> str:
-        """Empty: it is there."""
+        """Why the viewer is gone; empty if it is there."""
         if self._process is not None and self._process.has_ended():
-            return self._why_ended(self._process)
+            return _exit_code(self._process)
         try:
             stream.flush(timeout_sec=self._patience_s)
             self._was_told = False
         except RuntimeError as error:
             if "timed out" not in str(error):
-                return f"is closed ({error})"
+                return str(error)
             self.takes_nothing()
         return ""
 
-    def _why_ended(self, process: ViewerProcess) -> str:
-        return f"is closed (exit code {process.exit_code})"
-
-    def _tell_gone(self, why: str) -> None:
-        self._report("warning", f"viewer {self._viewer} {why}; the run goes on without it")
+    def _report_gone(self, why: str) -> None:
+        text = f"viewer {self._viewer} is closed ({why}); the run goes on without it"
+        self._report("warning", text)
 
     def takes_nothing(self) -> None:
-        """Tell it, once until it takes data again."""
+        """Report that the viewer takes no data, once until it takes some again."""
         if not self._was_told:
             self._was_told = True
             self._report("warning", f"viewer {self._viewer} takes no data; the run goes on")
+
+
+def _exit_code(process: ViewerProcess) -> str:
+    return f"exit code {process.exit_code}"
