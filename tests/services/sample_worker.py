@@ -1,11 +1,14 @@
 """A process of the service's kind that behaves as the file `behaviour` of its run folder says."""
 
+import atexit
 import os
 import signal
+import threading
 import time
 
 from hsslam_node.errors import UserError
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 
 
 def _run(worker: Worker) -> None:
@@ -31,6 +34,11 @@ def _run(worker: Worker) -> None:
     while not worker.should_stop():
         time.sleep(0.02)
     (worker.run.path / "ended").write_text("in order")
+    if behaviour == "leaves something to its end":
+        ended = worker.run.path / "thread_ended"
+        threading.Thread(target=lambda: (time.sleep(0.3), ended.touch())).start()
+        atexit.register((worker.run.path / "atexit_called").touch)
+        print("not flushed", end="")
 
 
 def main() -> None:

@@ -20,7 +20,8 @@ from hsslam_services.camera.pacing import Live, Lockstep, Pace
 from hsslam_services.camera.prefetch import Prefetch
 from hsslam_services.camera.realtime import Realtime
 from hsslam_services.camera.reopening import live_frames, open_with_patience
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
 

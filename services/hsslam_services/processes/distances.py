@@ -36,7 +36,8 @@ from hsslam_proto.frame_codec import depth_image
 from hsslam_proto.messages import Frame, Pose
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.governor.shared_level import SharedLevel
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 
 _EVERY_S = 0.1
 _EARLY_S = 0.005  # an update may come, as frames do not come on the beat

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from hsslam_node.evaluation.evaluate_run import evaluate_run
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.log.source import recorded_source
 from hsslam_services.run.camera_progress import CameraProgress
 

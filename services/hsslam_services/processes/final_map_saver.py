@@ -5,7 +5,8 @@ Arena: reads keyframes, map
 
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.map_file import save_map
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 
 
 def main() -> None:

@@ -20,7 +20,8 @@ from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.governor.background_pace import BackgroundPace
 from hsslam_services.governor.shared_level import SharedLevel
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1

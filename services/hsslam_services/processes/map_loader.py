@@ -9,7 +9,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 

@@ -10,7 +10,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.run.maps_folder import map_path, read_save_request
 
 

@@ -28,7 +28,8 @@ from hsslam_services.arena.pose_corrector import PoseCorrector
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.dead_pools import bytes_of_pools
 from hsslam_services.governor.shared_level import SharedLevel
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import tell_device, worker_device
 
 _POLL_S = 0.05

@@ -13,7 +13,8 @@ from hsslam_proto.mesh.codec import mesh_message
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.mesh_file import mesh_of_arena, mesh_section, save_mesh
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
 

@@ -18,7 +18,8 @@ from hsslam_proto.messages import Frame, Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.subscription import Subscription
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.ros2.depth_points import depth_points
 from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.messages import RosMessages

@@ -33,7 +33,8 @@ from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.governor.latency_governor import LatencyGovernor
 from hsslam_services.governor.shared_level import SharedLevel
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1

@@ -6,7 +6,8 @@ Arena: reads keyframes, map_state, pose_log
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.artefacts.trajectory_files import TrajectoryFiles
-from hsslam_services.launch.worker import Worker, run_worker
+from hsslam_services.launch.run_worker import run_worker
+from hsslam_services.launch.worker import Worker
 
 
 def main() -> None:

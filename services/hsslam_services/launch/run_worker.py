@@ -1,0 +1,94 @@
+"""The body of a process's `main`: from its command line to its end."""
+
+import argparse
+import atexit
+import contextlib
+import faulthandler
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+from hsslam_node.errors import UserError
+from hsslam_services.arena.process_registry import enter_process
+from hsslam_services.launch.parent_death import die_with_parent
+from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.launch.worker import Worker
+from hsslam_services.run.memory import return_large_arrays
+from hsslam_services.run.process_result import ProcessResult, write_result
+from hsslam_services.run.run_info import RunInfo
+
+
+def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
+    """Body of a process's `main`: `--run DIR` from the command line, then `loop(worker)`.
+
+    Exits with 0 when the loop returns, 2 with one line on a `UserError`, 1 with a traceback (in the
+    process's log) on anything else.
+    """
+    faulthandler.enable()
+    die_with_parent(signal.SIGTERM)
+    parser = argparse.ArgumentParser(prog=f"hsslam {name}")
+    parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
+    run_dir = parser.parse_args().run
+    spec = next((spec for spec in PROCESSES if spec.name == name), None)  # None: it ends by itself
+    _give_way(spec.nice if spec else 0)
+    if spec is None:
+        return_large_arrays()
+    elif spec.returned_bytes:
+        return_large_arrays(spec.returned_bytes)
+    try:
+        run = RunInfo.read(run_dir)
+        not_entered = _enter(run, name)
+        if os.getppid() != run.supervisor_pid:
+            raise UserError(f"{name}: parent is not supervisor {run.supervisor_pid}")
+        with Worker(name, run) as worker:
+            try:
+                if not_entered:
+                    worker.event("warning", not_entered)
+                loop(worker)
+            except UserError as error:
+                worker.event("error", str(error))
+                raise
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        with contextlib.suppress(OSError):  # the run folder may be what is wrong
+            write_result(run_dir, name, ProcessResult(error=str(error)))
+        sys.exit(2)
+    _end()
+
+
+def _end() -> NoReturn:
+    """End with exit code 0 as Python does, but leave the memory to the kernel.
+
+    Python would free every object of the imports one by one: 0.5 s, in which the next step of the end waits.
+    """
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and not thread.daemon:
+            thread.join()
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):  # a full disk costs lines of the log alone
+            stream.flush()
+    os._exit(0)
+
+
+def _enter(run: RunInfo, name: str) -> str:
+    """Enter this process in its arena; why it could not, empty if it could."""
+    try:
+        enter_process(Path(run.arena_dir), name)
+    except OSError as error:  # no room: poses matter more
+        return f"{run.arena_dir}: {error.strerror}: the watchdog does not know the {name}"
+    return ""
+
+
+def _give_way(nice: int) -> None:
+    """Take a nice value. Where Linux schedules by session (autogroup), and each process of a run has
+    its own, only that of the session counts between them. Sessions of other processes stay."""
+    os.nice(nice)
+    if os.getsid(0) != os.getpid():
+        return
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(nice), encoding="utf-8")
