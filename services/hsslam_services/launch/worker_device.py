@@ -8,16 +8,20 @@ from hsslam_services.governor.granted_cores import granted_cores
 from hsslam_services.launch.worker import Worker
 
 
-def worker_device(worker: Worker, *, warm_started: bool = False) -> Device:
+def worker_device(
+    worker: Worker, *, warm_started: bool = False, after_the_last_frame: bool = False
+) -> Device:
     """What the run's option comes to in this process.
 
-    With `warm_started` a GPU's kernels are compiled and loaded now, not when a frame waits for them. In
-    lockstep, where one process computes at a time, it has all cores that are granted, else one.
+    With `warm_started` a GPU's kernels are compiled and loaded now, not when a frame waits for them. A
+    process that works `after_the_last_frame` has all cores that are granted. So has each in lockstep, as
+    they compute one after the other. Otherwise a process has one core.
 
     Raises:
         UserError: CUDA is asked for and does not work; the run ends with that line.
     """
-    threads = max(int(granted_cores()), 1) if worker.options.pace == "lockstep" else 1
+    has_all = after_the_last_frame or worker.options.pace == "lockstep"
+    threads = max(int(granted_cores()), 1) if has_all else 1
     device = dataclasses.replace(choose_device(worker.options.device), threads=threads)
     if warm_started and device.kind == "cuda":
         from hsslam_node.warm_start import warm_start

@@ -28,7 +28,7 @@ def _run(worker: Worker) -> None:
     if published is None:
         return
     worker.event("info", "saving the mesh")
-    device = worker_device(worker)
+    device = worker_device(worker, after_the_last_frame=True)
     mesh = mesh_of_arena(*published, slam, device, lambda text: worker.event("info", text))
     if len(mesh.faces) == 0:
         worker.event("warning", "no mesh: the map has no observed surface")
