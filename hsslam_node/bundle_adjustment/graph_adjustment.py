@@ -89,17 +89,23 @@ class GraphBundleAdjustment:
             self._alignment = KeyframeAlignment(store, tracker, c, self._seed)
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
+        fragments = store.fragments()
+        begun = [k for k in range(self._seen, count) if fragments[k] != fragments[k - 1]]
         for k in range(self._seen, count):
-            self._edges += self._chain.add(k, inverse(poses[k - 1]) @ poses[k])
+            T = inverse(poses[k - 1]) @ poses[k]
+            self._edges += self._chain.add(k, T, was_lost=k in begun)
         kept = self._let_retired_go(store, count, poses)
         loops: list[PoseEdge] = []
         oldest = max(self._seen, count - c.most_keyframes)
+        if begun and self._rounds:  # all of a fragment that was joined just now
+            oldest = self._seen
+            self._all_at_next = True
         for k in range(count - 1, oldest - 1, -c.aligned_every):
             rest()
             near = {
                 gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
                 for gap in c.neighbours
-                if k - gap in kept and k in kept
+                if k - gap in kept and k in kept and fragments[k - gap] == fragments[k]
             }
             aligned = {gap: edge for gap, edge in near.items() if edge is not None}
             self._edges += aligned.values()

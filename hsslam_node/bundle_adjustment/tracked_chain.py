@@ -10,6 +10,8 @@ from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig
 from hsslam_node.geometry.se3 import inverse
 
+_LOST_M, _LOST_RAD = 0.1, 0.05  # what a join is good to
+
 
 class TrackedChain:
     """An edge from each keyframe of the graph to the next one; it begins at keyframe 0, which stays."""
@@ -17,6 +19,7 @@ class TrackedChain:
     def __init__(self, config: PoseGraphConfig) -> None:
         self._config = config
         self._to: dict[int, PoseEdge] = {}  # by its second keyframe, in their order
+        self._lost_at = 0  # the newest keyframe before which the camera was lost
 
     @property
     def keyframes(self) -> np.ndarray:
@@ -27,14 +30,20 @@ class TrackedChain:
         """The edges that end at these keyframes."""
         return [self._to[int(k)] for k in keyframes]
 
-    def add(self, k: int, T: np.ndarray) -> list[PoseEdge]:
-        """The tracked motion `T` since the keyframe before; returns that since one some way back, if any."""
+    def add(self, k: int, T: np.ndarray, *, was_lost: bool = False) -> list[PoseEdge]:
+        """The tracked motion `T` since the keyframe before; returns that since one some way back, if any.
+
+        `was_lost`: the camera was lost between the two, so `T` is a guess on which the graph hangs."""
         c = self._config
+        if was_lost:
+            self._to[k] = PoseEdge(k - 1, k, T, _information(_LOST_M, _LOST_RAD), False)
+            self._lost_at = k
+            return []
         information = _information(c.odometry_sigma_m, c.odometry_sigma_rad)
         self._to[k] = PoseEdge(k - 1, k, T, information, False)
         way = [self._to.get(j) for j in range(k - c.anchor_gap + 1, k + 1)]
         links = [edge for edge in way if edge is not None and edge.first == edge.second - 1]
-        if k < c.anchor_gap or c.anchor_gap <= 1 or len(links) < c.anchor_gap:
+        if k - self._lost_at < c.anchor_gap or c.anchor_gap <= 1 or len(links) < c.anchor_gap:
             return []
         over = reduce(np.matmul, [edge.T_first_second for edge in links])
         information = _information(c.anchor_sigma_m, c.anchor_sigma_rad)

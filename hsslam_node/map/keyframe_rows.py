@@ -6,9 +6,8 @@ from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096  # 2.5 MB
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS = range(
-    6
-)  # columns; the loss is a float64
+# columns; the loss is a float64
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT = range(7)
 _COLUMNS = 8
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
 
@@ -33,10 +32,11 @@ class KeyframeRows:
         version: int,
         T: np.ndarray,
         covariance: np.ndarray,
+        fragment: int = 0,
     ) -> None:
         """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
 
-        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
+        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`. fragment: see `fragments`.
 
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
@@ -44,6 +44,7 @@ class KeyframeRows:
         meta, poses, covariances = self._slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
         meta[row, :5] = frame_index, stamp_ns, slot, -1, version
+        meta[row, _FRAGMENT] = fragment
         poses[:, row] = T
         covariances[row] = covariance
 
@@ -62,6 +63,11 @@ class KeyframeRows:
     def stamps_ns(self, count: int) -> np.ndarray:
         """Sensor stamps of the first `count` keyframes, [count] int64 ns."""
         return self._column(_STAMP_NS, count)
+
+    def fragments(self, count: int) -> np.ndarray:
+        """The fragment in which the camera was tracked to each of the first `count` keyframes, [count] int64;
+        0: the map."""
+        return self._column(_FRAGMENT, count)
 
     def anchors(self, count: int) -> np.ndarray:
         """The keyframe that each of the first `count` hangs on, [count] int64; -1: on none."""

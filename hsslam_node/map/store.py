@@ -128,10 +128,11 @@ class KeyframeStore:
         T_world_cam: np.ndarray,
         version: int | None = None,
         covariance: np.ndarray = _SURE,
+        fragment: int = 0,
     ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
 
-        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
+        covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`. fragment: see `fragments`.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -145,7 +146,9 @@ class KeyframeStore:
             raise refusal or UserError(full)
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
-        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance)
+        self._rows.write(
+            k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance, fragment
+        )
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
         self._slots.drop(k + 1, self.most_kept)
@@ -211,6 +214,13 @@ class KeyframeStore:
     def stamps_ns(self) -> np.ndarray:
         """Sensor stamp of each keyframe, [n] int64 ns."""
         return self._rows.stamps_ns(self.count)
+
+    def fragments(self) -> np.ndarray:
+        """The fragment in which the camera was tracked to each keyframe, [n] int64; 0: the map.
+
+        Between two keyframes of different fragments the camera was lost, so their motion is not known.
+        """
+        return self._rows.fragments(self.count)
 
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""

@@ -1,7 +1,7 @@
-"""Sources that alter the frames of another: size, exposure, noise and mask of the depth, stamps."""
+"""Sources that alter the frames of another: size, exposure, darkness, noise and mask of the depth, stamps."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -111,6 +111,26 @@ class Masked(ChangedSource):
         """The frame, without depth where it is hidden."""
         depth_raw = np.where(self._is_hidden, np.uint16(0), frame.depth_raw)
         return replace(frame, depth_raw=depth_raw)
+
+
+class Darkened(ChangedSource):
+    """A source whose camera sees nothing for some seconds, as when its lens is covered.
+
+    `spans_s`: from, to, from, to ... by the frames' numbers and the rate, s. Colour is black there and
+    depth is missing.
+    """
+
+    def __init__(self, source: Source, spans_s: Sequence[float]) -> None:
+        super().__init__(source, "with darkness")
+        self._spans_s = np.reshape(spans_s, (-1, 2))  # [n, 2]
+
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, black if its time has come."""
+        at_s = frame.index / self.rate_hz
+        if not ((self._spans_s[:, 0] <= at_s) & (at_s < self._spans_s[:, 1])).any():
+            return frame
+        nothing = np.zeros_like(frame.color), np.zeros_like(frame.depth_raw)
+        return replace(frame, color=nothing[0], depth_raw=nothing[1])
 
 
 _JUMP_EVERY = 120  # frames

@@ -71,7 +71,7 @@ def _plain_source(
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:
-    """The source with the stamps, noise, changes of exposure, mask and size that the options ask for."""
+    """The source with the stamps, noise, exposure, darkness, mask and size that the options ask for."""
     if options.reorders:
         from hsslam_node.sources.effects import Restamped
 
@@ -84,6 +84,10 @@ def _with_effects(source: Source, options: SourceOptions) -> Source:
         from hsslam_node.sources.effects import ChangingExposure
 
         source = ChangingExposure(source, options.seed)
+    if options.dark:
+        from hsslam_node.sources.effects import Darkened
+
+        source = Darkened(source, options.dark)
     if options.mask:
         from hsslam_node.sources.effects import Masked
 

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -228,6 +229,8 @@ class SourceOptions:
     """Number of the frame that is held."""
     hold_frames: int = 0
     """Repeat that frame this many times, like a camera that stands still."""
+    dark: tuple[float, ...] = ()
+    """The camera sees nothing from the first of these seconds to the second, and so on in pairs."""
     mask: str = ""
     """Image file; where it is black, frames have no depth (empty: none)."""
     downscale: int = 1
@@ -251,6 +254,10 @@ class SourceOptions:
         _expect_range("hold-at", self.hold_at, 0, 1_000_000_000)
         _expect_range("hold-frames", self.hold_frames, 0, 10_000_000)
         _expect_range("downscale", self.downscale, 1, 16)
+        ends = (0.0, *self.dark)
+        if len(self.dark) % 2 or not all(a <= b < math.inf for a, b in pairwise(ends)):
+            text = " ".join(f"{end:g}" for end in self.dark)
+            raise UserError(f"--dark {text}: expected pairs of seconds that rise, as 10 12")
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
 

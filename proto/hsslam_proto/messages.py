@@ -98,6 +98,10 @@ class Pose(Message, frozen=True, kw_only=True):
     numbers. 95 % of the true errors against the first frame's pose, or against a saved map, lie inside its
     95 % ellipsoid. Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
     the jumps of corrections; it begins with the run and drifts. Empty: not known.
+
+    `fragment`: 0, or the number of the fragment that a camera which is lost to the map is tracked in; status
+    is then lost, and pose, keyframe and quality are those in the fragment, which has a coordinate frame of
+    its own. Keyframes of a fragment that joins the map are published then, with its number.
     """
 
     index: FrameIndex
@@ -118,6 +122,7 @@ class Pose(Message, frozen=True, kw_only=True):
     pose_version: Index = 0
     covariance: Covariance = []
     odometry: Odometry = []
+    fragment: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
@@ -129,7 +134,10 @@ class Pose(Message, frozen=True, kw_only=True):
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
-    """A frame has become keyframe `id`; its pixels are in the arena."""
+    """A frame has become keyframe `id`; its pixels are in the arena.
+
+    `fragment`: that has joined the map and brought the keyframe with it; 0: none.
+    """
 
     id: Index
     frame_index: FrameIndex
@@ -137,6 +145,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
     t: Vector
     q: Quaternion
     map_epoch: Index = 0
+    fragment: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)

@@ -32,7 +32,7 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
 }
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
-_SCENES = ("room", "apartment", "corridor", "person", "chair")
+_SCENES = ("room", "apartment", "corridor", "person", "chair", "lookalike")
 RECORDED_ROOM = "recordedroom"  # synth:room as files: nothing is rendered while it runs
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
@@ -107,6 +107,20 @@ class Session:
         if terms != "both":
             name, options = f"{name}-{terms}", (*options, *_TERMS[terms])
         return self._run(name, options)
+
+    def darkened(self, sequence: str, seed: int, frames: int, dark_s: Sequence[float]) -> ServeRun:
+        """As `poses`, so many frames of a built-in scene; between these seconds the camera sees nothing."""
+        name = f"dark-{'-'.join(map(str, dark_s)) or 'never'}-{sequence}-seed{seed}"
+        options = (
+            *self._source(sequence),
+            "--pace",
+            "lockstep",
+            "--seed",
+            str(seed),
+            *_POSES_ALONE,
+        )
+        dark = ("--dark", *map(str, dark_s)) if dark_s else ()
+        return self._run(name, (*options, "--synth.length", str(frames), *dark))
 
     def viewer(self, sequence: str) -> ServeRun:
         """The same with a web viewer and a client of it."""
