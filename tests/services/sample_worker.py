@@ -5,10 +5,21 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
+
+
+class _Remnant:
+    """An object that leaves a file when Python frees it."""
+
+    def __init__(self, freed: Path) -> None:
+        self._freed = freed
+
+    def __del__(self) -> None:
+        self._freed.touch()
 
 
 def _run(worker: Worker) -> None:
@@ -37,6 +48,7 @@ def _run(worker: Worker) -> None:
     if behaviour == "leaves something to its end":
         ended = worker.run.path / "thread_ended"
         threading.Thread(target=lambda: (time.sleep(0.3), ended.touch())).start()
+        globals()["remnant"] = _Remnant(worker.run.path / "freed")
         atexit.register((worker.run.path / "atexit_called").touch)
         print("not flushed", end="")
 

@@ -22,7 +22,7 @@ from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
 
 
-def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
+def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     """Body of a process's `main`: `--run DIR` from the command line, then `loop(worker)`.
 
     Exits with 0 when the loop returns, 2 with one line on a `UserError`, 1 with a traceback (in the
@@ -56,12 +56,12 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> None:
         print(f"error: {error}", file=sys.stderr, flush=True)
         with contextlib.suppress(OSError):  # the run folder may be what is wrong
             write_result(run_dir, name, ProcessResult(error=str(error)))
-        sys.exit(2)
-    _end()
+        _end(2)
+    _end(0)
 
 
-def _end() -> NoReturn:
-    """End with exit code 0 as Python does, but leave the memory to the kernel.
+def _end(code: int) -> NoReturn:
+    """End with an exit code as Python does, but leave the memory to the kernel.
 
     Python would free every object of the imports one by one: 0.5 s, in which the next step of the end waits.
     """
@@ -72,7 +72,7 @@ def _end() -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError):  # a full disk costs lines of the log alone
             stream.flush()
-    os._exit(0)
+    os._exit(code)
 
 
 def _enter(run: RunInfo, name: str) -> str:
