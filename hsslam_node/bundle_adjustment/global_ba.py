@@ -89,6 +89,10 @@ class GlobalBundleAdjustment:
         """Whether enough keyframes have come since the last round."""
         return store.count - self._keyframes_at_round >= self._config.every_keyframes
 
+    def is_behind(self, store: KeyframeStore) -> bool:
+        """Whether keyframes have come since the last round."""
+        return store.count > self._keyframes_at_round
+
     def round(
         self,
         store: KeyframeStore,

@@ -43,12 +43,17 @@ class GraphBundleAdjustment:
         self._edges: list[PoseEdge] = []
         self._chain = TrackedChain(config.pose_graph)
         self._seen = 1  # keyframes that have their edges
+        self._left: list[int] = []  # keyframes that rounds were too short for, newest first
         self._rounds = 0
         self._all_at_next = False
 
     def is_due(self, store: KeyframeStore) -> bool:
         """Whether enough keyframes have come since the last round."""
         return self._map.is_due(store)
+
+    def is_behind(self, store: KeyframeStore) -> bool:
+        """Whether keyframes have come since the last round, or were left to the next."""
+        return bool(self._left) or self._map.is_behind(store)
 
     def round(
         self,
@@ -93,8 +98,10 @@ class GraphBundleAdjustment:
             self._edges += self._chain.add(k, inverse(poses[k - 1]) @ poses[k])
         kept = self._let_retired_go(store, count, poses)
         loops: list[PoseEdge] = []
-        oldest = max(self._seen, count - c.most_keyframes)
-        for k in range(count - 1, oldest - 1, -c.aligned_every):
+        due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]
+        most = -(-c.most_keyframes // c.aligned_every)
+        self._left = [k for k in due[most:] if k in kept and k >= store.inherited]
+        for k in due[:most]:
             rest()
             near = {
                 gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])

@@ -36,6 +36,10 @@ class BundleAdjustment(Protocol):
         """Whether enough keyframes have come since the last round."""
         ...
 
+    def is_behind(self, store: KeyframeStore) -> bool:
+        """Whether there are keyframes that no round has looked at."""
+        ...
+
     def round(
         self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ..., rest: Rest = ...
     ) -> BaReport:

@@ -15,7 +15,7 @@ class PoseGraphConfig:
     neighbours: tuple[int, ...] = (1, 2, 8, 20)
     """Distances to those other keyframes, in keyframes before it."""
     most_keyframes: int = 12
-    """Newest keyframes that one round aligns; others keep the tracked motion."""
+    """Keyframes that one round covers, the newest first; the next round does what is left."""
     loop_gap: int = 30
     """Smallest distance of two keyframes that close a loop, in keyframes."""
     loops: int = 2

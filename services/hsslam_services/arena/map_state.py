@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 
 _FILE = "map_state"
-_LOCALISE_ONLY, _MAP_EPOCH, _IS_GIVEN_UP, _STOPPED_NS = 0, 1, 2, 3  # fields
+_LOCALISE_ONLY, _MAP_EPOCH, _IS_GIVEN_UP, _STOPPED_NS, _SAVED_IN_NS = range(5)  # fields
 
 
 class MapState:
@@ -59,6 +59,15 @@ class MapState:
     @stopped_ns.setter
     def stopped_ns(self, value: int) -> None:
         self._row[_STOPPED_NS] = value
+
+    @property
+    def saved_in_ns(self) -> int:
+        """How long it took to save the map a first time after the run had stopped; 0: not saved yet."""
+        return int(self._row[_SAVED_IN_NS])
+
+    @saved_in_ns.setter
+    def saved_in_ns(self, value: int) -> None:
+        self._row[_SAVED_IN_NS] = value
 
     @property
     def may_change(self) -> bool:

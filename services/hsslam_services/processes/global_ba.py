@@ -5,6 +5,7 @@ Publishes: out/correction, sys/step
 Arena: reads map_state, load_level; writes keyframes, map
 """
 
+import time
 from contextlib import nullcontext
 from functools import partial
 
@@ -25,6 +26,7 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
+_CATCH_UP_SHARE = 0.3  # of the time until the map is on disk, for rounds after the last frame
 
 
 def main() -> None:
@@ -50,6 +52,7 @@ def _run(worker: Worker) -> None:
         while not worker.should_stop():
             if maps.wait(_POLL_S) is not None:
                 loop.work_if_due()
+        loop.catch_up()
 
 
 class _BaLoop:
@@ -67,27 +70,46 @@ class _BaLoop:
 
     def work_if_due(self) -> None:
         """One round, if enough keyframes have come since the last."""
+        if (opened := self._opened()) is None:
+            return
+        ba, store = opened
+        if ba.is_due(store) and self._may_begin(store.count):
+            self._round(ba, store)
+
+    def catch_up(self) -> None:
+        """After the last frame: rounds over the keyframes that rounds have left out, as under load."""
+        budget_s = self._worker.options.finish_budget_s
+        end_s = 1e-9 * self._mode.stopped_ns + _CATCH_UP_SHARE * budget_s
+        while not self._worker.is_orphan() and time.monotonic() < end_s:
+            opened = self._opened()
+            if opened is None or not opened[0].is_behind(opened[1]):
+                return
+            self._round(*opened)
+
+    def _opened(self) -> tuple[BundleAdjustment, KeyframeStore] | None:
+        """The adjustment and its keyframes; None while there is nothing to adjust."""
         options = self._worker.options
         store, parameters = self._link.store(), self._link.parameters()
         if not options.slam.ba.enabled or store is None or parameters is None:
-            return
+            return None
         if parameters.version == 0 or not self._may_step():
-            return
+            return None
         if self._ba is None:
             self._ba = open_adjustment(options.slam, parameters, options.seed, self._device)
-        if not self._ba.is_due(store) or not self._may_begin(store.count):
-            return
+        return self._ba, store
+
+    def _round(self, ba: BundleAdjustment, store: KeyframeStore) -> None:
         self._count_at_round = store.count
+        lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
         with self._worker.timed("round"):
-            lease = partial(self._worker.arena.lease, PARAMETERS_LEASE)
-            report = self._ba.round(store, lease, self._may_step, self._rest)
+            report = ba.round(store, lease, self._may_step, self._rest)
         self._worker.count("rounds")
         self._worker.count("keyframes refined", len(report.keyframes))
         self._worker.count("loops", len(report.loops))
         self._loops += report.loops
         if report.moved and self._may_step():
             # where mapping refines poses as well, one of the two writes them at a time
-            alone = options.slam.mapper.pose_rate == 0
+            alone = self._worker.options.slam.mapper.pose_rate == 0
             with nullcontext() if alone else lease():
                 self._correct(store, report)
 

@@ -35,8 +35,10 @@ from hsslam_services.launch.worker_device import tell_device, worker_device
 _POLL_S = 0.05
 _LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
 _SLICE = 32  # last iterations between looks at signals and clock
-_SAVING_S = 3.0  # to write the map on a machine that is busy
-_SAVING_S_PER_MPX = 0.1  # and the images of its keyframes
+_SAVING_S, _SAVING_FACTOR = (
+    1.0,
+    2.0,
+)  # time to save the map again: so much, and times the first saving
 
 
 def main() -> None:
@@ -198,7 +200,7 @@ class _MapperLoop:
         n = self._mapper.last_iterations(store)
         if n == 0:
             return
-        end_s = self._last_iterations_end_s(store)
+        end_s = self._last_iterations_end_s()
         if self._worker.is_orphan() or time.monotonic() >= end_s:
             return
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
@@ -217,13 +219,13 @@ class _MapperLoop:
                 "info", f"{done} of {n} last iterations: more do not fit (--finish-s)"
             )
 
-    def _last_iterations_end_s(self, store: KeyframeStore) -> float:
+    def _last_iterations_end_s(self) -> float:
         """Monotonic time from which the map must be saved to be on disk in time."""
         budget_s, stopped_ns = self._worker.options.finish_budget_s, self._mode.stopped_ns
         if math.isinf(budget_s) or not stopped_ns:
             return math.inf
-        mpx = len(store.kept()) * store.camera.width_px * store.camera.height_px / 1e6
-        return 1e-9 * stopped_ns + budget_s - _SAVING_S - _SAVING_S_PER_MPX * mpx
+        saving_s = _SAVING_S + _SAVING_FACTOR * 1e-9 * self._mode.saved_in_ns
+        return 1e-9 * stopped_ns + budget_s - saving_s
 
     def _first_map(self, store: KeyframeStore) -> None:
         start = time.perf_counter()

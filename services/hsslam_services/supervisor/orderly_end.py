@@ -54,7 +54,8 @@ class OrderlyEnd:
 
     def to_the_end(self) -> None:
         """Do all steps; one that fails does not cost the others."""
-        MapState(self.run.arena_dir).stopped_ns = time.monotonic_ns()
+        map_state = MapState(self.run.arena_dir)
+        map_state.stopped_ns = time.monotonic_ns()
         self._stop(CAMERA_STAGE)
         self._drain()
         self._stop(TRACKER_STAGE)
@@ -63,7 +64,9 @@ class OrderlyEnd:
         for name in ("global_ba", "mesher"):  # they end while the map is saved a first time
             self.children[name].wanted = False
         if math.isfinite(self.run.options.finish_budget_s):
+            begun_ns = time.monotonic_ns()
             self._save("map", FINAL_MAP_SAVER)
+            map_state.saved_in_ns = time.monotonic_ns() - begun_ns
         self._stop(BA_STAGE)
         if self._pose_version() != saved_at:
             self._save("trajectories", TRAJECTORY_SAVER)

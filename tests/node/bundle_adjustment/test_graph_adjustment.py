@@ -69,6 +69,20 @@ def test_the_first_keyframe_stays_even_if_it_is_the_one_displaced():
     assert errors[:, 0].max() < 0.002
 
 
+def test_what_a_round_leaves_is_done_by_the_next():
+    room = mapped_room(_config(most_keyframes=5))
+    truth = room.store.poses()
+    _move(room, 2, 0.02, 1.0)
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    errors_m = []
+    while ba.is_behind(room.store):
+        report = ba.round(room.store)
+        room.store.correct_poses(report.keyframes, report.T_world_cam)
+        errors_m.append(_errors(room.store.poses(), truth)[2, 0])
+    assert len(errors_m) == 2  # ten keyframes, the newest first
+    assert errors_m[0] > 0.01 and errors_m[1] < 0.002
+
+
 def _drifted_return(config: SlamConfig, drift_m: float) -> tuple[MappedRoom, np.ndarray]:
     """Ten keyframes out, ten back to the start, the latter shifted more and more; and their truth."""
     room = mapped_room(config)

@@ -1,5 +1,6 @@
 """The loop of the global BA process, over an arena that a real pipeline has filled."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -7,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from hsslam_node.slam import Slam
 from hsslam_proto import topics
@@ -17,7 +19,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import global_ba
 from hsslam_services.run.run_info import RunInfo
-from tests.small_room import SMALL, room_frames
+from tests.small_room import SMALL, displaced, room_frames
 
 _ENDLESS = 10**6  # iterations of one round
 
@@ -54,6 +56,30 @@ def test_a_round_at_work_ends_when_the_map_may_not_change_any_more(
     assert parameters.step == step < before[0] + _ENDLESS
     np.testing.assert_array_equal(store.poses(), before[1])
     assert store.pose_version == 0
+
+
+@pytest.mark.parametrize(("stopped_s_ago", "is_done"), [(0.0, True), (60.0, False)])
+def test_it_ends_with_the_keyframes_that_no_round_has_looked_at_while_there_is_time(
+    make_run: Callable[..., RunInfo], stopped_s_ago: float, is_done: bool
+):
+    ba = replace(SMALL.ba, method="graph", every_keyframes=1000, iterations=1)
+    mapper = replace(SMALL.mapper, first_iterations=10, iterations=2)
+    graph = replace(SMALL.pose_graph, aligned_every=1)
+    config = replace(SMALL, mapper=mapper, ba=ba, pose_graph=graph)
+    run = make_run(slam=config)
+    slam = Slam(replace(config, ba=replace(ba, enabled=False)), arrays=Arena(Path(run.arena_dir)))
+    for frame in room_frames()[:25]:
+        slam.process(frame)
+    store = slam.store
+    assert store and store.count > 5
+    right = store.pose(3)
+    store.correct_poses(np.array([3]), displaced(right, 0.02, 1.0, seed=3)[None])
+    MapState(run.arena_dir).stopped_ns = time.monotonic_ns() - int(1e9 * stopped_s_ago)
+    with Worker("global_ba", replace(run, supervisor_pid=os.getppid())) as worker:
+        worker.stop_event().set()
+        global_ba._run(worker)
+    error_m = np.linalg.norm(store.pose(3)[:3, 3] - right[:3, 3])
+    assert (error_m < 0.005) == is_done and (error_m > 0.015) != is_done
 
 
 def _wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
