@@ -11,7 +11,7 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 
-OPTIONS = SourceOptions(noise="kinect", synth=SynthOptions(width_px=96, height_px=72))
+OPTIONS = SourceOptions(noise="kinect", synth=SynthOptions(width_px=96, height_px=72, length=60))
 SPEC = "synth:room"
 
 
@@ -37,8 +37,8 @@ def test_a_perfect_run_scores_perfectly(run_dir):
     report = evaluate_run(run_dir, SPEC, OPTIONS)
     assert report is not None
     assert report["ate"]["final"]["rmse_m"] < 1e-6
-    assert (report["ate"]["online"]["scored"], report["ate"]["online"]["expected"]) == (599, 600)
-    assert report["ate"]["keyframes"]["scored"] == 150
+    assert (report["ate"]["online"]["scored"], report["ate"]["online"]["expected"]) == (59, 60)
+    assert report["ate"]["keyframes"]["scored"] == 15
     assert report["mesh"]["accuracy_median_m"] < 1e-4
     assert report["mesh"]["completion_ratio_5cm"] > 0.999
     assert report["mesh_literature"]["completion_ratio_5cm"] > 0.99

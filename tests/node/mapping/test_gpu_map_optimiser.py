@@ -98,18 +98,18 @@ def _expect_same_parameters(pair: Pair, steps: int) -> None:
     assert np.linalg.norm(gpu.params - cpu.params) < 0.01 * np.linalg.norm(cpu.params - initial)
 
 
-def test_ten_steps_agree():
+def test_four_steps_agree():
     """Fewer rays than the work space holds, in turn with more; smoothness in every second step."""
     pair = _pair(TINY, 10)
-    for k in range(10):
-        cpu, gpu = pair.step([4, 3, 3] if k % 2 else [3, 2, 2], k, with_poses=k == 9)
+    for k in range(4):
+        cpu, gpu = pair.step([4, 3, 3] if k % 2 else [3, 2, 2], k, with_poses=k == 3)
         _expect_same(cpu, gpu, 1e-5 if k == 0 else 1e-3)
-        assert cpu.pose_gradient.any() == (k == 9)
+        assert cpu.pose_gradient.any() == (k == 3)
         if k == 0:
             pair.optimisers[1].push()
             _expect_same_parameters(pair, 1)
     pair.optimisers[1].push()
-    _expect_same_parameters(pair, 10)
+    _expect_same_parameters(pair, 4)
     pair.rooms[1].parameters.publish()
     np.testing.assert_array_equal(
         pair.rooms[1].parameters.published()[1], pair.rooms[1].parameters.params

@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 
 from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
 
-_DENSE = 2_000_000
-_SAMPLES = 200_000
+_DENSE = 1_000_000
+_SAMPLES = 50_000
 
 
 @pytest.fixture(scope="module")
