@@ -22,7 +22,8 @@ class KeyframeRows:
 
     def __init__(self, arrays: ArrayAllocator) -> None:
         self._arrays = arrays
-        self._slabs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        # by number; threads may open one at once
+        self._slabs: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def write(
         self,
@@ -136,9 +137,9 @@ class KeyframeRows:
         return out
 
     def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        while len(self._slabs) <= index:
-            k = len(self._slabs)
-            names = [f"keyframe_{kind}.{k:03d}" for kind in ("meta", "poses", "covariances")]
+        slab = self._slabs.get(index)
+        if slab is None:
+            names = [f"keyframe_{kind}.{index:03d}" for kind in ("meta", "poses", "covariances")]
             if create:
                 slab = (
                     self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
@@ -148,5 +149,5 @@ class KeyframeRows:
             else:
                 meta, poses, covariances = (self._arrays.open(name) for name in names)
                 slab = meta, poses, covariances
-            self._slabs.append(slab)
-        return self._slabs[index]
+            self._slabs[index] = slab
+        return slab

@@ -27,7 +27,8 @@ class KeyframeSlots:
         self._arrays = arrays
         self._camera = camera
         self._table = arrays.open("keyframe_slots")  # [capacity] int64
-        self._slabs: list[tuple[np.ndarray, np.ndarray]] = []
+        self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # threads may open one at once
+        self._reserved_slabs = 0  # that are there, as far as the tracker has looked
 
     @staticmethod
     def create_table(arrays: ArrayAllocator, capacity: int) -> None:
@@ -131,13 +132,14 @@ class KeyframeSlots:
 
     def _reserved_slots(self) -> int:
         """Slots in slabs that are there."""
-        while self._arrays.exists(_names(len(self._slabs))[1]):
-            self._slab(len(self._slabs), create=False)
-        return SLAB_KEYFRAMES * len(self._slabs)
+        while self._arrays.exists(_names(self._reserved_slabs)[1]):
+            self._reserved_slabs += 1
+        return SLAB_KEYFRAMES * self._reserved_slabs
 
     def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray]:
-        while len(self._slabs) <= index:
-            color, depth = _names(len(self._slabs))
+        slab = self._slabs.get(index)
+        if slab is None:
+            color, depth = _names(index)
             size = (SLAB_KEYFRAMES, self._camera.height_px, self._camera.width_px)
             if create:
                 slab = (
@@ -146,8 +148,8 @@ class KeyframeSlots:
                 )
             else:
                 slab = self._arrays.open(color), self._arrays.open(depth)
-            self._slabs.append(slab)
-        return self._slabs[index]
+            self._slabs[index] = slab
+        return slab
 
 
 def _is_held(table: np.ndarray, count: int) -> np.ndarray:

@@ -1,6 +1,8 @@
 """Keyframes survive slabs, attachment and concurrent correction."""
 
+import contextlib
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +56,31 @@ def test_keyframes_come_back_from_every_slab():
     arrays, store = _filled(count)
     _check(store, count)
     assert arrays.exists("keyframe_color.002") and not arrays.exists("keyframe_color.003")
+
+
+class _OpenedTogether(MemoryAllocator):
+    """Arrays that two threads open at the same time."""
+
+    def __init__(self, arrays: MemoryAllocator) -> None:
+        self._arrays = arrays._arrays
+        self.meeting = threading.Barrier(1)
+
+    def open(self, name: str) -> np.ndarray:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            self.meeting.wait(0.05)
+        return super().open(name)
+
+
+def test_threads_that_open_slabs_at_once_see_the_pixels_of_each_keyframe():
+    count = 3 * SLAB_KEYFRAMES
+    arrays = _OpenedTogether(_filled(count)[0])
+    store = KeyframeStore(arrays)
+    arrays.meeting = threading.Barrier(2)
+    with ThreadPoolExecutor(2) as pool:
+        frames = list(pool.map(store.frame, range(count)))
+    for k, frame in enumerate(frames):
+        np.testing.assert_array_equal(frame.color, _frame(3 * k).color)
+        assert frame.index == 3 * k
 
 
 def test_a_second_attachment_sees_and_continues_the_first():
