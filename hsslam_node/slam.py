@@ -34,6 +34,7 @@ from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
+from hsslam_node.odometry.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult
@@ -82,6 +83,7 @@ class Slam:
         self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
         self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
+        self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
         self._seen = SeenSpace(config.field.truncation_m)
         self._asked: tuple[tuple[int, int, int], DenseMap] | None = None
         if saved_map is not None:
@@ -107,20 +109,20 @@ class Slam:
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
         result = self._process(frame)
-        self.pose_log.append(
-            pose_row(
-                index=result.frame_index,
-                source_stamp_ns=frame.stamp_ns,
-                stamp_ns=frame.stamp_ns,
-                publish_ns=frame.stamp_ns,
-                status=STATUS[result.status],
-                keyframe=result.keyframe,
-                T_world_cam=result.T_world_cam,
-                T_keyframe_cam=result.T_keyframe_cam,
-                quality=result.quality,
-                map_version=result.map_version,
-            )
+        row = pose_row(
+            index=result.frame_index,
+            source_stamp_ns=frame.stamp_ns,
+            stamp_ns=frame.stamp_ns,
+            publish_ns=frame.stamp_ns,
+            status=STATUS[result.status],
+            keyframe=result.keyframe,
+            T_world_cam=result.T_world_cam,
+            T_keyframe_cam=result.T_keyframe_cam,
+            quality=result.quality,
+            map_version=result.map_version,
         )
+        self._path.add(row, self.store, result.T_expected)
+        self.pose_log.append(row)
         return result
 
     @property

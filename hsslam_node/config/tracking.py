@@ -83,6 +83,13 @@ class TrackerConfig:
     lag_coverage: float = 0.5
     """If the map lags behind and does not fit, a pose that fits the reference keyframe is good if this share
     of the depth points overlaps the keyframe's surface, 0 to 1."""
+    odometry_reach_m: float = 0.1
+    """A frame that cannot be aligned has its pose by odometry, up to this standard deviation, m."""
+    odometry_reach_rad: float = 0.1
+    """The same for rotation, rad."""
+    odometry_coverage: float = 0.05
+    """If odometry says where a frame is, least share of depth points that overlap the keyframe's surface, 0
+    to 1."""
     max_step_m: float = 0.15
     """A frame that is farther from the prediction is lost, m."""
     max_step_rad: float = 0.2
@@ -103,6 +110,8 @@ class TrackerConfig:
         expect_in_range(self, "tracker", "relocalisation_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "localise_coverage", 0.0, 1.0)
         expect_in_range(self, "tracker", "lag_coverage", 0.0, 1.0)
+        expect_in_range(self, "tracker", "odometry_coverage", 0.0, 1.0)
+        expect_positive(self, "tracker", "odometry_reach_m", "odometry_reach_rad")
         expect_in_range(self, "tracker", "depth_window_px", 1, 15)
         for name in ("overlap", "coverage", "surface_agreement", "image_agreement"):
             expect_in_range(self, "tracker", f"reference_{name}", 0.0, 1.0)

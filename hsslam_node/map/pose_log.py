@@ -10,12 +10,18 @@ from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.memory_order import load_ordered, store_ordered
+from hsslam_node.odometry.spread_errors import spread_errors
 
 SLAB_ROWS = 4096
 _RESERVE_EVERY = 64  # rows
-INITIAL, TRACKED, LOST = 0, 1, 2  # status
-Status = Literal["initial", "tracked", "lost"]
-STATUS: dict[Status, int] = {"initial": INITIAL, "tracked": TRACKED, "lost": LOST}
+INITIAL, TRACKED, LOST, DEAD_RECKONED = 0, 1, 2, 3  # status
+Status = Literal["initial", "tracked", "lost", "dead_reckoned"]
+STATUS: dict[Status, int] = {
+    "initial": INITIAL,
+    "tracked": TRACKED,
+    "lost": LOST,
+    "dead_reckoned": DEAD_RECKONED,  # by odometry alone: the camera saw nothing to be aligned to
+}
 _HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
 
 POSE_ROW = np.dtype(
@@ -25,7 +31,7 @@ POSE_ROW = np.dtype(
         ("source_stamp_ns", "<i8"),
         ("stamp_ns", "<i8"),  # wall clock of the sensor
         ("publish_ns", "<i8"),  # wall clock
-        ("status", "<i8"),  # INITIAL, TRACKED or LOST
+        ("status", "<i8"),  # one of STATUS
         ("keyframe", "<i8"),  # id of the reference keyframe, -1: none
         ("T_world_cam", "<f8", (4, 4)),
         ("T_keyframe_cam", "<f8", (4, 4)),
@@ -183,12 +189,16 @@ def online_trajectory(rows: np.ndarray) -> Trajectory:
 
 
 def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
-    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none."""
+    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none.
+
+    Poses by odometry alone are fitted in between the frames that were aligned before and after them.
+    """
     kept = _where(rows, rows["status"] != LOST)
     poses = kept["T_world_cam"].copy()
     has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
     reference = T_world_keyframe[kept["keyframe"][has_reference]]
     poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
+    poses = spread_errors(poses, kept["T_odom_cam"], kept["status"] == DEAD_RECKONED)
     return Trajectory(kept["source_stamp_ns"].copy(), poses)
 
 

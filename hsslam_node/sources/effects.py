@@ -113,6 +113,21 @@ class Masked(ChangedSource):
         return replace(frame, depth_raw=depth_raw)
 
 
+class Covered(ChangedSource):
+    """A source whose lens is covered for some frames: they are black and without depth; odometry stays."""
+
+    def __init__(self, source: Source, first: int, count: int) -> None:
+        super().__init__(source, "with a covered lens")
+        self._covered = range(first, first + count)
+
+    def changed(self, frame: Frame) -> Frame:
+        """The frame, without anything to be seen if it is one of these."""
+        if frame.index not in self._covered:
+            return frame
+        color, depth_raw = np.zeros_like(frame.color), np.zeros_like(frame.depth_raw)
+        return replace(frame, color=color, depth_raw=depth_raw)
+
+
 _JUMP_EVERY = 120  # frames
 _JUMP = (1.22, 1.30)
 _DRIFT, _DRIFT_FRAMES = (0.10, 0.06), (230.0, 97.0)

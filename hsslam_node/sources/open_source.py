@@ -88,6 +88,10 @@ def _with_effects(source: Source, options: SourceOptions) -> Source:
         from hsslam_node.sources.effects import Masked
 
         source = Masked(source, options.mask)
+    if options.cover_frames:
+        from hsslam_node.sources.effects import Covered
+
+        source = Covered(source, options.cover_at, options.cover_frames)
     if options.downscale > 1:
         from hsslam_node.sources.effects import Downscaled
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import LensModel, expect_lens
+from hsslam_node.odometry.noise import USUAL_NOISE
 
 
 @dataclass(frozen=True)
@@ -82,15 +83,17 @@ class Ros2Options:
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = "tcp/127.0.0.1:7447"
     """Zenoh router of the ROS nodes, or of this service."""
+    odometry: str = ""
+    """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
     """Longest wait for the first images, s."""
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "info"):
+        for name in ("color", "depth", "info", "odometry"):
             topic = getattr(self, name)
-            if topic or name != "info":
+            if topic or name in ("color", "depth"):
                 _expect_topic(f"--ros2.{name}", topic)
         if not 0 <= self.domain <= 232:
             raise UserError(f"--ros2.domain {self.domain}: expected 0 to 232")
@@ -112,6 +115,10 @@ class Ros2Options:
         beside = f"{color.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
         return color, depth, _below(name, self.info) if self.info else beside
 
+    def topic_of_odometry(self, name: str) -> str:
+        """The topic of odometry of the camera of this name; empty if there is none."""
+        return _below(name, self.odometry) if self.odometry else ""
+
 
 @dataclass(frozen=True)
 class BagOptions:
@@ -123,11 +130,13 @@ class BagOptions:
     """Depth images, registered to colour (empty: the only topic with some)."""
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
+    odometry: str = ""
+    """Odometry of the robot, nav_msgs/Odometry (empty: none is used)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "info"):
+        for name in ("color", "depth", "info", "odometry"):
             topic = getattr(self, name)
             if topic:
                 _expect_topic(f"--bag.{name}", topic)
@@ -190,6 +199,8 @@ class SynthOptions:
     """Image height, pixels."""
     rate_hz: float = 30.0
     """Frame rate, Hz."""
+    odometry_noise: float | None = None
+    """Simulated odometry with this error, as a share of each motion (none: frames carry no odometry)."""
 
     def __post_init__(self) -> None:
         limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))
@@ -204,6 +215,8 @@ class SynthOptions:
         _expect_range("synth.width-px", self.width_px, 32, 1920)
         _expect_range("synth.height-px", self.height_px, 32, 1440)
         _expect_range("synth.rate-hz", self.rate_hz, 1.0, 240.0)
+        if self.odometry_noise is not None:
+            _expect_range("synth.odometry-noise", self.odometry_noise, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -228,6 +241,14 @@ class SourceOptions:
     """Number of the frame that is held."""
     hold_frames: int = 0
     """Repeat that frame this many times, like a camera that stands still."""
+    cover_at: int = 0
+    """Number of the first frame of which the lens is covered."""
+    cover_frames: int = 0
+    """Cover the lens for this many frames: black, and without depth."""
+    base_T_camera: tuple[float, ...] = ()
+    """Camera in base_link, whose odometry it is: x y z qx qy qz qw, m (none: looking ahead)."""
+    odometry_noise: float = USUAL_NOISE
+    """Standard deviation of odometry after 1 m, m, and after 1 rad, rad."""
     mask: str = ""
     """Image file; where it is black, frames have no depth (empty: none)."""
     downscale: int = 1
@@ -250,7 +271,10 @@ class SourceOptions:
         _expect_range("to-and-fro", self.to_and_fro, 1, 10_000)
         _expect_range("hold-at", self.hold_at, 0, 1_000_000_000)
         _expect_range("hold-frames", self.hold_frames, 0, 10_000_000)
+        _expect_range("cover-at", self.cover_at, 0, 1_000_000_000)
+        _expect_range("cover-frames", self.cover_frames, 0, 10_000_000)
         _expect_range("downscale", self.downscale, 1, 16)
+        _expect_range("odometry-noise", self.odometry_noise, 1e-4, 1.0)
         if self.frames is not None:
             _expect_range("frames", self.frames, 1, 1_000_000_000)
 

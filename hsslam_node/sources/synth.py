@@ -8,6 +8,8 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.odometry.reading import OdometryReading
+from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_node.synth.scenes.scenes import SCENES
@@ -26,6 +28,10 @@ class SynthSource:
         synth = options.synth
         trajectory, self._rows = _trajectory(name, options)
         self._stamps_ns, self._poses = trajectory.stamps_ns, trajectory.T_world_cam
+        self._odometry: Sequence[OdometryReading | None] = [None] * len(self._rows)
+        if synth.odometry_noise is not None:
+            noise, seed = synth.odometry_noise, options.seed
+            self._odometry = simulated_odometry(self._poses, noise, seed)
         self._scene = SCENES[name].build(synth)
         self._seed = synth.seed
         self.name = f"synth:{name}"
@@ -43,7 +49,8 @@ class SynthSource:
         for index in range(first, len(self._rows)):
             color, depth = renderer.render(self._poses[index], self._rows[index])
             stamp_ns = int(self._stamps_ns[index])
-            yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M)
+            odometry = self._odometry[index]
+            yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M, odometry)
 
 
 def synth_truth(

@@ -21,19 +21,30 @@ LEVER_M = 2.0  # a rotation counts as the way of what is so far away
 
 
 def with_motion_prior(
-    H: np.ndarray, b: np.ndarray, T_world_cam: np.ndarray, prediction: np.ndarray, weak_m: float
+    H: np.ndarray,
+    b: np.ndarray,
+    T_world_cam: np.ndarray,
+    prediction: np.ndarray,
+    weak_m: float,
+    doubt: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normal equations H [8, 8], b [8] whose weak directions are held at the predicted pose [4, 4].
 
     Along each eigenvector of the pose's information (gain and bias eliminated) the prior weighs
     w^2 / information with w = 1 / weak_m^2: next to nothing where the data tell the way to much better
     than weak_m, nearly all where they tell it much worse, as along the axis of a bare corridor.
+
+    doubt: covariance [6, 6] of the prediction, as of `moved_about_camera`: no direction is held by more
+    than the prediction knows of it. None: it is a motion that goes on as it was.
     """
     scale = np.array([1.0, 1.0, 1.0, 1 / LEVER_M, 1 / LEVER_M, 1 / LEVER_M])
     pose = pose_information(H)
     information, direction = np.linalg.eigh(scale[:, None] * pose * scale)
     least = 1.0 / weak_m**2
     strength = least**2 / np.maximum(information, 1e-3 * least)  # [6]
+    if doubt is not None:
+        of_way = doubt / scale[:, None] / scale
+        strength = np.minimum(strength, 1 / np.einsum("ji,jk,ki->i", direction, of_way, direction))
     unscaled = direction / scale[:, None]
     P = (unscaled * strength) @ unscaled.T
     H, b = H.copy(), b.copy()
@@ -100,6 +111,7 @@ def align(
     T_world_ref: np.ndarray,
     config: TrackerConfig,
     exposure: Exposure = _SAME_EXPOSURE,
+    doubt: np.ndarray | None = None,
 ) -> Alignment:
     """Align a frame, coarse to fine, starting from `T_world_cam` [4, 4].
 
@@ -111,6 +123,7 @@ def align(
         reference: the keyframe; None leaves its two terms out.
         T_world_ref: [4, 4] pose of the keyframe.
         exposure: where to start.
+        doubt: covariance [6, 6] of `T_world_cam` if odometry foretells it, as in `with_motion_prior`.
     """
     problem = _Problem(points, levels, view, reference, T_world_ref, config, exposure)
     T = T_world_cam.copy()
@@ -122,7 +135,7 @@ def align(
             system = problem.linearise(T, level)
             H, b = system.H, system.b
             if fine:
-                H, b = with_motion_prior(H, b, T, T_world_cam, config.weak_direction_m)
+                H, b = with_motion_prior(H, b, T, T_world_cam, config.weak_direction_m, doubt)
             x = np.linalg.solve(H + _DAMPING * np.diag(np.diag(H)), -b)
             T = moved_about_camera(T, x[:6])
             problem.exposure = Exposure(problem.exposure.bias + x[6], problem.exposure.gain + x[7])

@@ -87,6 +87,10 @@ class TrackResult:
         None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
     )
 
+    T_expected: np.ndarray | None = (
+        None  # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
+    )
+
     @classmethod
     def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":
         """Of the frame that the world's origin is fixed to."""

@@ -11,6 +11,7 @@ from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
+from hsslam_node.odometry.reading import MotionSince
 from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.acceptance import (
     is_acceptable,
@@ -21,6 +22,7 @@ from hsslam_node.tracking.acceptance import (
     reference_overlap,
 )
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
+from hsslam_node.tracking.dead_reckoning import Reckoning
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
@@ -46,13 +48,17 @@ from hsslam_node.tracking.tracked_frame import (
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
+_UNALIGNED_FRAMES = (
+    10  # that see something, by odometry alone: then places seen before are tried, too
+)
 
 
 class Tracker:
     """Tracks frames one by one and appends keyframes to the store, whose poses it follows.
 
     The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
-    ones are aligned to the last pose that was good.
+    ones are aligned to the last pose that was good. If frames carry odometry, it foretells poses, and a
+    frame that cannot be aligned has the pose that odometry tells, up to a distance.
     """
 
     def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
@@ -73,6 +79,10 @@ class Tracker:
         self._lost_frames = 0
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
         self._localise_only = False
+        self._odometry = MotionSince()  # the last good frame
+        self._last_doubt = np.zeros((6, 6))  # covariance of the last good frame
+        self._reckoned_frames = 0  # by odometry alone, since the last good one
+        self._unaligned_frames = 0  # of them, those that see something
 
     def resume(self, *, anywhere: bool = False) -> None:
         """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
@@ -108,20 +118,33 @@ class Tracker:
             return self._start(frame, levels, len(points))
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
+        reckoning = self._reckoning(frame)
         before = self._reference, self._exposure, self._coverage
         try:
+            if reckoning is not None:
+                best = self._align_to_odometry(frame, points, levels, reckoning, view)
+                if best is not None:
+                    return self._accept(frame, levels, best, view, reckoning)
+                self._reference, self._exposure, self._coverage = before
+                if len(points) < _FEWEST_POINTS and reckoning.is_within_reach(self._config):
+                    return self._reckon(frame, reckoning, view)
             for guess in self._guesses(frame, prediction, after_gap=expected is None):
                 best = self._try(points, levels, guess, view)
                 good = self._is_good(best, guess, frame.stamp_ns)
                 if good and self._reference is before[0]:  # else a place, which has been checked
                     good = self._is_confirmed(best, expected, frame)
                 if good:
-                    return self._accept(frame, levels, best, view)
+                    return self._accept(frame, levels, best, view, reckoning)
         except TornMapError:
             self._reference, self._exposure, self._coverage = before
             raise
         self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
-        return self._lose(frame, prediction, view)
+        if reckoning is None:
+            return self._lose(frame, prediction, view)
+        if not reckoning.is_within_reach(self._config):
+            return self._lose(frame, reckoning.T_world_cam, view)
+        self._unaligned_frames += 1
+        return self._reckon(frame, reckoning, view)
 
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
@@ -137,6 +160,7 @@ class Tracker:
         self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
+        self._odometry.restart(frame.odometry)
         return TrackResult.first(frame.index, k, T_world_cam)
 
     def _guesses(
@@ -153,11 +177,12 @@ class Tracker:
         yield prediction
         if self._before_last is not None:
             yield T_last
-        if self._lost_frames < _FOLLOWED_FRAMES:
+        if self._lost_frames + self._unaligned_frames < _FOLLOWED_FRAMES:
             T_last_cam = rgbd_odometry(self._last.frame, frame)
             if T_last_cam is not None:
                 yield T_last @ T_last_cam
-        if not after_gap:
+        is_reckoned = self._reckoned_frames > 0 and self._lost_frames == 0
+        if not after_gap or (is_reckoned and self._unaligned_frames < _UNALIGNED_FRAMES):
             return
         for place in self._relocalisation.places(frame):
             self._exposure, self._coverage = Exposure(), 0.0
@@ -166,7 +191,7 @@ class Tracker:
 
     def _try(
         self, points: np.ndarray, levels: tuple[PyramidLevel, ...], T: np.ndarray,
-        view: MapView | None,
+        view: MapView | None, doubt: np.ndarray | None = None,
     ) -> Alignment | None:  # fmt: skip
         if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
@@ -174,7 +199,15 @@ class Tracker:
         T_world_ref = self._store.pose(self._reference.id)
         self._aligned_at = T_world_ref, version
         found = align(
-            points, levels, T, view, self._reference, T_world_ref, self._config, self._exposure
+            points,
+            levels,
+            T,
+            view,
+            self._reference,
+            T_world_ref,
+            self._config,
+            self._exposure,
+            doubt,
         )
         if view is not None:
             view.expect_intact()
@@ -202,7 +235,7 @@ class Tracker:
 
     def _accept(
         self, frame: Frame, levels: tuple[PyramidLevel, ...], alignment: Alignment | None,
-        view: MapView | None,
+        view: MapView | None, reckoning: Reckoning | None,
     ) -> TrackResult:  # fmt: skip
         assert alignment is not None and self._reference is not None
         T, version = self._followed(orthonormal(alignment.T_world_cam))
@@ -236,14 +269,19 @@ class Tracker:
             self._refer_to_saved(alignment, T, frame)
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
-        self._lost_frames = 0
+        covariance = in_world(own, of_reference, lever_m)
+        is_back = reckoning is not None and self._reckoned_frames > 0 and self._lost_frames == 0
+        T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
+        self._lost_frames = self._reckoned_frames = self._unaligned_frames = 0
+        self._odometry.restart(frame.odometry)
+        self._last_doubt = covariance
         self._relocalisation.observe()
         return TrackResult(
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
             T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
             residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
             is_keyframe=is_keyframe, outside=alignment.outside, pose_version=version,
-            covariance=in_world(own, of_reference, lever_m),
+            covariance=covariance, T_expected=T_expected,
         )  # fmt: skip
 
     def _doubt(self, alignment: Alignment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -279,6 +317,49 @@ class Tracker:
         if not is_due or not self._store.has_room():
             return False
         return not self._still.has_enough(T, levels[0].grey) or is_left
+
+    def _reckoning(self, frame: Frame) -> Reckoning | None:
+        """Where odometry says the frame was taken; None if it does not say."""
+        motion = self._odometry.to(frame.odometry)
+        if motion is None or self._last is None:
+            return None
+        return Reckoning.after(self._last.pose(self._store), motion)
+
+    def _align_to_odometry(
+        self, frame: Frame, points: np.ndarray, levels: tuple[PyramidLevel, ...],
+        reckoning: Reckoning, view: MapView | None,
+    ) -> Alignment | None:  # fmt: skip
+        """The frame aligned near where odometry says it was, to the keyframe that shows most of it; None if
+        it does not fit."""
+        assert self._reference is not None
+        T = reckoning.T_world_cam
+        if self._reckoned_frames and len(points) >= _FEWEST_POINTS:
+            k = covering_keyframe(self._store, frame, T, self._reference.id)
+            if k != self._reference.id:
+                self._exposure, self._coverage = Exposure(), 0.0
+                self._reference = stored_reference(self._store, k, self._config)
+        best = self._try(points, levels, T, view, reckoning.doubt)
+        if not reckoning.is_sure:
+            good = self._is_good(best, T, frame.stamp_ns) and self._is_confirmed(best, None, frame)
+            return best if good else None
+        fits = is_acceptable(
+            best, T, after_gap=False, localise_only=self._localise_only, config=self._config
+        )
+        if fits and self._is_confirmed(best, T, frame):
+            return best
+        return best if reckoning.agrees(best, self._config) and not self._localise_only else None
+
+    def _reckon(self, frame: Frame, reckoning: Reckoning, view: MapView | None) -> TrackResult:
+        """A frame whose pose is known by odometry alone: no keyframe, and nothing is aligned to it."""
+        assert self._last is not None
+        self._before_last = None
+        self._reckoned_frames += 1
+        k, T = self._last.keyframe, reckoning.T_world_cam
+        return TrackResult(
+            frame_index=frame.index, status="dead_reckoned", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=inverse(self._store.pose(k)) @ T, map_version=view.version if view else 0,
+            covariance=reckoning.covariance(self._last_doubt),
+        )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
         assert self._last is not None

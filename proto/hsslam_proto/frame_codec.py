@@ -10,7 +10,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_header import image_header
+from hsslam_node.odometry.reading import OdometryReading
 from hsslam_proto import messages
+from hsslam_proto.pose_codec import covariance_matrix, wire_covariance
 
 
 def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.Frame:
@@ -33,7 +35,15 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
         depth=np.ascontiguousarray(frame.depth_raw, "<u2").data.cast("B"),
         depth_units_per_m=frame.depth_units_per_m,
         publisher=publisher,
+        **_odometry_fields(frame.odometry),
     )
+
+
+def _odometry_fields(reading: OdometryReading | None) -> dict[str, list[float]]:
+    if reading is None:
+        return {}
+    doubt = [] if reading.covariance is None else wire_covariance(reading.covariance)
+    return {"odometry": reading.numbers.tolist(), "odometry_covariance": doubt}
 
 
 def frame_from_message(message: messages.Frame) -> Frame:
@@ -52,6 +62,15 @@ def frame_from_message(message: messages.Frame) -> Frame:
         color=_owned(color_image(message)),
         depth_raw=_owned(depth_image(message)),
         depth_units_per_m=message.depth_units_per_m,
+        odometry=_odometry_reading(message),
+    )
+
+
+def _odometry_reading(message: messages.Frame) -> OdometryReading | None:
+    if not message.odometry:
+        return None
+    return OdometryReading(
+        np.array(message.odometry), covariance_matrix(message.odometry_covariance)
     )
 
 

@@ -46,6 +46,12 @@ class Frame(Message, frozen=True, kw_only=True):
     `publisher` is a random number from 2**62 on that a camera draws each time it counts from 0, so that its
     frames are known by publisher and index. Without one (0) the publisher in the attachment stands for it,
     and a lower index with a later `stamp_ns` begins a new count.
+
+    `odometry`: where wheels or another odometry say the camera is at the stamp: x, y, z, qx, qy, qz, qw on
+    a path of its own that drifts. Empty: not known. `odometry_covariance`: numbered as `covariance` of
+    `Pose`, in the axes of that path; it grows along the path, and what it grows by between two frames is the
+    covariance of the motion between them. Empty with `odometry`: as sure as 2 cm after 1 m and 0.02 rad
+    after 1 rad.
     """
 
     index: FrameIndex
@@ -63,8 +69,12 @@ class Frame(Message, frozen=True, kw_only=True):
     depth_encoding: Literal["u16", "png"] = "u16"
     depth_units_per_m: Real
     publisher: Index = 0
+    odometry: Odometry = []
+    odometry_covariance: Covariance = []
 
     def __post_init__(self) -> None:
+        _expect_odometry(self, self.odometry)
+        _expect_count(self, "odometry_covariance", 21)
         _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
         for name in ("fx", "fy", "depth_units_per_m"):
             if getattr(self, name) <= 0:
@@ -74,6 +84,25 @@ class Frame(Message, frozen=True, kw_only=True):
             size = memoryview(getattr(self, name)).nbytes
             if getattr(self, f"{name}_encoding") == raw and size != nbytes:
                 raise ValueError(f"{name} has {size} bytes: expected {nbytes} for {raw}")
+
+
+class RobotOdometry(Message, frozen=True, kw_only=True):
+    """Where wheels or another odometry say the base of the robot is (m; unit quaternion xyzw), x forward,
+    y left, z up, on a path of its own that drifts.
+
+    `stamp_ns` is the wall clock of the measurement. `covariance`: numbered as that of `Pose`, in the axes of
+    the path; only what it grows by counts. Empty: not known. `--base-T-camera` says where the camera is on
+    the base.
+    """
+
+    stamp_ns: StampNs
+    t: Vector
+    q: Quaternion
+    covariance: Covariance = []
+
+    def __post_init__(self) -> None:
+        expect_pose(self.t, self.q)
+        _expect_count(self, "covariance", 21)
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
@@ -98,6 +127,9 @@ class Pose(Message, frozen=True, kw_only=True):
     numbers. 95 % of the true errors against the first frame's pose, or against a saved map, lie inside its
     95 % ellipsoid. Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
     the jumps of corrections; it begins with the run and drifts. Empty: not known.
+
+    `is_dead_reckoned`: the frame could not be aligned, and has its pose by the odometry of `Frame` alone;
+    its `quality` is 0, and `covariance` says how sure it is.
     """
 
     index: FrameIndex
@@ -118,14 +150,12 @@ class Pose(Message, frozen=True, kw_only=True):
     pose_version: Index = 0
     covariance: Covariance = []
     odometry: Odometry = []
+    is_dead_reckoned: bool = False
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
         _expect_count(self, "covariance", 21)
-        _expect_count(self, "odometry", 7)
-        if self.odometry:
-            x, y, z, *q = self.odometry
-            expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
+        _expect_odometry(self, self.odometry)
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
@@ -291,6 +321,13 @@ def _expect_count(message: Message, name: str, count: int) -> None:
         raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
     if not all(map(math.isfinite, values)):
         raise ValueError(f"{name} = {values}: expected finite numbers")
+
+
+def _expect_odometry(message: Message, odometry: list[float]) -> None:
+    _expect_count(message, "odometry", 7)
+    if odometry:
+        x, y, z, *q = odometry
+        expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
 
 
 def expect_pose(t: Vector, q: Quaternion) -> None:

@@ -48,6 +48,9 @@ def schema_of(message: type[m.Message]) -> str:
 _KIB, _MIB = 2**10, 2**20
 
 FRAME = Topic("in/frame", m.Frame, "camera", "30 Hz", "latest", 64 * _MIB, drawn=True)
+ODOMETRY = Topic(
+    *("in/odometry", m.RobotOdometry, "outside", "10 to 200 Hz", "latest", 8 * _KIB), logged=False
+)
 SOURCE_END = Topic("in/end", m.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
 POSE = Topic("out/pose", m.Pose, "tracker", "30 Hz", "latest", 64 * _KIB, history=600, drawn=True)
 KEYFRAME = Topic(
@@ -80,6 +83,7 @@ STOP = Topic("sys/stop", m.Stop, "supervisor", "once", "keep", 8 * _KIB, history
 
 TOPICS: tuple[Topic, ...] = (
     FRAME,
+    ODOMETRY,
     SOURCE_END,
     POSE,
     KEYFRAME,

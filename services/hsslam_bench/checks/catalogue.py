@@ -18,6 +18,7 @@ from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
     baseline_checks,
     lens_check,
+    odometry_checks,
     refinement_checks,
     robustness_checks,
     stride_checks,
@@ -36,6 +37,7 @@ def catalogue() -> list[Check]:
         *refinement_checks(),
         *robustness_checks(),
         lens_check(),
+        *odometry_checks(),
         *stride_checks(),
         *map_checks(),
         *gap_checks(),

@@ -8,12 +8,13 @@ from typing import Any
 from hsslam_bench.checks.accuracy import Accuracy, ate_m, scored
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
-from hsslam_bench.runs.session import NotMeasured, Session
+from hsslam_bench.runs.session import Lens, NotMeasured, Session
 from hsslam_node.presets import PRESETS
 
 _ROBUSTNESS_SEQUENCES = ("person-kinect", "room-kinect-exposure", "corridor-kinect")
 _BOUND_M = 0.02
 _LENS_FACTOR = 1.1
+_COVERED_FACTOR, _SEEING_FACTOR = 1.5, 1.05
 _STRIDE_SEQUENCES = ("livingroom", "kitchen")
 _STRIDES = {2: "second", 3: "third"}
 _FACTOR = 2.0  # of the ATE at full rate
@@ -68,6 +69,48 @@ def lens_check() -> Check:
 
     what = "room with noise through a lens of 8 coefficients, lockstep: ATE RMSE, final, mean of the seeds"
     return Check("lens:room", what, f"{_LENS_FACTOR:g} x pinhole", measure)
+
+
+def odometry_checks() -> list[Check]:
+    """ATE through 3 s of covered lens with odometry, and what odometry does to a camera that sees."""
+
+    def runs(session: Session, lens: Lens, *, odometry: bool) -> Accuracy:
+        found = [finished(session.covered(lens, seed, odometry)) for seed in session.seeds]
+        return Accuracy.of(found)
+
+    def covered(session: Session) -> Measured:
+        free = runs(session, "free", odometry=False)
+        found, alone = (runs(session, "covered", odometry=given) for given in (True, False))
+        bound_m = _COVERED_FACTOR * free.mean_m
+        return Measured(
+            f"{found.mean_m / free.mean_m:.2f} x: {100 * found.mean_m:.3f} cm (seeds: "
+            f"{found.each_cm(3)}), free {100 * free.mean_m:.3f} cm (seeds: {free.each_cm(3)}), "
+            f"{found.lost} lost; without odometry {alone.lost} lost",
+            found.mean_m <= bound_m and found.complete,
+            {**found.values(bound_m), "free_m": free.errors_m, "lost_without": alone.lost},
+            found.mean_m,
+            "lower",
+        )
+
+    def seeing(session: Session) -> Measured:
+        free, found = (runs(session, "free", odometry=given) for given in (False, True))
+        bound_m = _SEEING_FACTOR * free.mean_m
+        return Measured(
+            f"{found.mean_m / free.mean_m:.2f} x: {100 * found.mean_m:.3f} cm (seeds: "
+            f"{found.each_cm(3)}), without {100 * free.mean_m:.3f} cm (seeds: {free.each_cm(3)})",
+            found.mean_m <= bound_m and found.complete,
+            {**found.values(bound_m), "free_m": free.errors_m},
+            found.mean_m,
+            "lower",
+        )
+
+    of = "room, odometry with an error of 1 %, lockstep: ATE RMSE, final, mean of the seeds"
+    what = f"{of}; lens covered for 3 s, all scored, none lost"
+    bounds = f"{_COVERED_FACTOR:g} x with a free lens", f"{_SEEING_FACTOR:g} x without odometry"
+    return [
+        Check("odometry:covered", what, bounds[0], covered, is_lockstep=True),
+        Check("odometry:seeing", of, bounds[1], seeing, is_lockstep=True),
+    ]
 
 
 def stride_checks() -> list[Check]:

@@ -44,7 +44,10 @@ _ALL: tuple[m.Message, ...] = (
         color=_zeros(3 * _WIDTH * _HEIGHT),
         depth=_zeros(2 * _WIDTH * _HEIGHT),
         depth_units_per_m=5000.0,
+        odometry=[*_T, *_Q],
+        odometry_covariance=[0.0] * 21,
     ),
+    m.RobotOdometry(stamp_ns=_STAMP, t=_T, q=_Q, covariance=[0.1] * 21),
     m.SourceEnd(frame_count=7, reason="end of source"),
     m.Pose(
         index=7,

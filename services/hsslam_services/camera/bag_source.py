@@ -11,8 +11,9 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.bag_file import BagFile, BagMessage
-from hsslam_services.camera.bag_topics import find_camera
+from hsslam_services.camera.bag_topics import find_camera, odometry_topic
 from hsslam_services.camera.ros_frames import RosFrames
+from hsslam_services.ros2.odometry_in import RosOdometry
 
 
 class BagSource:
@@ -29,6 +30,7 @@ class BagSource:
         self._bag = BagFile(place)
         found = find_camera(self._bag, options.bag)
         self._color, self._depth = found.color, found.depth
+        self._wheels = odometry_topic(self._bag, options.bag)
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
         self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
@@ -36,6 +38,7 @@ class BagSource:
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
         if not stamps_ns:
             raise UserError(f"source {self._bag.name}: no colour with its depth{_why_none(pairs)}")
+        self._options = options
         self._rows = options.selected(len(stamps_ns))
         if not self._rows:
             raise UserError(
@@ -56,10 +59,13 @@ class BagSource:
         rows = self._rows[first:]
         if not rows:
             return
-        with contextlib.closing(self._paired(self._new_pairs())) as pairs:
+        wheels = RosOdometry(self._options) if self._wheels else None
+        with contextlib.closing(self._paired(self._new_pairs(), wheels)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
-                    yield self._frame(first + rows.index(row), color, depth)
+                    frame = self._frame(first + rows.index(row), color, depth)
+                    is_whole = wheels is not None and isinstance(frame, Frame)
+                    yield wheels.given(frame) if is_whole else frame
                 if row == rows[-1]:
                     return
 
@@ -67,14 +73,24 @@ class BagSource:
         return StampPairs(round(1e6 * self._max_dt_ms))
 
     def _paired(
-        self, pairs: StampPairs[BagMessage]
+        self, pairs: StampPairs[BagMessage], wheels: RosOdometry | None = None
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
-        """(colour, depth) in the order of the bag."""
-        for message in self._bag.messages((self._color, self._depth)):
+        """(colour, depth) in the order of the bag; `wheels` takes the odometry that comes before."""
+        topics = (self._color, self._depth, *([self._wheels] if wheels else []))
+        for message in self._bag.messages(topics):
+            if wheels is not None and message.topic == self._wheels:
+                self._take(message, wheels)
+                continue
             is_color = message.topic == self._color
             pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
             if pair is not None:
                 yield pair
+
+    def _take(self, message: BagMessage, wheels: RosOdometry) -> None:
+        try:
+            wheels.take(self._bag.decode.odometry(message.payload, message.type_name))
+        except (BadImageError, UserError) as error:
+            raise UserError(f"source {self._bag.name}: {message.topic}: {error}") from None
 
     def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:
         try:

@@ -14,6 +14,7 @@ from hsslam_node.sources.options import BagOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO
+from hsslam_services.ros2.odometry_in import ODOMETRY
 
 _REGISTERED = re.compile("aligned|registered")
 _SAME_K_PX = 1.0
@@ -53,6 +54,18 @@ def find_camera(bag: BagFile, options: BagOptions) -> BagCamera:
     for depth_info in _info_beside(depth, infos):
         _expect_same_K(bag, firsts[info], firsts[depth_info])
     return BagCamera(color, depth, camera, (images[color], images[depth]))
+
+
+def odometry_topic(bag: BagFile, options: BagOptions) -> str:
+    """The topic that the options name; empty if they name none.
+
+    Raises:
+        UserError: the bag has no such topic of odometry; names all topics.
+    """
+    if not options.odometry:
+        return ""
+    of_kind = [topic.name for topic in bag.topics if topic.type_name == ODOMETRY]
+    return _chosen(bag, "odometry", options.odometry, (), of_kind)
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:

@@ -9,6 +9,7 @@ from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.messages import Step
 from hsslam_services.bus.bus import Publisher
 from hsslam_services.bus.log_lag import LogLag
+from hsslam_services.bus.odometry_inlet import OdometryInlet
 from hsslam_services.bus.peers import Peers
 from hsslam_services.camera.realtime import NEEDED, OTHERS
 from hsslam_services.launch.worker import Worker
@@ -81,7 +82,10 @@ class Lockstep:
 class Live:
     """Sends the frames of a live camera at once, with the time at which they came."""
 
-    def __init__(self, worker: Worker, frames: Publisher, publisher: int) -> None:
+    def __init__(
+        self, worker: Worker, frames: Publisher, publisher: int, odometry: OdometryInlet
+    ) -> None:
+        self._odometry = odometry
         self._worker = worker
         self._frames = frames
         self._publisher = publisher
@@ -99,4 +103,6 @@ class Live:
 
     def send(self, frame: Frame) -> None:
         """Publish; the tracker takes the newest."""
-        self._frames.put(frame_message(frame, time.time_ns(), self._publisher))
+        stamp_ns = time.time_ns()
+        frame = self._odometry.given(frame, stamp_ns)
+        self._frames.put(frame_message(frame, stamp_ns, self._publisher))

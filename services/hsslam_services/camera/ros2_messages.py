@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_services.ros2.odometry_in import ODOMETRY
 from hsslam_services.ros2.type_store import open_type_store
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -82,6 +83,16 @@ class CdrMessages:
         k = _numbers(info, "k")
         lens, model = _lens(str(info.distortion_model), _numbers(info, "d"))
         return Camera(*size, k[0], k[4], k[2], k[5], lens, model)
+
+    def odometry(self, payload: bytes, type_name: str) -> Any:
+        """An `Odometry` as rosbags decodes it.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+        """
+        if type_name != ODOMETRY:
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {ODOMETRY}")
+        return self._decoded(payload, type_name)
 
     def _decoded(self, payload: bytes, type_name: str) -> Any:
         try:

@@ -23,7 +23,9 @@ from hsslam_services.camera.ros2_messages import (
     type_of,
 )
 from hsslam_services.camera.ros_frames import RosFrames
+from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
 
+_WHEELS_RING = 256  # messages of odometry: more than come between two frames
 _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
 _LARGEST_BYTES = 2**26  # of a message
@@ -51,6 +53,7 @@ class Ros2Source:
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
+        self._odometry = RosOdometry(options) if options.ros2.odometry else None
         self._session = open_client(options.ros2.connect)
         domain = options.ros2.domain
         self._color, self._depth, self._info = (
@@ -59,6 +62,11 @@ class Ros2Source:
             )
             for topic in self._topics
         )
+        self._odometry_topic = options.ros2.topic_of_odometry(name)
+        if self._odometry is not None:
+            self._wheels = self._session.declare_subscriber(
+                topic_keys(domain, self._odometry_topic), zenoh.handlers.RingChannel(_WHEELS_RING)
+            )
         try:
             camera, first = self._wait(name)
             depth_scale = options.camera.depth_scale
@@ -93,7 +101,7 @@ class Ros2Source:
                 continue
             if pair is not None:
                 heard_s, silences = time.monotonic(), 0
-                yield self._frames.frame(0, *pair)
+                yield self._with_odometry(self._frames.frame(0, *pair))
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
@@ -103,6 +111,21 @@ class Ros2Source:
                     )
             else:
                 time.sleep(_POLL_S)
+
+    def _with_odometry(self, frame: Frame | BadFrame) -> Frame | BadFrame:
+        """The frame with what wheels say at its stamp; a bad message is reported in its place."""
+        if self._odometry is None or isinstance(frame, BadFrame):
+            return frame
+        try:
+            self._hear_odometry(self._odometry)
+        except (BadImageError, UserError) as error:
+            return BadFrame(0, frame.stamp_ns, f"{self._odometry_topic}: {error}")
+        return self._odometry.given(frame)
+
+    def _hear_odometry(self, odometry: RosOdometry) -> None:
+        while (sample := self._wheels.try_recv()) is not None:
+            kind = type_of(str(sample.key_expr))
+            odometry.take(self._cdr.odometry(sample.payload.to_bytes(), kind))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """A pair of what has come, None if there is none yet; raises BadImageError."""
@@ -126,7 +149,10 @@ class Ros2Source:
         camera, pair, problem = None, None, ""
         is_rectified = "rect" in self._topics[0]
         deadline = time.monotonic() + self._options.ros2.timeout_s
-        while (camera is None or pair is None) and time.monotonic() < deadline:
+        wheels = self._odometry
+        while (
+            camera is None or pair is None or (wheels is not None and not wheels.has_any)
+        ) and time.monotonic() < deadline:
             if self._should_stop():
                 raise UserError(f"source ros2:{name}: stopped before the first frame")
             try:
@@ -134,7 +160,9 @@ class Ros2Source:
                     kind = type_of(str(sample.key_expr))
                     camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
                 pair = self._next_pair() or pair
-            except BadImageError as error:
+                if wheels is not None:
+                    self._hear_odometry(wheels)
+            except (BadImageError, UserError) as error:
                 problem = f"; {error}"
             time.sleep(_POLL_S)
         if camera is None or pair is None:
@@ -143,6 +171,11 @@ class Ros2Source:
             raise UserError(
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
                 f"{problem or self._why_none()}; heard: {self._heard()}"
+            )
+        if wheels is not None and not wheels.has_any:
+            raise UserError(
+                f"source ros2:{name}: no odometry within {self._options.ros2.timeout_s:g} s on "
+                f"{self._odometry_topic}{problem}: expected {ODOMETRY}, or no --ros2.odometry"
             )
         return camera, pair
 

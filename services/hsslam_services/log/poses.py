@@ -7,8 +7,10 @@ import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, transform
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.odometry.spread_errors import spread_errors
 from hsslam_proto import messages
 from hsslam_proto.messages import Quaternion, Vector
+from hsslam_proto.pose_codec import pose_matrix
 from hsslam_proto.topics import CORRECTION, KEYFRAME, POSE
 from hsslam_services.log.reader import bus_messages
 
@@ -92,11 +94,12 @@ class _Found:
         poses = list(self.poses.values())
         known = [pose for pose in poses if pose.status != "lost"]
         stamps = [pose.source_stamp_ns for pose in known]
+        final = _trajectory(stamps, [self._carried(pose) for pose in known])
         ids = sorted(self.keyframes)
         return LoggedPoses(
             poses=poses,
             online=_trajectory(stamps, [_matrix(pose.t, pose.q) for pose in known]),
-            final=_trajectory(stamps, [self._carried(pose) for pose in known]),
+            final=_fitted_in(final, known),
             keyframes=_trajectory(
                 [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
             ),
@@ -110,6 +113,16 @@ class _Found:
         if _name(pose) not in self.T_keyframe_cam:
             return _matrix(pose.t, pose.q)
         return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[_name(pose)]
+
+
+def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
+    """With poses by odometry alone as `final_trajectory` of the pose log has them."""
+    is_dead_reckoned = np.array([pose.is_dead_reckoned for pose in poses], bool)
+    if not is_dead_reckoned.any():
+        return final
+    path = [pose_matrix(pose.odometry) for pose in poses]
+    fitted = spread_errors(final.T_world_cam, np.stack(path), is_dead_reckoned)
+    return Trajectory(final.stamps_ns, fitted)
 
 
 def _name(pose: messages.Pose) -> Name:

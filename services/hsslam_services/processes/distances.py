@@ -80,7 +80,8 @@ class _DistancesLoop:
         image = self._image_of(pose)
         now_s = time.monotonic()
         store = self._link.store()
-        if pose.status == "lost" or image is None or store is None or not store.count:
+        is_aligned = pose.status != "lost" and not pose.is_dead_reckoned
+        if not is_aligned or image is None or store is None or not store.count:
             return
         if now_s < self._next_s - _EARLY_S:
             return

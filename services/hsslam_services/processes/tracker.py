@@ -10,13 +10,24 @@ import time
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.frame import Frame
-from hsslam_node.map.pose_log import STATUS, PoseLog, Status, pose_row
+from hsslam_node.map.pose_log import (
+    DEAD_RECKONED,
+    INITIAL,
+    LOST,
+    STATUS,
+    TRACKED,
+    PoseLog,
+    Status,
+    pose_row,
+)
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.odometry.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult
@@ -27,7 +38,6 @@ from hsslam_proto.frame_order import FrameOrder, Place
 from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
 from hsslam_services.arena.full_arrays import FullArrays
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.arena.odometry import Odometry
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.granted_cores import granted_cores
@@ -39,7 +49,12 @@ from hsslam_services.launch.worker_device import worker_device
 
 _POLL_S = 0.1
 _STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
-_STATUS_NAMES: dict[int, Status] = {code: name for name, code in STATUS.items()}
+_WIRE_STATUS: dict[int, Literal["initial", "tracked", "lost"]] = {
+    INITIAL: "initial",
+    TRACKED: "tracked",
+    LOST: "lost",
+    DEAD_RECKONED: "tracked",  # with a field of its own: readers of before know no such status
+}
 
 
 def main() -> None:
@@ -71,7 +86,7 @@ class _TrackerLoop:
         self._link = SharedMap(worker.arena, worker.options.slam)
         full = FullArrays(worker.arena, worker.run.path, worker.event)
         self._log = PoseLog(worker.arena, full.add)
-        self._odometry = Odometry(self._log, worker.options.slam.tracker.longest_gap_s)
+        self._path = SmoothPath(self._log, worker.options.slam.tracker.longest_gap_s)
         self._poses = worker.bus.publisher(topics.POSE)
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
@@ -87,7 +102,7 @@ class _TrackerLoop:
         self._views: MapViews | None = None
         for row in self._log.newest_of_each():
             order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
-        self._was_lost = False
+        self._last_status: Status = "initial"
         store = self._link.store()
         if store is not None and store.count > 0:
             self._tracker = open_tracker(
@@ -131,7 +146,7 @@ class _TrackerLoop:
             publisher=place.publisher,
             covariance=result.covariance,
         )
-        self._odometry.add(row, self._link.store())
+        self._path.add(row, self._link.store(), result.T_expected)
         if not self._log.append(row):
             self._worker.count("poses not logged")
         self._order.take(place)
@@ -195,14 +210,20 @@ class _TrackerLoop:
         )
 
     def _account(self, result: TrackResult) -> None:
-        self._worker.count(result.status)
+        is_reckoned = result.status == "dead_reckoned"
+        self._worker.count("tracked" if is_reckoned else result.status)
+        if is_reckoned:
+            self._worker.count("by odometry alone")
         self._worker.count("points outside the bound", result.outside)
-        is_lost = result.status == "lost"
-        if is_lost and not self._was_lost:
+        before, self._last_status = self._last_status, result.status
+        if before == result.status:
+            return
+        if result.status == "lost":
             self._worker.event("warning", f"lost at frame {result.frame_index}")
-        if self._was_lost and not is_lost:
+        elif is_reckoned:
+            self._worker.event("warning", f"by odometry alone from frame {result.frame_index} on")
+        elif before in ("lost", "dead_reckoned"):
             self._worker.event("info", f"tracking again at frame {result.frame_index}")
-        self._was_lost = is_lost
 
     def _tell_of_room(self) -> None:
         """Once: the camera is tracked on the keyframes that there are."""
@@ -236,7 +257,7 @@ def _pose_message(
         stamp_ns=int(row["stamp_ns"]),
         source_stamp_ns=int(row["source_stamp_ns"]),
         publish_ns=int(row["publish_ns"]),
-        status=_STATUS_NAMES[int(row["status"])],
+        status=_WIRE_STATUS[int(row["status"])],
         t=t,
         q=q,
         quality=float(row["quality"]),
@@ -249,6 +270,7 @@ def _pose_message(
         pose_version=int(row["pose_version"]),
         covariance=wire_covariance(row["covariance"]),
         odometry=wire_odometry(row["T_odom_cam"]),
+        is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),
         stage_ms=stages_ms,
     )
 

@@ -10,6 +10,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.sources.options import (
     BagOptions,
     CameraOptions,
@@ -76,10 +77,12 @@ class ServeOptions:
         "ros2.color": "TOPIC",
         "ros2.depth": "TOPIC",
         "ros2.info": "TOPIC",
+        "ros2.odometry": "TOPIC",
         "ros2.connect": "ENDPOINT",
         "bag.color": "TOPIC",
         "bag.depth": "TOPIC",
         "bag.info": "TOPIC",
+        "bag.odometry": "TOPIC",
         "ros2_out": "NAMESPACE",
         "realsense.serial": "NUMBER",
     }
@@ -128,6 +131,10 @@ class ServeOptions:
     """Number of the frame that --hold-frames repeats."""
     hold_frames: int = 0
     """Repeat that frame N times, like a camera that stands still."""
+    cover_at: int = 0
+    """Number of the first frame that --cover-frames covers."""
+    cover_frames: int = 0
+    """Cover the lens for N frames: black, and without depth."""
     mask: str = ""
     """Image file, before --downscale; frames have no depth where it is black (empty: none)."""
     downscale: int = 1
@@ -143,6 +150,8 @@ class ServeOptions:
     """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
     base_T_camera: tuple[float, ...] = ()
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
+    odometry_noise: float = USUAL_NOISE
+    """Standard deviation of the robot's odometry after 1 m, m, and after 1 rad, rad."""
     grid: bool = False
     """Publish free cells and distances about the camera, ten times a second."""
     grid_from_height_m: float = 0.15
@@ -224,11 +233,17 @@ class ServeOptions:
             raise UserError(f"--hold-at {self.hold_at}: expected 0 or more")
         if not 0 <= self.hold_frames <= 10_000_000:
             raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
+        if self.cover_at < 0:
+            raise UserError(f"--cover-at {self.cover_at}: expected 0 or more")
+        if not 0 <= self.cover_frames <= 10_000_000:
+            raise UserError(f"--cover-frames {self.cover_frames}: expected 0 to 10000000")
         if self.mask and not self.has_camera_process:
             raise UserError(
                 f"--mask {self.mask}: another program sends the frames (--source {self.source}): "
                 "set their depth to 0 in that program"
             )
+        if not 1e-4 <= self.odometry_noise <= 1:
+            raise UserError(f"--odometry-noise {self.odometry_noise}: expected 0.0001 to 1")
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
 

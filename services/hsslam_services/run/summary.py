@@ -14,7 +14,7 @@ from hsslam_node.durable_file import write_durably
 from hsslam_services.run.process_result import python_number
 
 _FILE = "summary.json"
-_LOST = 2  # status in the pose log
+_LOST, _DEAD_RECKONED = 2, 3  # status in the pose log
 _PACKAGES = ("hsslam-node", "torch", "numpy", "numba", "opencv-python-headless", "eclipse-zenoh")
 
 
@@ -38,6 +38,8 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
     """
     lost = int((rows["status"] == _LOST).sum())
     section: dict[str, Any] = {"frames": {"tracked": len(rows) - lost, "lost": lost}}
+    if dead_reckoned := int((rows["status"] == _DEAD_RECKONED).sum()):  # of those tracked
+        section["frames"]["dead_reckoned"] = dead_reckoned
     after = rows[1:]
     if len(rows):
         section["first_pose_ns"] = int(rows["publish_ns"][0])

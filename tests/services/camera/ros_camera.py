@@ -70,6 +70,64 @@ class CameraInfo(IdlStruct):
     roi: RegionOfInterest
 
 
+@dataclass
+class Point(IdlStruct):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Pose(IdlStruct):
+    position: Point
+    orientation: Quaternion
+
+
+@dataclass
+class PoseWithCovariance(IdlStruct):
+    pose: Pose
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Twist(IdlStruct):
+    linear: Point
+    angular: Point
+
+
+@dataclass
+class TwistWithCovariance(IdlStruct):
+    twist: Twist
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Odometry(IdlStruct):
+    header: Header
+    child_frame_id: str
+    pose: PoseWithCovariance
+    twist: TwistWithCovariance
+
+
+def odometry(stamp_ns: int, numbers: Sequence[float]) -> Odometry:
+    """Of a base at x, y, z, qx, qy, qz, qw, as many drivers send it: with a constant covariance."""
+    pose = Pose(Point(*numbers[:3]), Quaternion(*numbers[3:]))
+    still = Twist(Point(0.0, 0.0, 0.0), Point(0.0, 0.0, 0.0))
+    constant = [0.1] * 36
+    return Odometry(
+        header(stamp_ns), "base_link", PoseWithCovariance(pose, constant),
+        TwistWithCovariance(still, constant),
+    )  # fmt: skip
+
+
 def header(stamp_ns: int) -> Header:
     return Header(Time(stamp_ns // 10**9, stamp_ns % 10**9), "camera_color_optical_frame")
 
@@ -111,7 +169,8 @@ class RosCamera:
     def put(self, topic: str, message: IdlStruct | bytes, type_name: str = "Image") -> None:
         """One message on a topic of domain 0."""
         payload = message if isinstance(message, bytes) else message.serialize()
-        key = f"0{topic}/sensor_msgs::msg::dds_::{type_name}_/{_HASH}"
+        package = "nav_msgs" if type_name == "Odometry" else "sensor_msgs"
+        key = f"0{topic}/{package}::msg::dds_::{type_name}_/{_HASH}"
         self._session.put(key, payload)
 
     def start(

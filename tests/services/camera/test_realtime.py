@@ -11,9 +11,11 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame as FrameMessage
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
+from hsslam_services.bus.odometry_inlet import OdometryInlet
 from hsslam_services.camera import wall_clock
 from hsslam_services.camera.realtime import Realtime
 from hsslam_services.launch.worker import Worker
@@ -58,7 +60,9 @@ def paced() -> Iterator[Callable[[list[float]], tuple[list[FrameMessage], list[s
             should_stop=stop.is_set,
         )
         progress = CameraProgress(pinned_source_ns=0, pinned_ns=time.monotonic_ns())
-        pace = Realtime(cast(Worker, worker), bus.publisher(topics.FRAME), progress, 1.0)
+        odometry = OdometryInlet(bus, (), USUAL_NOISE)
+        frames = bus.publisher(topics.FRAME)
+        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, odometry)
 
         def send(stamps_s: list[float]) -> Any:
             progress.pinned_ns = time.monotonic_ns() - round(stamps_s[0] * 1e9)

@@ -18,7 +18,7 @@ from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
-from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image
+from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image, odometry
 
 ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
 
@@ -120,6 +120,33 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     assert told.reason.startswith("nothing for 0.3 s")
     ended.set()
     assert list(itertools.islice(frames, 10)) == []
+
+
+def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
+    """The base drives ahead at 0.3 m/s, its camera looks to the right from 20 cm before its centre."""
+    mount = (0.2, 0.0, 0.4, 0.0, -0.7071067811865476, 0.7071067811865476, 0.0)
+
+    def drive(*, every_ns: int = 20_000_000) -> None:
+        for k in range(-10, 300):  # 6 s from before the first frame on
+            way_m = 0.3e-9 * k * every_ns
+            message = odometry(FIRST_NS + k * every_ns, (way_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            ros_camera.put("/wheels/odom", message, "Odometry")
+
+    asked = options(endpoint, 10, timeout_s=0.5, odometry="/wheels/odom")
+    ros_camera.start(room)
+    with pytest.raises(UserError, match=r"no odometry within 0\.5 s on /wheels/odom: expected nav"):
+        open_any_source("ros2:/camera", asked)
+    asked = replace(asked, base_T_camera=mount, ros2=replace(asked.ros2, timeout_s=10.0))
+    driving = threading.Timer(0.3, drive)
+    driving.start()
+    frames = list(open_any_source("ros2:/camera", asked).frames())
+    driving.join()
+    for frame in frames:
+        assert isinstance(frame, Frame) and frame.odometry is not None
+        seconds = 1e-9 * (frame.stamp_ns - FIRST_NS)
+        T_odom_cam = frame.odometry.T_odom_cam
+        np.testing.assert_allclose(T_odom_cam[:3, 3], [0.2 + 0.3 * seconds, 0.0, 0.4], atol=1e-6)
+        np.testing.assert_allclose(T_odom_cam[:3, 2], [0.0, -1.0, 0.0], atol=1e-6)
 
 
 def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):

@@ -1,12 +1,16 @@
-"""A lockstep run from a lossless log gives the poses of the run that wrote it; a killed run's log serves."""
+"""A lockstep run from a lossless log gives the poses of the run that wrote it, those by odometry alone, too; a
+killed run's log serves."""
 
 import subprocess
 import sys
 
+import numpy as np
 import psutil
 
+from hsslam_node.geometry.trajectory import read_tum
 from hsslam_proto import messages
 from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.log.poses import logged_poses
 from hsslam_services.log.reader import bus_messages, log_parts
 from hsslam_services.run.summary import read_summary
 from tests.services.serve_process import SMALL_ROOM
@@ -18,8 +22,11 @@ _LATEST_LOSS = 25  # frames at 15 Hz: a second, and what was on its way
 def test_a_replayed_lockstep_run_has_the_same_poses_bit_for_bit(serve):
     options = ("--pace", "lockstep", "--seed", "3", *_SMALL)
     room = ("--source", "synth:room", "--frames", "20", "--noise", "kinect")
-    logged = serve(*options, *room, "--log-color", "png", "--log-part-mb", "1")
+    covered = ("--synth.odometry-noise", "0.01", "--cover-at", "9", "--cover-frames", "5")
+    logged = serve(*options, *room, *covered, "--log-color", "png", "--log-part-mb", "1")
     assert logged.finish(timeout_s=280) == 0, logged.stderr
+    frames = logged.summary()["frames"]
+    assert (frames["tracked"], frames["lost"], frames["dead_reckoned"]) == (20, 0, 5)
     parts = read_summary(logged.out)["log"]["parts"]
     assert len(parts) > 1
     replayed = serve(*options, "--source", f"mcap:{logged.out}")
@@ -39,6 +46,10 @@ def test_a_replayed_lockstep_run_has_the_same_poses_bit_for_bit(serve):
     for run in (replayed, stepped):
         for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
             assert (logged.out / name).read_bytes() == (run.out / name).read_bytes(), name
+    found = logged_poses(log_parts(str(logged.out), print))
+    of_run = read_tum(logged.out / "trajectory.txt")
+    np.testing.assert_allclose(found.final.T_world_cam, of_run.T_world_cam, atol=1e-8)
+    assert sum(pose.is_dead_reckoned for pose in found.poses) == 5
 
 
 def test_the_log_of_a_run_killed_whole_is_recovered_and_replays(serve):

@@ -9,7 +9,7 @@ from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
-from hsslam_services.arena.odometry import Odometry
+from hsslam_node.odometry.smooth_path import SmoothPath
 from tests.small_room import displaced, room_frames
 
 _STEP = se3_exp(np.array([0.02, 0.0, 0.01, 0.0, 0.03, 0.0]))
@@ -29,7 +29,7 @@ class _Run:
         self._frames = 0
 
     def restart(self) -> None:
-        self._odometry = Odometry(self.log, longest_gap_s=0.5)
+        self._path = SmoothPath(self.log, longest_gap_s=0.5)
 
     def track(self, status: int = TRACKED, map_epoch: int = 0, gap: int = 1) -> np.ndarray:
         """T_odom_cam of the next frame."""
@@ -46,7 +46,7 @@ class _Run:
             T_keyframe_cam=inverse(self.store.pose(k)) @ self.T_world_cam, quality=1.0,
             map_version=1, map_epoch=map_epoch,
         )  # fmt: skip
-        self._odometry.add(row, self.store)
+        self._path.add(row, self.store)
         self.log.append(row)
         return row["T_odom_cam"].copy()
 

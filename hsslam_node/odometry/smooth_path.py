@@ -8,7 +8,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import orthonormal
 
 
-class Odometry:
+class SmoothPath:
     """Adds up the motions between frames, each seen in the map as it is now.
 
     What lies between two frames that are further apart than `longest_gap_s` is not known as a motion: the
@@ -22,11 +22,18 @@ class Odometry:
         self._last: np.ndarray | np.void | None = tracked[-1] if len(tracked) else None
         self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
 
-    def add(self, row: np.ndarray, store: KeyframeStore | None) -> None:
-        """Fill in `T_odom_cam` of a row of the log: of a lost frame the last one."""
+    def add(
+        self, row: np.ndarray, store: KeyframeStore | None, T_expected: np.ndarray | None = None
+    ) -> None:
+        """Fill in `T_odom_cam` of a row of the log: of a lost frame the last one.
+
+        T_expected: [4, 4] camera to world by the robot's odometry, of the first frame that is aligned after
+        frames that had their poses by it alone: what it was off is no motion.
+        """
         if row["status"] != LOST and store is not None:
             if self._is_motion(row):
-                self._T_odom_cam = orthonormal(self._T_odom_cam @ self._motion(row, store))
+                motion = self._motion(row, store, T_expected)
+                self._T_odom_cam = orthonormal(self._T_odom_cam @ motion)
             self._last = row.copy()
         row["T_odom_cam"] = self._T_odom_cam
 
@@ -37,9 +44,11 @@ class Odometry:
         gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
         return 0 < gap_ns <= self._longest_gap_ns
 
-    def _motion(self, row: np.ndarray, store: KeyframeStore) -> np.ndarray:
+    def _motion(
+        self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None
+    ) -> np.ndarray:
         """T_last_cam [4, 4], both by the poses that their keyframes have now."""
         assert self._last is not None
         T_world_key = store.poses_of(np.array([self._last["keyframe"], row["keyframe"]]))
         T_last, T = T_world_key @ np.stack([self._last["T_keyframe_cam"], row["T_keyframe_cam"]])
-        return inverse(T_last) @ T
+        return inverse(T_last) @ (T if T_expected is None else T_expected)

@@ -1,0 +1,100 @@
+"""What odometry says at the stamp of a frame, and the motion since an earlier one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.pose_covariance import carried, turned
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
+from hsslam_node.odometry.noise import USUAL_NOISE, growth
+
+_FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: of the stamps, and of a robot at rest
+_POSITION, _ROTATION = slice(0, 3), slice(3, 6)
+
+
+@dataclass(frozen=True)
+class OdometryReading:
+    """Where odometry says the camera is, in a frame of its own that drifts.
+
+    `numbers` are x, y, z (m) and the unit quaternion xyzw, [7]: as they travel, so that a replay computes
+    with the same bits. `covariance` is [6, 6] of translation (m) and of rotation (rad) about the
+    camera's centre, in the axes of odom, and grows along the path: what it grows by between two readings
+    is the covariance of the motion between them. None: odometry as it usually is.
+
+    Raises:
+        UserError: an array has another shape, or numbers that are not finite.
+    """
+
+    numbers: np.ndarray
+    covariance: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        for name, shape in (("numbers", (7,)), ("covariance", (6, 6))):
+            array = getattr(self, name)
+            if array is not None and not (array.shape == shape and np.isfinite(array).all()):
+                numbers = " ".join(f"{number:g}" for number in array.ravel())
+                raise UserError(f"odometry: {name} {numbers}: expected finite, of shape {shape}")
+
+    @classmethod
+    def at(cls, T_odom_cam: np.ndarray, covariance: np.ndarray | None = None) -> "OdometryReading":
+        """Of a pose [4, 4]; of the covariance [6, 6] the upper half counts."""
+        if covariance is not None:
+            covariance = np.triu(covariance) + np.triu(covariance, 1).T
+        q = quaternion_from_rotation(T_odom_cam[:3, :3])
+        return cls(np.concatenate([T_odom_cam[:3, 3], q]), covariance)
+
+    @property
+    def T_odom_cam(self) -> np.ndarray:
+        """The pose, [4, 4]."""
+        return transform(self.numbers[:3], self.numbers[3:])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """From one camera pose to a later one, as odometry says."""
+
+    T_from_to: np.ndarray  # [4, 4]
+    covariance: np.ndarray  # [6, 6] m, rad; axes of the later camera, rotation about its centre
+
+    def is_surer_than(self, sigma_m: float, sigma_rad: float) -> bool:
+        """Whether the largest standard deviations of position and rotation are below these."""
+        largest = [np.linalg.eigvalsh(self.covariance[at, at])[-1] for at in (_POSITION, _ROTATION)]
+        return bool(largest[0] < sigma_m**2 and largest[1] < sigma_rad**2)
+
+
+class MotionSince:
+    """The motion since a reading, over all readings that came after it.
+
+    An error of the heading moves all that follows sideways, so each reading between counts.
+    """
+
+    def __init__(self) -> None:
+        self._first: OdometryReading | None = None
+        self._newest: OdometryReading | None = None
+        self._covariance = np.zeros((6, 6))  # of the newest against the first, axes of odom
+
+    def restart(self, reading: OdometryReading | None) -> None:
+        """Motions are from here on; None: there is no odometry here."""
+        self._first = self._newest = reading
+        self._covariance = np.zeros((6, 6))
+
+    def to(self, reading: OdometryReading | None) -> Motion | None:
+        """The motion to this reading, None if it or the first is not there. The same one may come twice."""
+        if reading is None or self._first is None or self._newest is None:
+            return None
+        T_newest, T = self._newest.T_odom_cam, reading.T_odom_cam
+        grown = _grown(self._newest, reading)
+        self._covariance = carried(self._covariance, T[:3, 3] - T_newest[:3, 3]) + grown
+        self._newest = reading
+        T_from_to = inverse(self._first.T_odom_cam) @ T
+        return Motion(T_from_to, turned(self._covariance, T[:3, :3].T) + _FLOOR)
+
+
+def _grown(before: OdometryReading, after: OdometryReading) -> np.ndarray:
+    """[6, 6] of the motion between two readings, axes of odom; what has become surer was corrected
+    elsewhere, and is left out."""
+    if before.covariance is None or after.covariance is None:
+        return growth(before.T_odom_cam, after.T_odom_cam, USUAL_NOISE)
+    value, direction = np.linalg.eigh(after.covariance - before.covariance)
+    return (direction * np.maximum(value, 0.0)) @ direction.T

@@ -1,0 +1,31 @@
+"""A simulated odometry of built-in scenes: the only way by which true poses reach a tracker, as a sensor."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.odometry.noise import growth
+from hsslam_node.odometry.reading import OdometryReading
+
+
+def simulated_odometry(T_true: np.ndarray, noise: float, seed: int) -> list[OdometryReading]:
+    """What odometry with an error of `noise` (0.01: 1 %) reads along true camera poses [N, 4, 4].
+
+    Each of the six components of motion has a constant error of scale with this standard deviation. Each
+    step has besides an error of its own, in any direction, of this share of its way and of its turn. The
+    path begins at a pose of its own.
+    """
+    rng = np.random.default_rng((seed, 8))
+    scale = 1.0 + noise * rng.standard_normal(6)
+    T = se3_exp(rng.uniform(-1.0, 1.0, 6))
+    readings, covariance = [OdometryReading.at(T, np.zeros((6, 6)))], np.zeros((6, 6))
+    for before, after in pairwise(T_true):
+        twist = se3_log(inverse(before) @ after)
+        size = np.repeat([np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])], 3)
+        twist = scale * twist + noise * size * rng.standard_normal(6) / np.sqrt(3)
+        T_next = T @ se3_exp(twist)
+        covariance = covariance + growth(T, T_next, noise)
+        readings.append(OdometryReading.at(T_next, covariance))
+        T = T_next
+    return readings

@@ -1,0 +1,110 @@
+"""Odometry as it comes, by its own stamps, and what it says at the stamp of a frame."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.geometry.pose_covariance import carried
+from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
+from hsslam_node.odometry.noise import USUAL_NOISE, growth, of_jump
+from hsslam_node.odometry.reading import OdometryReading
+
+_KEPT = 512  # poses: 5 s at 100 Hz
+_LONGEST_S = 0.5  # between two poses: more than that is no path
+_AHEAD_S = 0.1  # after the newest pose: so late may odometry be
+_FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is odometry that began anew
+
+
+@dataclass(frozen=True)
+class _Pose:
+    stamp_ns: int
+    T_odom_cam: np.ndarray  # [4, 4]
+    covariance: np.ndarray  # [6, 6] as of `OdometryReading`
+
+
+class OdometryTrack:
+    """Poses of a robot's base, read as poses of its camera at any stamp near them.
+
+    Between two poses the motion is even, after the newest it goes on for at most 0.1 s. Each motion is as
+    unsure as odometry usually is, and by what the covariances of the poses grow. A jump is a motion of
+    which nothing is known.
+
+    Args:
+        T_base_cam: [4, 4] the camera on the base.
+        noise: standard deviation after 1 m (m) and after 1 rad (rad).
+    """
+
+    def __init__(self, T_base_cam: np.ndarray, noise: float = USUAL_NOISE) -> None:
+        self._T_base_cam = T_base_cam
+        self._noise = noise
+        self._poses: deque[_Pose] = deque(maxlen=_KEPT)
+        self._of_base = np.zeros((6, 6))  # covariance that the newest pose came with
+
+    def add(
+        self, stamp_ns: int, T_odom_base: np.ndarray, covariance: np.ndarray | None = None
+    ) -> bool:
+        """Take a pose [4, 4]; False if it is not later than the newest.
+
+        covariance: [6, 6] of translation (m) and of rotation (rad) about the base's centre, axes of odom.
+        """
+        T = T_odom_base @ self._T_base_cam
+        of_base = np.zeros((6, 6)) if covariance is None else covariance
+        if not self._poses:
+            self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
+        elif stamp_ns <= self._poses[-1].stamp_ns:
+            return False
+        else:
+            lever_m = T[:3, 3] - T_odom_base[:3, 3]
+            doubt = self._doubt(stamp_ns, T) + carried(_grown(self._of_base, of_base), lever_m)
+            self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt))
+        self._of_base = of_base
+        return True
+
+    def at(self, stamp_ns: int) -> OdometryReading | None:
+        """Where odometry says the camera was; None if it has no poses near that."""
+        before, after = None, None
+        for pose in reversed(self._poses):
+            if pose.stamp_ns <= stamp_ns:
+                before = pose
+                break
+            after = pose
+        if before is None:
+            return None
+        if before.stamp_ns == stamp_ns:
+            return OdometryReading.at(before.T_odom_cam, before.covariance)
+        if after is None:  # later than all
+            return self._ahead(stamp_ns)
+        return _between(before, after, stamp_ns)
+
+    def _ahead(self, stamp_ns: int) -> OdometryReading | None:
+        if len(self._poses) < 2 or stamp_ns - self._poses[-1].stamp_ns > 1e9 * _AHEAD_S:
+            return None
+        return _between(self._poses[-2], self._poses[-1], stamp_ns)
+
+    def _doubt(self, stamp_ns: int, T: np.ndarray) -> np.ndarray:
+        newest = self._poses[-1]
+        seconds = 1e-9 * (stamp_ns - newest.stamp_ns)
+        way = se3_log(inverse(newest.T_odom_cam) @ T)
+        jumps = (
+            np.linalg.norm(way[:3]) > _FASTEST_M_S * seconds
+            or np.linalg.norm(way[3:]) > _FASTEST_RAD_S * seconds
+        )
+        return of_jump() if jumps else growth(newest.T_odom_cam, T, self._noise)
+
+
+def _between(a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:
+    """On an even motion through two poses, also beyond the second."""
+    span_ns = b.stamp_ns - a.stamp_ns
+    if span_ns > 1e9 * _LONGEST_S:
+        return None
+    share = (stamp_ns - a.stamp_ns) / span_ns
+    T = a.T_odom_cam @ se3_exp(share * se3_log(inverse(a.T_odom_cam) @ b.T_odom_cam))
+    return OdometryReading.at(T, a.covariance + share * (b.covariance - a.covariance))
+
+
+def _grown(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """[6, 6] by which a covariance has grown; nothing where it shrinks or is no number."""
+    growth = np.nan_to_num(after - before, nan=0.0, posinf=0.0, neginf=0.0)
+    value, direction = np.linalg.eigh((growth + growth.T) / 2)
+    return (direction * np.maximum(value, 0.0)) @ direction.T

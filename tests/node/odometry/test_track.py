@@ -1,0 +1,91 @@
+"""Odometry read at the stamps of frames: on the path, a little ahead of it, not across gaps."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.se3 import se3_exp, transform
+from hsslam_node.odometry.reading import MotionSince, OdometryReading
+from hsslam_node.odometry.track import OdometryTrack
+
+_SPEED = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.5])  # m/s and rad/s of a base that drives a curve
+_PERIOD_NS = 20_000_000
+
+
+def _base_at(stamp_ns: int) -> np.ndarray:
+    return transform(np.array([5.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.6, 0.8])) @ se3_exp(
+        1e-9 * stamp_ns * _SPEED
+    )
+
+
+def _track(T_base_cam: np.ndarray, count: int = 50) -> OdometryTrack:
+    track = OdometryTrack(T_base_cam)
+    for k in range(count):
+        assert track.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS))
+    return track
+
+
+def _read(track: OdometryTrack, stamp_ns: int) -> OdometryReading:
+    reading = track.at(stamp_ns)
+    assert reading is not None
+    return reading
+
+
+@given(st.integers(0, 49 * _PERIOD_NS + 100_000_000))
+def test_a_curve_is_read_at_any_stamp_as_the_camera_goes_it(stamp_ns):
+    T_base_cam = RobotFrames.mounted((0.2, 0.1, 0.35, -0.5, 0.5, -0.5, 0.5)).T_base_cam
+    reading = _read(_track(T_base_cam), stamp_ns)
+    np.testing.assert_allclose(reading.T_odom_cam, _base_at(stamp_ns) @ T_base_cam, atol=1e-9)
+
+
+def test_doubt_grows_along_the_path_and_not_at_rest():
+    track = _track(np.eye(4))
+    traces = [np.trace(_read(track, k * 7_000_000).covariance) for k in range(140)]
+    assert (np.diff(traces) > 0).all()
+    still = OdometryTrack(np.eye(4))
+    for k in range(10):
+        still.add(k * _PERIOD_NS, np.eye(4))
+    assert np.trace(_read(still, 9 * _PERIOD_NS).covariance) == 0
+
+
+def test_a_covariance_that_grows_counts_and_a_constant_one_does_not():
+    def sigma_m(grows: float, constant: float) -> float:
+        track = OdometryTrack(np.eye(4))
+        for k in range(50):
+            covariance = (constant + grows * k) * np.diag([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+            track.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS), covariance)
+        since = MotionSince()
+        since.restart(_read(track, 0))
+        motion = since.to(_read(track, 49 * _PERIOD_NS))
+        assert motion is not None
+        return float(np.sqrt(np.linalg.eigvalsh(motion.covariance[:3, :3])[-1]))
+
+    assert sigma_m(0.0, 1e3) == pytest.approx(sigma_m(0.0, 0.0))
+    assert sigma_m(1e-4, 1e3) == pytest.approx(np.sqrt(49e-4), rel=0.1)
+
+
+def test_nothing_is_read_before_the_first_pose_across_a_gap_or_long_after_the_last():
+    track = _track(np.eye(4), 5)
+    assert track.at(-1) is None
+    assert track.at(4 * _PERIOD_NS + 110_000_000) is None
+    later = 4 * _PERIOD_NS + 800_000_000
+    track.add(later, _base_at(later))
+    assert track.at(later - 400_000_000) is None
+    assert track.at(later) is not None
+    assert not track.add(later, np.eye(4)) and not track.add(0, np.eye(4))
+
+
+def test_after_a_jump_nothing_is_known_of_the_motion():
+    track = _track(np.eye(4), 5)
+    since = MotionSince()
+    since.restart(_read(track, 4 * _PERIOD_NS))
+    track.add(5 * _PERIOD_NS, np.eye(4))  # the driver was restarted
+    motion = since.to(_read(track, 5 * _PERIOD_NS))
+    assert motion is not None and not motion.is_surer_than(0.5, 0.5)
+    since.restart(_read(track, 5 * _PERIOD_NS))
+    track.add(6 * _PERIOD_NS, se3_exp(0.02 * _SPEED))
+    motion = since.to(_read(track, 6 * _PERIOD_NS))
+    assert motion is not None and motion.is_surer_than(0.01, 0.01)
+    np.testing.assert_allclose(motion.T_from_to, se3_exp(0.02 * _SPEED), atol=1e-9)

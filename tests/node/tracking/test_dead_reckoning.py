@@ -1,0 +1,96 @@
+"""A covered lens with odometry: the camera is where wheels say, then where it sees; odometry that is wrong."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.odometry.reading import OdometryReading
+from hsslam_node.odometry.simulated import simulated_odometry
+from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracker import Tracker
+from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
+
+_COVERED = range(12, 24)
+
+
+def _wheels(noise: float = 0.01) -> list[OdometryReading]:
+    return simulated_odometry(room_poses(), noise, seed=1)
+
+
+def _frames(
+    odometry: Sequence[OdometryReading | None], covered: Sequence[int] = _COVERED
+) -> list[Frame]:
+    frames = zip(room_frames(), odometry, strict=True)
+    given = [replace(frame, odometry=reading) for frame, reading in frames]
+    return [with_black(f) if f.index in covered else f for f in given]
+
+
+def _tracked(frames: Sequence[Frame]) -> tuple[KeyframeStore, list[TrackResult]]:
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+    tracker = Tracker(SMALL, store, 0)
+    return store, [tracker.track(frame, None) for frame in frames]
+
+
+def _off_m(results: Sequence[TrackResult]) -> np.ndarray:
+    return np.array([pose_error(r.T_world_cam, room_poses()[r.frame_index])[0] for r in results])
+
+
+def test_with_odometry_a_covered_camera_is_never_lost_and_makes_no_keyframe():
+    store, results = _tracked(_frames(_wheels()))
+    statuses = [r.status for r in results]
+    assert statuses[1:12] == ["tracked"] * 11 and statuses[24:] == ["tracked"] * 16
+    assert statuses[12:24] == ["dead_reckoned"] * 12
+    assert _off_m(results).max() < 0.006
+    assert not set(store.frame_indices().tolist()) & set(_COVERED)
+    dark = results[12:24]
+    assert {r.quality for r in dark} == {0.0}
+    sigmas = [np.sqrt(np.trace(r.covariance)) for r in dark if r.covariance is not None]
+    assert len(sigmas) == 12 and (np.diff(sigmas) > 0).all()
+    back = results[24]
+    assert back.T_expected is not None and all(r.T_expected is None for r in results[25:])
+    assert pose_error(back.T_expected, back.T_world_cam)[0] < 0.02
+
+
+def test_without_odometry_it_is_lost():
+    _, results = _tracked(_frames([None] * 40))
+    assert [r.status for r in results[12:24]] == ["lost"] * 12
+
+
+def test_odometry_is_believed_up_to_a_distance():
+    wheels = _wheels()
+    grown = [
+        replace(wheel, covariance=0.04**2 * max(0, k - 11) * np.eye(6))  # 9.8 cm after 6 frames
+        for k, wheel in enumerate(wheels)
+    ]
+    _, results = _tracked(_frames(grown))
+    statuses = [r.status for r in results[12:24]]
+    assert statuses == ["dead_reckoned"] * 6 + ["lost"] * 6
+
+
+def test_noise_of_odometry_does_not_pull_what_the_camera_sees():
+    alone, with_wheels, with_poor = (
+        _off_m(_tracked(_frames(odometry, covered=()))[1])
+        for odometry in ([None] * 40, _wheels(), _wheels(0.1))
+    )
+    assert with_wheels.mean() < alone.mean() + 1e-4
+    assert with_poor.mean() < alone.mean() + 3e-4
+
+
+def test_wheels_that_slip_or_stand_still_do_not_lose_the_camera():
+    still = [_wheels()[0]] * 40
+    _, results = _tracked(_frames(still, covered=()))
+    assert all(r.status == "tracked" for r in results[1:]) and _off_m(results).max() < 0.005
+    readings = _wheels()
+    T_slip = np.eye(4)
+    T_slip[0, 3] = 0.12
+    slipped = readings[:20] + [
+        OdometryReading.at(inverse(T_slip) @ r.T_odom_cam, r.covariance) for r in readings[20:]
+    ]
+    _, results = _tracked(_frames(slipped, covered=()))
+    assert all(r.status == "tracked" for r in results[1:]) and _off_m(results).max() < 0.005
