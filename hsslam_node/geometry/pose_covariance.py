@@ -64,9 +64,15 @@ def of_new_keyframe(
 
 def carried(covariance: np.ndarray, lever_m: np.ndarray) -> np.ndarray:
     """[6, 6] of what is rigidly joined to a pose, `lever_m` [3] from it in the axes of the covariance."""
+    J = lever(lever_m)
+    return J @ covariance @ J.T
+
+
+def lever(lever_m: np.ndarray) -> np.ndarray:
+    """[6, 6] that maps a small motion (m, rad) to that of what is `lever_m` [3] from its centre."""
     J = np.eye(6)
     J[:3, 3:] = -skew(lever_m)
-    return J @ covariance @ J.T
+    return J
 
 
 def turned(covariance: np.ndarray, R: np.ndarray) -> np.ndarray:

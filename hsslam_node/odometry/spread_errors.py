@@ -5,9 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import inverse, skew, so3_exp, so3_log
+from hsslam_node.geometry.pose_covariance import lever
+from hsslam_node.geometry.se3 import inverse, se3_log, so3_exp, so3_log
 from hsslam_node.odometry.noise import growth
 
+_WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
 _STILL = 1e-12  # m^2, rad^2: the error of a step without motion
 
 
@@ -16,8 +18,9 @@ def spread_errors(
 ) -> np.ndarray:
     """The poses [N, 4, 4] with each stretch [N] bool of dead-reckoned ones fitted in between its neighbours.
 
-    Each step of a stretch takes its share of what odometry was off at the end, by how much it moved: the
-    most likely errors of a random walk. A stretch without a frame before or after it stays as it is.
+    What odometry was off at the end is explained by its most likely errors: one of scale in each of the six
+    components of its motion, and a random walk. A stretch without a frame before or after it stays
+    as it is.
 
     Args:
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through such a stretch, from
@@ -43,23 +46,25 @@ def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 def _bent(path: np.ndarray, T_end: np.ndarray) -> np.ndarray:
-    """The path [n, 4, 4], its first pose as it is and its last one moved to T_end [4, 4]."""
+    """The path [n, 4, 4] with its first pose as it is and its last one moved to T_end [4, 4]."""
     centres = path[:, :3, 3]
     off = np.concatenate([T_end[:3, 3] - centres[-1], so3_log(T_end[:3, :3] @ path[-1, :3, :3].T)])
-    steps = [growth(a, b, 1.0) + _STILL * np.eye(6) for a, b in pairwise(path)]
-    to_end = [_effect(centres[-1] - centre) for centre in centres[1:]]
-    total = sum((J @ D @ J.T for J, D in zip(to_end, steps, strict=True)), np.zeros((6, 6)))
-    share = np.linalg.solve(total, off)
+    to_end = np.stack([lever(centres[-1] - centre) for centre in centres[1:]])  # [n - 1, 6, 6]
+    walk = np.stack([growth(a, b, _WALK) for a, b in pairwise(path)]) + _STILL * np.eye(6)
+    scale = np.stack([_of_scale(a, b) for a, b in pairwise(path)])
+    scale_at_end = (to_end @ scale).sum(0)
+    total = (to_end @ walk @ to_end.transpose(0, 2, 1)).sum(0) + scale_at_end @ scale_at_end.T
+    why = np.linalg.solve(total, off)  # [6]
+    steps = walk @ to_end.transpose(0, 2, 1) @ why + scale @ (scale_at_end.T @ why)  # [n - 1, 6]
     out, moved = path.copy(), np.zeros(6)
-    for k, (J, D) in enumerate(zip(to_end, steps, strict=True), 1):
-        moved = _effect(centres[k] - centres[k - 1]) @ moved + D @ J.T @ share
+    for k, step in enumerate(steps, 1):
+        moved = lever(centres[k] - centres[k - 1]) @ moved + step
         out[k, :3, :3] = so3_exp(moved[3:]) @ path[k, :3, :3]
         out[k, :3, 3] += moved[:3]
     return out
 
 
-def _effect(lever_m: np.ndarray) -> np.ndarray:
-    """[6, 6] of a small motion (m, rad) on what is `lever_m` [3] from its centre."""
-    J = np.eye(6)
-    J[:3, 3:] = -skew(lever_m)
-    return J
+def _of_scale(T_a: np.ndarray, T_b: np.ndarray) -> np.ndarray:
+    """[6, 6] what an error of scale in each component of the motion from a to b does to b, world axes."""
+    both = np.kron(np.eye(2), T_b[:3, :3])
+    return both * se3_log(inverse(T_a) @ T_b)

@@ -83,6 +83,7 @@ class Tracker:
         self._last_doubt = np.zeros((6, 6))  # covariance of the last good frame
         self._reckoned_frames = 0  # by odometry alone, since the last good one
         self._unaligned_frames = 0  # of them, those that see something
+        self._is_joined = True  # since the last dead-reckoned frame there is a keyframe
 
     def resume(self, *, anywhere: bool = False) -> None:
         """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
@@ -111,6 +112,10 @@ class Tracker:
         """
         self.prepare_next()
         self._localise_only = localise_only
+        if (
+            not self._is_joined
+        ):  # after a gap most of a frame may lie where the map has learnt nothing
+            view = None
         self._store.expect_like(frame)
         levels = grey_pyramid(frame)
         points = frame_points(frame, self._config, self._seed)
@@ -273,6 +278,7 @@ class Tracker:
         is_back = reckoning is not None and self._reckoned_frames > 0 and self._lost_frames == 0
         T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
         self._lost_frames = self._reckoned_frames = self._unaligned_frames = 0
+        self._is_joined |= is_keyframe or self._localise_only
         self._odometry.restart(frame.odometry)
         self._last_doubt = covariance
         self._relocalisation.observe()
@@ -354,6 +360,7 @@ class Tracker:
         assert self._last is not None
         self._before_last = None
         self._reckoned_frames += 1
+        self._is_joined = self._localise_only
         k, T = self._last.keyframe, reckoning.T_world_cam
         return TrackResult(
             frame_index=frame.index, status="dead_reckoned", T_world_cam=T, keyframe=k,

@@ -1,4 +1,4 @@
-"""A covered lens with odometry: the camera is where wheels say, then where it sees; odometry that is wrong."""
+"""A covered lens with odometry: the camera is where wheels say, then where it sees; wrong odometry."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -30,10 +30,11 @@ class BagWriter:
         self._connections: dict[str, Any] = {}
 
     def put(self, topic: str, stamp_ns: int, name: str, **fields: Any) -> None:
-        """A message of sensor_msgs whose header has this stamp."""
+        """A message of sensor_msgs, or an `Odometry`, whose header has this stamp."""
         header = self._new("std_msgs/msg/Header", stamp=self._time(stamp_ns), frame_id="camera")
-        message = self._new(f"sensor_msgs/msg/{name}", header=header, **fields)
-        store, kind = self._store, f"sensor_msgs/msg/{name}"
+        package = "nav_msgs" if name == "Odometry" else "sensor_msgs"
+        store, kind = self._store, f"{package}/msg/{name}"
+        message = self._new(kind, header=header, **fields)
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
         serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
@@ -61,6 +62,25 @@ class BagWriter:
         size = {"height": camera.height_px, "width": camera.width_px}
         fields = {"distortion_model": "plumb_bob", "binning_x": 0, "binning_y": 0, "roi": roi}
         self.put(topic, stamp_ns, "CameraInfo", **size, **fields, **named)
+
+    def odometry(self, topic: str, stamp_ns: int, numbers: Sequence[float]) -> None:
+        """An `Odometry` of a base at x, y, z, qx, qy, qz, qw."""
+        x, y, z, *q = numbers
+        still = self._new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+        at = self._new(
+            "geometry_msgs/msg/Pose",
+            position=self._new("geometry_msgs/msg/Point", x=x, y=y, z=z),
+            orientation=self._new(
+                "geometry_msgs/msg/Quaternion", **dict(zip("xyzw", q, strict=True))
+            ),
+        )
+        twist = self._new("geometry_msgs/msg/Twist", linear=still, angular=still)
+        none = np.zeros(36)
+        self.put(
+            topic, stamp_ns, "Odometry", child_frame_id="base_link",
+            pose=self._new("geometry_msgs/msg/PoseWithCovariance", pose=at, covariance=none),
+            twist=self._new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none),
+        )  # fmt: skip
 
     def frame(self, frame: Frame, depth_lag_ns: int = 0) -> None:
         """Colour, depth and intrinsics of a frame, on the topics of a RealSense with aligned depth."""

@@ -216,3 +216,25 @@ def test_what_is_no_bag(tmp_path: Path):
         BagOptions(color="a b")
     with pytest.raises(UserError, match=r"--bag\.max-dt-ms -1: expected 0 to 1000"):
         BagOptions(max_dt_ms=-1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_odometry_of_a_bag_comes_with_its_frames(kind: str, room: list[Frame], tmp_path: Path):
+    """A base that drives ahead at 0.5 m/s, 50 messages a second from 0.1 s before the first frame on."""
+    rooms = [replace(frame, stamp_ns=frame.stamp_ns + 1_000_000_000) for frame in room]
+
+    def drive(bag: BagWriter) -> None:
+        for k in range(15):
+            stamp_ns = 900_000_000 + 20_000_000 * k
+            bag.odometry("/odom", stamp_ns, (0.5e-9 * stamp_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+
+    path = written(tmp_path, kind, rooms, drive)
+    for first in (0, 4):
+        source = opened(path, bag=BagOptions(odometry="/odom"))
+        for frame in whole_frames(source, first):
+            assert frame.odometry is not None
+            centre_m = frame.odometry.T_odom_cam[:3, 3]
+            np.testing.assert_allclose(centre_m, [0.5e-9 * frame.stamp_ns, 0.0, 0.0], atol=1e-9)
+    assert all(frame.odometry is None for frame in whole_frames(opened(path)))
+    with pytest.raises(UserError, match=r"--bag\.odometry /wheels: no such topic.*/odom \(Odom"):
+        opened(path, bag=BagOptions(odometry="/wheels"))

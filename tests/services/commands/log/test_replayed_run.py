@@ -1,5 +1,5 @@
-"""A lockstep run from a lossless log gives the poses of the run that wrote it, those by odometry alone, too; a
-killed run's log serves."""
+"""A lockstep run from a lossless log gives the poses of the run that wrote it, also those by odometry alone;
+the log of a killed run serves."""
 
 import subprocess
 import sys
