@@ -34,7 +34,7 @@ from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
-from hsslam_node.odometry.smooth_path import SmoothPath
+from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult

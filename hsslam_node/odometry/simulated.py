@@ -1,4 +1,4 @@
-"""A simulated odometry of built-in scenes: the only way by which true poses reach a tracker, as a sensor."""
+"""A simulated odometry of built-in scenes, alone: by no other way do true poses come near a tracker."""
 
 from itertools import pairwise
 

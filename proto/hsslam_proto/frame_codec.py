@@ -20,7 +20,8 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
 
     `publisher`: number of the camera, from `new_publisher`; 0: it has none.
     """
-    camera = frame.camera
+    camera, reading = frame.camera, frame.odometry
+    covariance = None if reading is None else reading.covariance
     return messages.Frame(
         index=frame.index,
         stamp_ns=stamp_ns,
@@ -35,15 +36,9 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
         depth=np.ascontiguousarray(frame.depth_raw, "<u2").data.cast("B"),
         depth_units_per_m=frame.depth_units_per_m,
         publisher=publisher,
-        **_odometry_fields(frame.odometry),
+        odometry=[] if reading is None else reading.numbers.tolist(),
+        odometry_covariance=[] if covariance is None else wire_covariance(covariance),
     )
-
-
-def _odometry_fields(reading: OdometryReading | None) -> dict[str, list[float]]:
-    if reading is None:
-        return {}
-    doubt = [] if reading.covariance is None else wire_covariance(reading.covariance)
-    return {"odometry": reading.numbers.tolist(), "odometry_covariance": doubt}
 
 
 def frame_from_message(message: messages.Frame) -> Frame:

@@ -22,7 +22,7 @@ ABOVE_ZERO = {
     "decoder_rate smoothness_every smoothness_cell_m patch_kernel_px patch_stride_px",
     "tracker": "points max_depth_m iterations stop_step sdf_huber_m sdf_sigma_m photometric_sigma "
     "photometric_huber max_step_m max_step_rad surface_gate_m surface_sigma_m surface_kernel "
-    "longest_gap_s weak_direction_m",
+    "longest_gap_s weak_direction_m odometry_reach_m odometry_reach_rad",
     "rendering_tracker": "pixels iterations translation_rate rotation_rate",
     "ba": "loss_threshold top_keyframes iterations rays every_keyframes probe_rays probe_keyframes",
     "pose_graph": "aligned_every most_keyframes loop_gap loop_reach_m loop_reach_rad sigma_m sigma_rad "
@@ -69,6 +69,7 @@ OTHERS = [  # value, and the nearest one that is good
     ("tracker", "reference_coverage", 1.1, 1.0),
     ("tracker", "relocalisation_coverage", 1.1, 1.0),
     ("tracker", "lag_coverage", 1.1, 1.0),
+    ("tracker", "odometry_coverage", 1.1, 1.0),
     ("tracker", "localise_coverage", 1.1, 1.0),
     ("tracker", "reference_surface_agreement", 1.1, 1.0),
     ("tracker", "reference_image_agreement", 1.1, 1.0),

@@ -1,4 +1,4 @@
-"""Odometry that another program publishes on `in/odometry`, put into the frames of this run's camera."""
+"""Odometry on `in/odometry` for the frames of this run's camera; apart, as two paces of the camera use it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,11 +6,9 @@ from dataclasses import replace
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_proto import topics
+from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
-from hsslam_services.bus.bus import Bus
-
-_RING = 256  # messages: more than come between two frames
+from hsslam_services.bus.subscription import Subscription
 
 
 class OdometryInlet:
@@ -21,8 +19,13 @@ class OdometryInlet:
         noise: of odometry, as in `OdometryTrack`.
     """
 
-    def __init__(self, bus: Bus, base_T_camera: Sequence[float], noise: float) -> None:
-        self._messages = bus.subscribe(topics.ODOMETRY, _RING)
+    def __init__(
+        self,
+        messages: Subscription[RobotOdometry],
+        base_T_camera: Sequence[float],
+        noise: float,
+    ) -> None:
+        self._messages = messages
         self._track = OdometryTrack(RobotFrames.mounted(base_T_camera).T_base_cam, noise)
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

@@ -64,8 +64,9 @@ class BagSource:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
                     frame = self._frame(first + rows.index(row), color, depth)
-                    is_whole = wheels is not None and isinstance(frame, Frame)
-                    yield wheels.given(frame) if is_whole else frame
+                    if wheels is not None and isinstance(frame, Frame):
+                        frame = wheels.given(frame)
+                    yield frame
                 if row == rows[-1]:
                     return
 

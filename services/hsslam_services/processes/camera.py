@@ -27,6 +27,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
+_ODOMETRY_RING = 256  # messages: more than come between two frames
 _AHEAD = 15  # frames decoded in advance: rides out half a second of other load
 
 
@@ -124,7 +125,8 @@ def _items(
 
 
 def _odometry(worker: Worker) -> OdometryInlet:
-    return OdometryInlet(worker.bus, worker.options.base_T_camera, worker.options.odometry_noise)
+    messages = worker.bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
+    return OdometryInlet(messages, worker.options.base_T_camera, worker.options.odometry_noise)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

@@ -27,7 +27,7 @@ from hsslam_node.map.pose_log import (
     pose_row,
 )
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.odometry.smooth_path import SmoothPath
+from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
 from hsslam_node.tracking.tracked_frame import TrackResult

@@ -21,7 +21,7 @@ _AHEAD = (0.3, 0.0, 0.2, -0.5, 0.5, -0.5, 0.5)  # 30 cm before the base, looking
 
 def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
     with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
-        inlet = OdometryInlet(camera, _AHEAD, USUAL_NOISE)
+        inlet = OdometryInlet(camera.subscribe(topics.ODOMETRY, 64), _AHEAD, USUAL_NOISE)
         wheels = outside.publisher(topics.ODOMETRY)
         last = _START_NS + 400_000_000
         assert inlet.given(_FRAME, last).odometry is None

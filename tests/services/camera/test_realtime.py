@@ -60,7 +60,7 @@ def paced() -> Iterator[Callable[[list[float]], tuple[list[FrameMessage], list[s
             should_stop=stop.is_set,
         )
         progress = CameraProgress(pinned_source_ns=0, pinned_ns=time.monotonic_ns())
-        odometry = OdometryInlet(bus, (), USUAL_NOISE)
+        odometry = OdometryInlet(bus.subscribe(topics.ODOMETRY, 4), (), USUAL_NOISE)
         frames = bus.publisher(topics.FRAME)
         pace = Realtime(cast(Worker, worker), frames, progress, 1.0, odometry)
 

@@ -9,7 +9,7 @@ from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.odometry.smooth_path import SmoothPath
+from hsslam_node.smooth_path import SmoothPath
 from tests.small_room import displaced, room_frames
 
 _STEP = se3_exp(np.array([0.02, 0.0, 0.01, 0.0, 0.03, 0.0]))
