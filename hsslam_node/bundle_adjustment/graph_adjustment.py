@@ -95,7 +95,8 @@ class GraphBundleAdjustment:
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
         for k in range(self._seen, count):
-            self._edges += self._chain.add(k, inverse(poses[k - 1]) @ poses[k])
+            T = inverse(poses[k - 1]) @ poses[k]
+            self._edges += self._chain.add(k, T, store.gap_covariance(k))
         kept = self._let_retired_go(store, count, poses)
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]

@@ -10,6 +10,8 @@ from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig
 from hsslam_node.geometry.se3 import inverse
 
+_NO_GAP = np.zeros((6, 6))
+
 
 class TrackedChain:
     """An edge from each keyframe of the graph to the next one; it begins at keyframe 0, which stays."""
@@ -17,6 +19,9 @@ class TrackedChain:
     def __init__(self, config: PoseGraphConfig) -> None:
         self._config = config
         self._to: dict[int, PoseEdge] = {}  # by its second keyframe, in their order
+        self._gaps: dict[
+            int, np.ndarray
+        ] = {}  # [6, 6] of edges that odometry alone bridges, likewise
 
     @property
     def keyframes(self) -> np.ndarray:
@@ -27,12 +32,17 @@ class TrackedChain:
         """The edges that end at these keyframes."""
         return [self._to[int(k)] for k in keyframes]
 
-    def add(self, k: int, T: np.ndarray) -> list[PoseEdge]:
-        """The tracked motion `T` since the keyframe before; returns that since one some way back, if any."""
+    def add(self, k: int, T: np.ndarray, gap_covariance: np.ndarray = _NO_GAP) -> list[PoseEdge]:
+        """The tracked motion `T` [4, 4] since the keyframe before; returns that since one some way back, if
+        the camera was aligned all the way.
+
+        gap_covariance: [6, 6] of what odometry alone bridged on the way, as in `KeyframeStore.append`.
+        """
         c = self._config
-        information = _information(c.odometry_sigma_m, c.odometry_sigma_rad)
-        self._to[k] = PoseEdge(k - 1, k, T, information, False)
-        way = [self._to.get(j) for j in range(k - c.anchor_gap + 1, k + 1)]
+        if gap_covariance.any():
+            self._gaps[k] = gap_covariance
+        self._to[k] = PoseEdge(k - 1, k, T, self._tracked(k), False)
+        way = [self._to.get(j) for j in range(k - c.anchor_gap + 1, k + 1) if j not in self._gaps]
         links = [edge for edge in way if edge is not None and edge.first == edge.second - 1]
         if k < c.anchor_gap or c.anchor_gap <= 1 or len(links) < c.anchor_gap:
             return []
@@ -51,8 +61,8 @@ class TrackedChain:
                 continue
             apart_m, apart_rad = difference(edge.T_first_second, inverse(T_k[gap]) @ T_k[gap - 1])
             worse = max(1.0, apart_m / c.odometry_sigma_m, apart_rad / c.odometry_sigma_rad)
-            information = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
-            self._to[k - gap + 1] = replace(edge, information=information)
+            information = self._tracked(edge.second, worse)
+            self._to[edge.second] = replace(edge, information=information)
 
     def retain(self, kept: set[int], poses: np.ndarray) -> bool:
         """Let go of the keyframes that are not kept; returns whether there were any.
@@ -76,6 +86,13 @@ class TrackedChain:
             first, covariance = k, np.zeros((6, 6))
         self._to = chain
         return True
+
+    def _tracked(self, k: int, worse: float = 1.0) -> np.ndarray:
+        """[6, 6] information of the motion to keyframe k, `worse` times less sure than usual."""
+        c = self._config
+        usual = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
+        gap = self._gaps.get(k)
+        return usual if gap is None else np.linalg.inv(np.linalg.inv(usual) + gap)
 
 
 def _information(sigma_m: float, sigma_rad: float) -> np.ndarray:

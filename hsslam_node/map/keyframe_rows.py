@@ -1,11 +1,13 @@
 """What is known of every keyframe for ever: its stamp, its pose, where its pixels lie, what it hangs on."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
-SLAB_ROWS = 4096  # 2.5 MB
+SLAB_ROWS = 4096  # 3.7 MB
 _FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS = range(
     6
 )  # columns; the loss is a float64
@@ -13,8 +15,15 @@ _COLUMNS = 8
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
 
 
+class _Slab(NamedTuple):
+    meta: np.ndarray  # [SLAB_ROWS, _COLUMNS] int64
+    poses: np.ndarray  # [2, SLAB_ROWS, 4, 4] T_world_cam of both banks
+    covariances: np.ndarray  # [SLAB_ROWS, 6, 6] of the pose
+    gaps: np.ndarray  # [SLAB_ROWS, 6, 6] covariances of motions by odometry alone
+
+
 class KeyframeRows:
-    """Append-only rows in slabs, so that their number has no limit: 600 bytes each.
+    """Append-only rows in slabs, so that their number has no limit: 900 bytes each.
 
     Poses lie in two banks that readers copy without a lock. Whoever owns the rows says how many are
     complete, and which bank counts.
@@ -22,8 +31,7 @@ class KeyframeRows:
 
     def __init__(self, arrays: ArrayAllocator) -> None:
         self._arrays = arrays
-        # by number; threads may open one at once
-        self._slabs: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self._slabs: dict[int, _Slab] = {}  # by number; threads may open one at once
 
     def write(
         self,
@@ -34,19 +42,22 @@ class KeyframeRows:
         version: int,
         T: np.ndarray,
         covariance: np.ndarray,
+        gap_covariance: np.ndarray,
     ) -> None:
         """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
+        gap_covariance: [6, 6] as in `KeyframeStore.append`.
 
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
         """
-        meta, poses, covariances = self._slab(k // SLAB_ROWS, create=True)
+        slab = self._slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
-        meta[row, :5] = frame_index, stamp_ns, slot, -1, version
-        poses[:, row] = T
-        covariances[row] = covariance
+        slab.meta[row, :5] = frame_index, stamp_ns, slot, -1, version
+        slab.poses[:, row] = T
+        slab.covariances[row] = covariance
+        slab.gaps[row] = gap_covariance
 
     def reserve(self, k: int) -> bool:
         """The tracker only: make room for row k; whether there is."""
@@ -97,11 +108,15 @@ class KeyframeRows:
 
     def covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the pose that keyframe k was appended with, copied."""
-        return self._slab(k // SLAB_ROWS, create=False)[2][k % SLAB_ROWS].copy()
+        return self._slab(k // SLAB_ROWS).covariances[k % SLAB_ROWS].copy()
+
+    def gap_covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the gap before keyframe k, as in `KeyframeStore.append`, copied."""
+        return self._slab(k // SLAB_ROWS).gaps[k % SLAB_ROWS].copy()
 
     def pose(self, k: int, bank: int) -> np.ndarray:
         """T_world_cam [4, 4] of keyframe k, copied."""
-        return self._slab(k // SLAB_ROWS, create=False)[1][bank, k % SLAB_ROWS].copy()
+        return self._slab(k // SLAB_ROWS).poses[bank, k % SLAB_ROWS].copy()
 
     def poses(self, ids: np.ndarray, bank: int) -> np.ndarray:
         """T_world_cam [n, 4, 4] of keyframes `ids` [n], copied."""
@@ -109,7 +124,7 @@ class KeyframeRows:
         slab = ids // SLAB_ROWS
         for s in np.unique(slab):
             mine = slab == s
-            out[mine] = self._slab(int(s), create=False)[1][bank, ids[mine] % SLAB_ROWS]
+            out[mine] = self._slab(int(s)).poses[bank, ids[mine] % SLAB_ROWS]
         return out
 
     def all_poses(self, count: int, bank: int) -> np.ndarray:
@@ -117,37 +132,37 @@ class KeyframeRows:
         out = np.empty((count, 4, 4))
         for s in range(-(-count // SLAB_ROWS)):
             part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            part[:] = self._slab(s, create=False)[1][bank, : len(part)]
+            part[:] = self._slab(s).poses[bank, : len(part)]
         return out
 
     def write_bank(self, poses: np.ndarray, bank: int) -> None:
         """Overwrite the poses of the first keyframes in the bank that no process reads, [n, 4, 4]."""
         for s in range(-(-len(poses) // SLAB_ROWS)):
             part = poses[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            self._slab(s, create=False)[1][bank, : len(part)] = part
+            self._slab(s).poses[bank, : len(part)] = part
 
     def _meta(self, k: int) -> np.ndarray:
-        return self._slab(k // SLAB_ROWS, create=False)[0][k % SLAB_ROWS]
+        return self._slab(k // SLAB_ROWS).meta[k % SLAB_ROWS]
 
     def _column(self, column: int, count: int) -> np.ndarray:
         out = np.empty(count, np.int64)
         for s in range(-(-count // SLAB_ROWS)):
             part = out[s * SLAB_ROWS : (s + 1) * SLAB_ROWS]
-            part[:] = self._slab(s, create=False)[0][: len(part), column]
+            part[:] = self._slab(s).meta[: len(part), column]
         return out
 
-    def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _slab(self, index: int, create: bool = False) -> _Slab:
         slab = self._slabs.get(index)
         if slab is None:
-            names = [f"keyframe_{kind}.{index:03d}" for kind in ("meta", "poses", "covariances")]
+            names = [f"keyframe_{kind}.{index:03d}" for kind in _Slab._fields]
             if create:
-                slab = (
+                slab = _Slab(
                     self._arrays.create(names[0], (SLAB_ROWS, _COLUMNS), np.int64),
                     self._arrays.create(names[1], (2, SLAB_ROWS, 4, 4), np.float64),
                     self._arrays.create(names[2], (SLAB_ROWS, 6, 6), np.float64),
+                    self._arrays.create(names[3], (SLAB_ROWS, 6, 6), np.float64),
                 )
             else:
-                meta, poses, covariances = (self._arrays.open(name) for name in names)
-                slab = meta, poses, covariances
+                slab = _Slab(*(self._arrays.open(name) for name in names))
             self._slabs[index] = slab
         return slab

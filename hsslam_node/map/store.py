@@ -128,10 +128,14 @@ class KeyframeStore:
         T_world_cam: np.ndarray,
         version: int | None = None,
         covariance: np.ndarray = _SURE,
+        gap_covariance: np.ndarray = _SURE,
     ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
+        gap_covariance: [6, 6] (m, rad; axes of this camera, rotation about its centre) of the motion since
+            the keyframe before, as far as the robot's odometry alone tells it; 0: the camera was aligned
+            all the way.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -145,7 +149,9 @@ class KeyframeStore:
             raise refusal or UserError(full)
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
-        self._rows.write(k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance)
+        self._rows.write(
+            k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance, gap_covariance
+        )
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
         self._slots.drop(k + 1, self.most_kept)
@@ -239,6 +245,10 @@ class KeyframeStore:
     def covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the pose that keyframe k was appended with; 0: it defines the world, or a saved map."""
         return self._rows.covariance(k)
+
+    def gap_covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the motion by odometry alone before keyframe k, as `append` was given it."""
+        return self._rows.gap_covariance(k)
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""

@@ -7,11 +7,10 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
+from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe, turned
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
-from hsslam_node.odometry.reading import MotionSince
 from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.acceptance import (
     is_acceptable,
@@ -22,7 +21,7 @@ from hsslam_node.tracking.acceptance import (
     reference_overlap,
 )
 from hsslam_node.tracking.alignment import Alignment, Exposure, align
-from hsslam_node.tracking.dead_reckoning import Reckoning
+from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
@@ -48,9 +47,7 @@ from hsslam_node.tracking.tracked_frame import (
 _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
-_UNALIGNED_FRAMES = (
-    10  # that see something, by odometry alone: then places seen before are tried, too
-)
+_UNALIGNED_FRAMES = 10  # by odometry alone, though they see something: then other places are tried
 
 
 class Tracker:
@@ -79,11 +76,7 @@ class Tracker:
         self._lost_frames = 0
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
         self._localise_only = False
-        self._odometry = MotionSince()  # the last good frame
-        self._last_doubt = np.zeros((6, 6))  # covariance of the last good frame
-        self._reckoned_frames = 0  # by odometry alone, since the last good one
-        self._unaligned_frames = 0  # of them, those that see something
-        self._is_joined = True  # since the last dead-reckoned frame there is a keyframe
+        self._reckoned = DeadReckoning()
 
     def resume(self, *, anywhere: bool = False) -> None:
         """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
@@ -112,9 +105,7 @@ class Tracker:
         """
         self.prepare_next()
         self._localise_only = localise_only
-        if (
-            not self._is_joined
-        ):  # after a gap most of a frame may lie where the map has learnt nothing
+        if self._reckoned.is_open and not localise_only:  # the map has not learnt what is seen now
             view = None
         self._store.expect_like(frame)
         levels = grey_pyramid(frame)
@@ -123,7 +114,7 @@ class Tracker:
             return self._start(frame, levels, len(points))
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
-        reckoning = self._reckoning(frame)
+        reckoning = self._reckoned.expected(self._last.pose(self._store), frame.odometry)
         before = self._reference, self._exposure, self._coverage
         try:
             if reckoning is not None:
@@ -132,7 +123,7 @@ class Tracker:
                     return self._accept(frame, levels, best, view, reckoning)
                 self._reference, self._exposure, self._coverage = before
                 if len(points) < _FEWEST_POINTS and reckoning.is_within_reach(self._config):
-                    return self._reckon(frame, reckoning, view)
+                    return self._reckon(frame, reckoning, view, sees=False)
             for guess in self._guesses(frame, prediction, after_gap=expected is None):
                 best = self._try(points, levels, guess, view)
                 good = self._is_good(best, guess, frame.stamp_ns)
@@ -148,8 +139,7 @@ class Tracker:
             return self._lose(frame, prediction, view)
         if not reckoning.is_within_reach(self._config):
             return self._lose(frame, reckoning.T_world_cam, view)
-        self._unaligned_frames += 1
-        return self._reckon(frame, reckoning, view)
+        return self._reckon(frame, reckoning, view, sees=True)
 
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
@@ -165,7 +155,7 @@ class Tracker:
         self._dynamic.observe(k, frame)
         self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
         self._last = TrackedFrame(frame, k, np.eye(4))
-        self._odometry.restart(frame.odometry)
+        self._reckoned.restart(frame.odometry, np.zeros((6, 6)), None)
         return TrackResult.first(frame.index, k, T_world_cam)
 
     def _guesses(
@@ -182,12 +172,13 @@ class Tracker:
         yield prediction
         if self._before_last is not None:
             yield T_last
-        if self._lost_frames + self._unaligned_frames < _FOLLOWED_FRAMES:
+        reckoned = self._reckoned
+        if self._lost_frames + reckoned.unaligned_frames < _FOLLOWED_FRAMES:
             T_last_cam = rgbd_odometry(self._last.frame, frame)
             if T_last_cam is not None:
                 yield T_last @ T_last_cam
-        is_reckoned = self._reckoned_frames > 0 and self._lost_frames == 0
-        if not after_gap or (is_reckoned and self._unaligned_frames < _UNALIGNED_FRAMES):
+        is_reckoned = reckoned.is_on and self._lost_frames == 0
+        if not after_gap or (is_reckoned and reckoned.unaligned_frames < _UNALIGNED_FRAMES):
             return
         for place in self._relocalisation.places(frame):
             self._exposure, self._coverage = Exposure(), 0.0
@@ -242,19 +233,21 @@ class Tracker:
         self, frame: Frame, levels: tuple[PyramidLevel, ...], alignment: Alignment | None,
         view: MapView | None, reckoning: Reckoning | None,
     ) -> TrackResult:  # fmt: skip
-        assert alignment is not None and self._reference is not None
+        assert alignment is not None and self._reference is not None and self._last is not None
         T, version = self._followed(orthonormal(alignment.T_world_cam))
         self._since_keyframe += 1
         self._coverage = max(self._coverage, alignment.surface_coverage)
         own, of_reference, lever_m = self._doubt(alignment)
+        gap = self._reckoned.gap_at(self._last.pose(self._store), T)
         is_keyframe = self._is_keyframe(alignment, T, levels)
         if is_keyframe:
             self._since_keyframe = 0
             with self._store.appending():
                 T, version = self._followed(orthonormal(alignment.T_world_cam))  # as of now
                 still = self._dynamic.left_out(frame, T)
+                of_gap = turned(gap + own, T[:3, :3].T) if gap.any() else gap
                 k = self._store.append(
-                    still, T, version, of_new_keyframe(own, of_reference, lever_m)
+                    still, T, version, of_new_keyframe(own, of_reference, lever_m), of_gap
                 )
             self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
@@ -275,12 +268,11 @@ class Tracker:
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         covariance = in_world(own, of_reference, lever_m)
-        is_back = reckoning is not None and self._reckoned_frames > 0 and self._lost_frames == 0
+        is_back = self._reckoned.is_on and self._lost_frames == 0
         T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
-        self._lost_frames = self._reckoned_frames = self._unaligned_frames = 0
-        self._is_joined |= is_keyframe or self._localise_only
-        self._odometry.restart(frame.odometry)
-        self._last_doubt = covariance
+        self._lost_frames = 0
+        is_joined = is_keyframe or self._localise_only
+        self._reckoned.restart(frame.odometry, covariance, None if is_joined else gap)
         self._relocalisation.observe()
         return TrackResult(
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
@@ -324,13 +316,6 @@ class Tracker:
             return False
         return not self._still.has_enough(T, levels[0].grey) or is_left
 
-    def _reckoning(self, frame: Frame) -> Reckoning | None:
-        """Where odometry says the frame was taken; None if it does not say."""
-        motion = self._odometry.to(frame.odometry)
-        if motion is None or self._last is None:
-            return None
-        return Reckoning.after(self._last.pose(self._store), motion)
-
     def _align_to_odometry(
         self, frame: Frame, points: np.ndarray, levels: tuple[PyramidLevel, ...],
         reckoning: Reckoning, view: MapView | None,
@@ -339,7 +324,7 @@ class Tracker:
         it does not fit."""
         assert self._reference is not None
         T = reckoning.T_world_cam
-        if self._reckoned_frames and len(points) >= _FEWEST_POINTS:
+        if self._reckoned.is_on and len(points) >= _FEWEST_POINTS:
             k = covering_keyframe(self._store, frame, T, self._reference.id)
             if k != self._reference.id:
                 self._exposure, self._coverage = Exposure(), 0.0
@@ -355,17 +340,18 @@ class Tracker:
             return best
         return best if reckoning.agrees(best, self._config) and not self._localise_only else None
 
-    def _reckon(self, frame: Frame, reckoning: Reckoning, view: MapView | None) -> TrackResult:
+    def _reckon(
+        self, frame: Frame, reckoning: Reckoning, view: MapView | None, *, sees: bool
+    ) -> TrackResult:
         """A frame whose pose is known by odometry alone: no keyframe, and nothing is aligned to it."""
         assert self._last is not None
         self._before_last = None
-        self._reckoned_frames += 1
-        self._is_joined = self._localise_only
+        covariance = self._reckoned.add(reckoning, sees=sees)
         k, T = self._last.keyframe, reckoning.T_world_cam
         return TrackResult(
             frame_index=frame.index, status="dead_reckoned", T_world_cam=T, keyframe=k,
             T_keyframe_cam=inverse(self._store.pose(k)) @ T, map_version=view.version if view else 0,
-            covariance=reckoning.covariance(self._last_doubt),
+            covariance=covariance,
         )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
