@@ -84,12 +84,12 @@ class TrackerConfig:
     """If the map lags behind and does not fit, a pose that fits the reference keyframe is good if this share
     of the depth points overlaps the keyframe's surface, 0 to 1."""
     odometry_reach_m: float = 0.1
-    """A frame that cannot be aligned has its pose by odometry, up to this standard deviation, m."""
+    """A frame that cannot be aligned gets its pose by odometry, up to this standard deviation, m."""
     odometry_reach_rad: float = 0.1
     """The same for rotation, rad."""
     odometry_coverage: float = 0.05
-    """If odometry says where a frame is, least share of depth points that overlap the keyframe's surface, 0
-    to 1."""
+    """A frame whose pose odometry predicts needs this share of depth points on the keyframe's surface, 0 to
+    1."""
     max_step_m: float = 0.15
     """A frame that is farther from the prediction is lost, m."""
     max_step_rad: float = 0.2

@@ -1,4 +1,4 @@
-"""How sure odometry is that does not say so; a file of its own as sources and simulation share it."""
+"""Noise of odometry that reports no covariance; a file of its own because options and simulation share it."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.geometry.se3 import inverse, se3_log
 
 USUAL_NOISE = 0.02
-_TURN_RAD_PER_M = 0.5  # a way of 1 m turns as unsurely as a turn of so much
-_JUMP = np.diag([1.0] * 6)  # m^2, rad^2: of this motion nothing is known
+_TURN_RAD_PER_M = 0.5  # a way of 1 m adds the doubt of a turn by this angle
+_JUMP = np.diag([1.0] * 6)  # m^2, rad^2: an unknown motion
 
 
 def growth(T_odom_a: np.ndarray, T_odom_b: np.ndarray, noise: float) -> np.ndarray:
     """Covariance [6, 6] of the motion from a to b [4, 4], axes of odom, rotation about b's centre.
 
     A random walk: `noise` is the standard deviation after 1 m (in m) and after 1 rad (in rad). The sum
-    over the steps of a way does not depend on how many they are.
+    over the steps of a way does not depend on their number.
     """
     twist = se3_log(inverse(T_odom_a) @ T_odom_b)
     way_m, turn_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
@@ -22,6 +22,16 @@ def growth(T_odom_a: np.ndarray, T_odom_b: np.ndarray, noise: float) -> np.ndarr
     return turned(noise**2 * np.diag(variances), T_odom_b[:3, :3])
 
 
+def increase(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """[6, 6] by which a covariance has grown; 0 along axes where it shrinks, and where it is not finite.
+
+    A source that corrects its poses by other means makes them surer, but not the motion between them.
+    """
+    grown = np.nan_to_num(after - before, nan=0.0, posinf=0.0, neginf=0.0)
+    value, direction = np.linalg.eigh((grown + grown.T) / 2)
+    return (direction * np.maximum(value, 0.0)) @ direction.T
+
+
 def of_jump() -> np.ndarray:
-    """[6, 6] of a motion that no robot makes: odometry began anew."""
+    """Covariance [6, 6] of a jump of odometry, as after a restart of its driver."""
     return _JUMP.copy()

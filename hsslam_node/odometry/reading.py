@@ -1,4 +1,4 @@
-"""What odometry says at the stamp of a frame, and the motion since an earlier one."""
+"""The pose that odometry reports at the stamp of a frame, and the motion since an earlier one."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,20 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
-from hsslam_node.odometry.noise import USUAL_NOISE, growth
+from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase
 
-_FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: of the stamps, and of a robot at rest
+_FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: error of stamps, also of a robot at rest
 _POSITION, _ROTATION = slice(0, 3), slice(3, 6)
 
 
 @dataclass(frozen=True)
 class OdometryReading:
-    """Where odometry says the camera is, in a frame of its own that drifts.
+    """Pose of the camera by odometry, in the drifting frame `odom`.
 
-    `numbers` are x, y, z (m) and the unit quaternion xyzw, [7]: as they travel, so that a replay computes
-    with the same bits. `covariance` is [6, 6] of translation (m) and of rotation (rad) about the
-    camera's centre, in the axes of odom, and grows along the path: what it grows by between two readings
-    is the covariance of the motion between them. None: odometry as it usually is.
+    `numbers` are x, y, z (m) and the unit quaternion xyzw, [7]: the same as on the wire, so that a replay
+    computes with the same bits. `covariance` is [6, 6] of translation (m) and of rotation (rad) about the
+    camera's centre, in the axes of odom. It grows along the path: its growth between two readings is the
+    covariance of the motion between them. None: the motion has the usual noise.
 
     Raises:
         UserError: an array has another shape, or numbers that are not finite.
@@ -38,7 +38,7 @@ class OdometryReading:
 
     @classmethod
     def at(cls, T_odom_cam: np.ndarray, covariance: np.ndarray | None = None) -> "OdometryReading":
-        """Of a pose [4, 4]; of the covariance [6, 6] the upper half counts."""
+        """The reading of a pose [4, 4]; only the upper half of the covariance [6, 6] counts."""
         if covariance is not None:
             covariance = np.triu(covariance) + np.triu(covariance, 1).T
         q = quaternion_from_rotation(T_odom_cam[:3, :3])
@@ -52,7 +52,7 @@ class OdometryReading:
 
 @dataclass(frozen=True)
 class Motion:
-    """From one camera pose to a later one, as odometry says."""
+    """The motion from one camera pose to a later one, by odometry."""
 
     T_from_to: np.ndarray  # [4, 4]
     covariance: np.ndarray  # [6, 6] m, rad; axes of the later camera, rotation about its centre
@@ -64,9 +64,9 @@ class Motion:
 
 
 class MotionSince:
-    """The motion since a reading, over all readings that came after it.
+    """The motion since a reading, over all readings after it.
 
-    An error of the heading moves all that follows sideways, so each reading between counts.
+    An error of the heading moves all later poses sideways, so each reading in between counts.
     """
 
     def __init__(self) -> None:
@@ -75,12 +75,12 @@ class MotionSince:
         self._covariance = np.zeros((6, 6))  # of the newest against the first, axes of odom
 
     def restart(self, reading: OdometryReading | None) -> None:
-        """Motions are from here on; None: there is no odometry here."""
+        """Measure motions from this reading on; None: odometry has no pose here."""
         self._first = self._newest = reading
         self._covariance = np.zeros((6, 6))
 
     def to(self, reading: OdometryReading | None) -> Motion | None:
-        """The motion to this reading, None if it or the first is not there. The same one may come twice."""
+        """The motion to this reading; None without it or without the first. It may be repeated."""
         if reading is None or self._first is None or self._newest is None:
             return None
         T_newest, T = self._newest.T_odom_cam, reading.T_odom_cam
@@ -92,9 +92,7 @@ class MotionSince:
 
 
 def _grown(before: OdometryReading, after: OdometryReading) -> np.ndarray:
-    """[6, 6] of the motion between two readings, axes of odom; what has become surer was corrected
-    elsewhere, and is left out."""
+    """Covariance [6, 6] of the motion between two readings, axes of odom."""
     if before.covariance is None or after.covariance is None:
         return growth(before.T_odom_cam, after.T_odom_cam, USUAL_NOISE)
-    value, direction = np.linalg.eigh(after.covariance - before.covariance)
-    return (direction * np.maximum(value, 0.0)) @ direction.T
+    return increase(before.covariance, after.covariance)

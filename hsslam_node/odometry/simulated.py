@@ -1,4 +1,4 @@
-"""A simulated odometry of built-in scenes, alone: by no other way do true poses come near a tracker."""
+"""Simulated odometry of built-in scenes; a file of its own: true poses reach a tracker in no other way."""
 
 from itertools import pairwise
 
@@ -10,11 +10,11 @@ from hsslam_node.odometry.reading import OdometryReading
 
 
 def simulated_odometry(T_true: np.ndarray, noise: float, seed: int) -> list[OdometryReading]:
-    """What odometry with an error of `noise` (0.01: 1 %) reads along true camera poses [N, 4, 4].
+    """Readings of odometry with an error of `noise` (0.01: 1 %) along true camera poses [N, 4, 4].
 
     Each of the six components of motion has a constant error of scale with this standard deviation. Each
-    step has besides an error of its own, in any direction, of this share of its way and of its turn. The
-    path begins at a pose of its own.
+    step also has an error of this share of its way and turn, in a random direction. The path begins at a
+    random pose.
     """
     rng = np.random.default_rng((seed, 8))
     scale = 1.0 + noise * rng.standard_normal(6)

@@ -1,4 +1,4 @@
-"""Poses by odometry alone, once the camera has seen again where it is: its error is spread over them."""
+"""Corrects poses by odometry alone: the error at the end of a gap is spread over the gap."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,17 +10,17 @@ from hsslam_node.geometry.se3 import inverse, se3_log, so3_exp, so3_log
 from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
-_STILL = 1e-12  # m^2, rad^2: the error of a step without motion
+_STILL = 1e-12  # m^2, rad^2: of a step without motion
 
 
 def spread_errors(
     T_world_cam: np.ndarray, T_odom_cam: np.ndarray, is_dead_reckoned: np.ndarray
 ) -> np.ndarray:
-    """The poses [N, 4, 4] with each stretch [N] bool of dead-reckoned ones fitted in between its neighbours.
+    """The poses [N, 4, 4] with each stretch of dead-reckoned ones ([N] bool) fitted between its neighbours.
 
-    What odometry was off at the end is explained by its most likely errors: one of scale in each of the six
-    components of its motion, and a random walk. A stretch without a frame before or after it stays
-    as it is.
+    The most likely errors of odometry explain the difference at the end: an error of scale in each of the
+    six components of its motion, and a random walk. A stretch without a frame before or after it stays as
+    it is.
 
     Args:
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through such a stretch, from

@@ -1,4 +1,4 @@
-"""Odometry as it comes, by its own stamps, and what it says at the stamp of a frame."""
+"""Odometry messages by their own stamps, read at the stamps of frames."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ import numpy as np
 
 from hsslam_node.geometry.pose_covariance import carried
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
-from hsslam_node.odometry.noise import USUAL_NOISE, growth, of_jump
+from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 from hsslam_node.odometry.reading import OdometryReading
 
 _KEPT = 512  # poses: 5 s at 100 Hz
-_LONGEST_S = 0.5  # between two poses: more than that is no path
-_AHEAD_S = 0.1  # after the newest pose: so late may odometry be
-_FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is odometry that began anew
+_LONGEST_S = 0.5  # between two poses: no reading across a longer gap
+_AHEAD_S = 0.1  # after the newest pose: how late odometry may be
+_FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,8 @@ class _Pose:
 class OdometryTrack:
     """Poses of a robot's base, read as poses of its camera at any stamp near them.
 
-    Between two poses the motion is even, after the newest it goes on for at most 0.1 s. Each motion is as
-    unsure as odometry usually is, and by what the covariances of the poses grow. A jump is a motion of
-    which nothing is known.
+    The motion between two poses is even, and goes on for at most 0.1 s after the newest. Its covariance is
+    that of the usual noise plus the growth of the poses' covariances. A jump is an unknown motion.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -56,13 +55,13 @@ class OdometryTrack:
             return False
         else:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
-            doubt = self._doubt(stamp_ns, T) + carried(_grown(self._of_base, of_base), lever_m)
+            doubt = self._doubt(stamp_ns, T) + carried(increase(self._of_base, of_base), lever_m)
             self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt))
         self._of_base = of_base
         return True
 
     def at(self, stamp_ns: int) -> OdometryReading | None:
-        """Where odometry says the camera was; None if it has no poses near that."""
+        """The pose of the camera at this stamp; None if odometry has no poses near it."""
         before, after = None, None
         for pose in reversed(self._poses):
             if pose.stamp_ns <= stamp_ns:
@@ -101,10 +100,3 @@ def _between(a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:
     share = (stamp_ns - a.stamp_ns) / span_ns
     T = a.T_odom_cam @ se3_exp(share * se3_log(inverse(a.T_odom_cam) @ b.T_odom_cam))
     return OdometryReading.at(T, a.covariance + share * (b.covariance - a.covariance))
-
-
-def _grown(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """[6, 6] by which a covariance has grown; nothing where it shrinks or is no number."""
-    growth = np.nan_to_num(after - before, nan=0.0, posinf=0.0, neginf=0.0)
-    value, direction = np.linalg.eigh((growth + growth.T) / 2)
-    return (direction * np.maximum(value, 0.0)) @ direction.T

@@ -54,8 +54,8 @@ class Tracker:
     """Tracks frames one by one and appends keyframes to the store, whose poses it follows.
 
     The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
-    ones are aligned to the last pose that was good. If frames carry odometry, it foretells poses, and a
-    frame that cannot be aligned has the pose that odometry tells, up to a distance.
+    ones are aligned to the last pose that was good. If frames carry odometry, it predicts poses, and a frame
+    that cannot be aligned gets its pose by odometry alone, up to a distance.
     """
 
     def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
@@ -320,8 +320,8 @@ class Tracker:
         self, frame: Frame, points: np.ndarray, levels: tuple[PyramidLevel, ...],
         reckoning: Reckoning, view: MapView | None,
     ) -> Alignment | None:  # fmt: skip
-        """The frame aligned near where odometry says it was, to the keyframe that shows most of it; None if
-        it does not fit."""
+        """The frame aligned near the pose that odometry predicts, after a gap to the keyframe that shows most
+        of it; None if it does not fit."""
         assert self._reference is not None
         T = reckoning.T_world_cam
         if self._reckoned.is_on and len(points) >= _FEWEST_POINTS:
@@ -343,7 +343,7 @@ class Tracker:
     def _reckon(
         self, frame: Frame, reckoning: Reckoning, view: MapView | None, *, sees: bool
     ) -> TrackResult:
-        """A frame whose pose is known by odometry alone: no keyframe, and nothing is aligned to it."""
+        """A frame whose pose is by odometry alone: it becomes no keyframe, and nothing is aligned to it."""
         assert self._last is not None
         self._before_last = None
         covariance = self._reckoned.add(reckoning, sees=sees)

@@ -47,11 +47,11 @@ class Frame(Message, frozen=True, kw_only=True):
     frames are known by publisher and index. Without one (0) the publisher in the attachment stands for it,
     and a lower index with a later `stamp_ns` begins a new count.
 
-    `odometry`: where wheels or another odometry say the camera is at the stamp: x, y, z, qx, qy, qz, qw on
-    a path of its own that drifts. Empty: not known. `odometry_covariance`: numbered as `covariance` of
-    `Pose`, in the axes of that path; it grows along the path, and what it grows by between two frames is the
-    covariance of the motion between them. Empty with `odometry`: as sure as 2 cm after 1 m and 0.02 rad
-    after 1 rad.
+    `odometry`: pose of the camera at the stamp by wheel or other odometry, in a frame of its own that
+    drifts: x, y, z, qx, qy, qz, qw. Empty: not known. `odometry_covariance`: numbered as `covariance` of
+    `Pose`, in the axes of that frame. It grows along the path: its growth between two frames is the
+    covariance of the motion between them. Empty with `odometry`: 2 cm after 1 m and 0.02 rad after 1 rad,
+    standard deviations.
     """
 
     index: FrameIndex
@@ -87,12 +87,12 @@ class Frame(Message, frozen=True, kw_only=True):
 
 
 class RobotOdometry(Message, frozen=True, kw_only=True):
-    """Where wheels or another odometry say the base of the robot is (m; unit quaternion xyzw), x forward,
-    y left, z up, on a path of its own that drifts.
+    """Pose of the robot's base (x forward, y left, z up) by wheel or other odometry, in a frame of its own
+    that drifts (m; unit quaternion xyzw).
 
     `stamp_ns` is the wall clock of the measurement. `covariance`: numbered as that of `Pose`, in the axes of
-    the path; only what it grows by counts. Empty: not known. `--base-T-camera` says where the camera is on
-    the base.
+    that frame; only its growth counts. Empty: not known. `--base-T-camera` is the pose of the camera on the
+    base.
     """
 
     stamp_ns: StampNs
@@ -128,8 +128,8 @@ class Pose(Message, frozen=True, kw_only=True):
     95 % ellipsoid. Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
     the jumps of corrections; it begins with the run and drifts. Empty: not known.
 
-    `is_dead_reckoned`: the frame could not be aligned, and has its pose by the odometry of `Frame` alone;
-    its `quality` is 0, and `covariance` says how sure it is.
+    `is_dead_reckoned`: the frame could not be aligned, and its pose is by the odometry of `Frame` alone. Its
+    `quality` is 0; `covariance` says how sure the pose is.
     """
 
     index: FrameIndex

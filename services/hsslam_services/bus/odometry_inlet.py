@@ -1,4 +1,4 @@
-"""Odometry on `in/odometry` for the frames of this run's camera; apart, as two paces of the camera use it."""
+"""Odometry on `in/odometry` for the frames of this run's camera; a file of its own as two paces use it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,11 +12,11 @@ from hsslam_services.bus.subscription import Subscription
 
 
 class OdometryInlet:
-    """Takes what has come before each frame. Stamps are of the wall clock, as `stamp_ns` of frames.
+    """Reads the odometry that has come before each frame. Stamps are wall clock, as `stamp_ns` of frames.
 
     Args:
-        base_T_camera: numbers of `--base-T-camera`, where the camera is on what the odometry is of.
-        noise: of odometry, as in `OdometryTrack`.
+        base_T_camera: numbers of `--base-T-camera`.
+        noise: as in `OdometryTrack`.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class OdometryInlet:
         self._track = OdometryTrack(RobotFrames.mounted(base_T_camera).T_base_cam, noise)
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
-        """The frame with what odometry says at this stamp; as it is if it has its own, or there is none."""
+        """The frame with the odometry at this stamp; unchanged if it has some, or if there is none."""
         for message in self._messages.drain():
             T_odom_base = pose_matrix([*message.t, *message.q])
             self._track.add(message.stamp_ns, T_odom_base, covariance_matrix(message.covariance))

@@ -30,7 +30,7 @@ class BagSource:
         self._bag = BagFile(place)
         found = find_camera(self._bag, options.bag)
         self._color, self._depth = found.color, found.depth
-        self._wheels = odometry_topic(self._bag, options.bag)
+        self._odometry_topic = odometry_topic(self._bag, options.bag)
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
         self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
@@ -59,13 +59,13 @@ class BagSource:
         rows = self._rows[first:]
         if not rows:
             return
-        wheels = RosOdometry(self._options) if self._wheels else None
-        with contextlib.closing(self._paired(self._new_pairs(), wheels)) as pairs:
+        odometry = RosOdometry(self._options) if self._odometry_topic else None
+        with contextlib.closing(self._paired(self._new_pairs(), odometry)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
                     frame = self._frame(first + rows.index(row), color, depth)
-                    if wheels is not None and isinstance(frame, Frame):
-                        frame = wheels.given(frame)
+                    if odometry is not None and isinstance(frame, Frame):
+                        frame = odometry.given(frame)
                     yield frame
                 if row == rows[-1]:
                     return
@@ -74,22 +74,22 @@ class BagSource:
         return StampPairs(round(1e6 * self._max_dt_ms))
 
     def _paired(
-        self, pairs: StampPairs[BagMessage], wheels: RosOdometry | None = None
+        self, pairs: StampPairs[BagMessage], odometry: RosOdometry | None = None
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
-        """(colour, depth) in the order of the bag; `wheels` takes the odometry that comes before."""
-        topics = (self._color, self._depth, *([self._wheels] if wheels else []))
+        """(colour, depth) in the order of the bag; `odometry` takes the messages that come before."""
+        topics = (self._color, self._depth, *([self._odometry_topic] if odometry else []))
         for message in self._bag.messages(topics):
-            if wheels is not None and message.topic == self._wheels:
-                self._take(message, wheels)
+            if odometry is not None and message.topic == self._odometry_topic:
+                self._take(message, odometry)
                 continue
             is_color = message.topic == self._color
             pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
             if pair is not None:
                 yield pair
 
-    def _take(self, message: BagMessage, wheels: RosOdometry) -> None:
+    def _take(self, message: BagMessage, odometry: RosOdometry) -> None:
         try:
-            wheels.take(self._bag.decode.odometry(message.payload, message.type_name))
+            odometry.take(self._bag.decode.odometry(message.payload, message.type_name))
         except (BadImageError, UserError) as error:
             raise UserError(f"source {self._bag.name}: {message.topic}: {error}") from None
 

@@ -113,7 +113,7 @@ class Ros2Source:
                 time.sleep(_POLL_S)
 
     def _with_odometry(self, frame: Frame | BadFrame) -> Frame | BadFrame:
-        """The frame with what wheels say at its stamp; a bad message is reported in its place."""
+        """The frame with the odometry at its stamp; a bad message of odometry is reported in its place."""
         if self._odometry is None or isinstance(frame, BadFrame):
             return frame
         try:

@@ -13,13 +13,13 @@ from hsslam_node.odometry.track import OdometryTrack
 from hsslam_node.sources.options import SourceOptions
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-_UNIT = 1e-2  # that the norm of a quaternion may be off
+_UNIT = 1e-2  # largest difference of a quaternion's norm from 1
 
 
 class RosOdometry:
-    """Takes messages as they come, and gives frames what odometry says at their stamps.
+    """Takes messages as they come, and adds odometry to frames at their stamps.
 
-    Odometry is of `base_link`, on which `--base-T-camera` places the camera.
+    The messages are poses of `base_link`; `--base-T-camera` is the pose of the camera in it.
     """
 
     def __init__(self, options: SourceOptions) -> None:
@@ -28,15 +28,17 @@ class RosOdometry:
         self.has_any = False
 
     def take(self, message: Any) -> None:
-        """Take a message, decoded by rosbags; one that is not later than the last is left out.
+        """Take a message, decoded by rosbags; one that is not later than the last is ignored.
 
         Raises:
-            UserError: its numbers are no pose.
+            UserError: its pose has numbers that are not finite, or no unit quaternion.
         """
         p, o = message.pose.pose.position, message.pose.pose.orientation
         t, q = np.array([p.x, p.y, p.z]), np.array([o.x, o.y, o.z, o.w])
         if not (np.isfinite(t).all() and abs(np.linalg.norm(q) - 1) < _UNIT):
-            raise UserError(f"odometry: position {t}, orientation {q}: expected a pose")
+            raise UserError(
+                f"odometry: position {t}, orientation {q}: expected finite numbers and a unit quaternion"
+            )
         covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
         stamp = message.header.stamp
         stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
@@ -44,5 +46,5 @@ class RosOdometry:
         self.has_any = True
 
     def given(self, frame: Frame) -> Frame:
-        """The frame with what odometry says of it; as it is if odometry has nothing near its stamp."""
+        """The frame with the odometry at its stamp; with none if no message is near it."""
         return replace(frame, odometry=self._track.at(frame.stamp_ns))

@@ -1,8 +1,9 @@
-"""The chain of tracked motion when keyframes are retired."""
+"""The chain of tracked motion: across a gap that odometry bridges, and when keyframes are retired."""
 
 import numpy as np
 
 from hsslam_node.bundle_adjustment.graph_adjustment import GraphBundleAdjustment
+from hsslam_node.bundle_adjustment.pose_graph import PoseEdge, PoseEdges, solve_pose_graph
 from hsslam_node.bundle_adjustment.tracked_chain import TrackedChain
 from hsslam_node.config import PoseGraphConfig
 from hsslam_node.geometry.se3 import inverse, se3_exp
@@ -18,6 +19,35 @@ def _chain(n: int) -> tuple[TrackedChain, np.ndarray]:
     for k in range(1, n):
         chain.add(k, inverse(poses[k - 1]) @ poses[k])
     return chain, poses
+
+
+def test_the_edge_over_a_gap_is_as_unsure_as_the_odometry_that_bridged_it():
+    chain, poses = _chain(6)
+    gap = np.diag([0.02, 0.03, 0.02, 0.01, 0.01, 0.02]) ** 2
+    T = inverse(poses[4]) @ poses[5]
+    assert chain.add(6, T, gap) == chain.add(7, T) == chain.add(8, T) == []  # none across the gap
+    assert [(e.first, e.second) for e in chain.add(9, T)] == [(6, 9)]
+    usual, over_gap = (np.linalg.inv(e.information) for e in chain.edges_to(np.array([5, 6])))
+    np.testing.assert_allclose(over_gap, usual + gap, atol=1e-12)
+    far = PoseEdge(5, 6, T @ se3_exp(np.full(6, 0.1)), np.eye(6), True)
+    chain.doubt(6, {1: far})  # contradicted by an alignment it is less sure still
+    doubted = np.linalg.inv(chain.edges_to(np.array([6]))[0].information)
+    assert (np.linalg.eigvalsh(doubted - over_gap) > 0).all()
+
+
+def test_an_error_of_the_gap_stays_in_the_gap_when_a_loop_closes():
+    """Keyframes after the gap are 2 cm off; an alignment across all of them says so."""
+    _, truth = _chain(10)
+    tracked = truth.copy()
+    tracked[5:, 0, 3] += 0.02
+    chain = TrackedChain(CONFIG)
+    for k in range(1, 10):
+        gap = np.eye(6) * (0.02**2 if k == 5 else 0.0)
+        chain.add(k, inverse(tracked[k - 1]) @ tracked[k], gap)
+    loop = PoseEdge(0, 9, inverse(truth[0]) @ truth[9], np.eye(6) * 5e-4**-2, True)
+    edges = PoseEdges.of([loop, *chain.edges_to(np.arange(1, 10))])
+    solved = solve_pose_graph(tracked, edges, np.arange(10) == 0).T_world_cam
+    assert np.linalg.norm((solved - truth)[:, :3, 3], axis=1).max() < 0.001
 
 
 def test_what_lay_between_two_that_stay_becomes_one_edge_that_is_less_sure():

@@ -48,10 +48,15 @@ def test_with_odometry_a_covered_camera_is_never_lost_and_makes_no_keyframe():
     assert statuses[12:24] == ["dead_reckoned"] * 12
     assert _off_m(results).max() < 0.006
     assert not set(store.frame_indices().tolist()) & set(_COVERED)
+    gaps = {k: store.gap_covariance(k) for k in range(store.count)}
+    after = [k for k, index in enumerate(store.frame_indices()) if index >= 24]
+    assert [k for k, gap in gaps.items() if gap.any()] == after[:1]
     dark = results[12:24]
     assert {r.quality for r in dark} == {0.0}
     sigmas = [np.sqrt(np.trace(r.covariance)) for r in dark if r.covariance is not None]
     assert len(sigmas) == 12 and (np.diff(sigmas) > 0).all()
+    of_gap = np.sqrt(np.trace(gaps[after[0]]))
+    assert sigmas[-1] < of_gap < sigmas[-1] + 0.005  # and what the alignment adds
     back = results[24]
     assert back.T_expected is not None and all(r.T_expected is None for r in results[25:])
     assert pose_error(back.T_expected, back.T_world_cam)[0] < 0.02

@@ -3,20 +3,28 @@
 import time
 
 import numpy as np
+import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.odometry.reading import OdometryReading
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.synth import synth_truth
 from hsslam_proto import topics
 from hsslam_proto.messages import RobotOdometry
+from hsslam_proto.pose_codec import pose_matrix
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.odometry_inlet import OdometryInlet
+from tests.services.serve_process import SMALL_ROOM
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
 _FRAME = Frame(0, 5, _CAMERA, np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16), 1000.0)
 _START_NS = 1_700_000_000_000_000_000
 _AHEAD = (0.3, 0.0, 0.2, -0.5, 0.5, -0.5, 0.5)  # 30 cm before the base, looking ahead
+_FRAMES, _COVERED = 50, range(20, 35)
+_PERIOD_NS = 1_000_000_000 // 15  # of SMALL_ROOM
 
 
 def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
@@ -40,3 +48,42 @@ def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
         own = OdometryReading.at(np.eye(4))
         kept = Frame(**{**vars(_FRAME), "odometry": own})
         assert inlet.given(kept, last).odometry is own
+
+
+@pytest.mark.e2e
+def test_a_run_whose_lens_is_covered_goes_on_by_what_another_program_sends(serve):
+    """The program knows how the camera moves, and sends that a few frames ahead."""
+    lens = ("--cover-at", str(_COVERED.start), "--cover-frames", str(len(_COVERED)))
+    mounted = ("--base-T-camera", "0", "0", "0", "0", "0", "0", "1")
+    run = serve(*SMALL_ROOM, "--frames", str(_FRAMES), *lens, *mounted)
+    truth = synth_truth("room", SourceOptions(frames=_FRAMES))[0].T_world_cam
+    assert run.bus.is_connected()
+    with Bus(run.endpoint, "robot", "outside") as outside:
+        wheels = outside.publisher(topics.ODOMETRY)
+        sent = 0
+
+        def has_ended() -> bool:
+            nonlocal sent
+            pose = run.new_poses()[-1] if run.new_poses() else None
+            if pose is None or pose.index == 0:  # from the second frame on the clock runs evenly
+                return False
+            ahead = min(pose.index + 5, _FRAMES)
+            for k in range(max(sent, pose.index), ahead):
+                stamp_ns = pose.stamp_ns + (k - pose.index) * _PERIOD_NS
+                x, y, z = truth[k][:3, 3].tolist()
+                q = tuple(quaternion_from_rotation(truth[k][:3, :3]).tolist())
+                wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=(x, y, z), q=q))
+            sent = max(sent, ahead)
+            return pose.index == _FRAMES - 1
+
+        run.wait_until(has_ended, 180)
+    assert run.finish() == 0, run.stderr
+    assert not [pose.index for pose in run.poses if pose.status == "lost"]
+    dark = [pose for pose in run.poses if pose.index in _COVERED]
+    assert len(dark) > 5 and all(pose.is_dead_reckoned for pose in dark)
+    assert not any(pose.is_dead_reckoned for pose in run.poses if pose.index not in _COVERED)
+    first = run.poses[0]
+    for pose in dark:
+        T = inverse(pose_matrix([*first.t, *first.q])) @ pose_matrix([*pose.t, *pose.q])
+        off = inverse(inverse(truth[first.index]) @ truth[pose.index]) @ T
+        assert np.linalg.norm(off[:3, 3]) < 0.02
