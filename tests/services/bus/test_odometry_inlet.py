@@ -51,6 +51,7 @@ def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
 
 
 @pytest.mark.e2e
+@pytest.mark.long
 def test_a_run_whose_lens_is_covered_goes_on_by_what_another_program_sends(serve):
     """The program knows how the camera moves, and sends that a few frames ahead."""
     lens = ("--cover-at", str(_COVERED.start), "--cover-frames", str(len(_COVERED)))
