@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from hsslam_node.bundle_adjustment.open_adjustment import open_adjustment
 from hsslam_node.bundle_adjustment.report import BundleAdjustment
 from hsslam_node.config import SlamConfig
+from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.dense_map.answers import MapAnswers, RayHits
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
@@ -22,6 +23,7 @@ from hsslam_node.dense_map.shapes import Shapes
 from hsslam_node.dense_map.snapshot import map_snapshot, published_params
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
+from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
@@ -36,7 +38,7 @@ from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapView, MapViews
-from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
+from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import TrackResult
 
 if TYPE_CHECKING:
@@ -65,8 +67,12 @@ class Slam:
         *,
         saved_map: Path | None = None,
         localise_only: bool = False,
+        new_map_after_s: float = NEW_MAP_AFTER_S,
     ) -> None:
         """`saved_map`: go on in it, wherever the camera is; with `localise_only` it stays as it is.
+
+        `new_map_after_s`: a camera that is lost for so long goes on in a new map beside, a fragment, which
+        joins the map where the two meet; 0: never.
 
         Raises:
             UserError: the map cannot be used (`restore_map`), or there is none to localise in.
@@ -74,6 +80,7 @@ class Slam:
         self.config = config
         self.localise_only = localise_only
         self.seed = seed
+        self._new_map_after_s = new_map_after_s
         self._device = device
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
@@ -89,7 +96,7 @@ class Slam:
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)
             self._attach(self.parameters)
-            self._tracker = open_tracker(config, self.store, seed, device.threads)
+            self._tracker = self._opened_tracker(self.store)
             self._tracker.resume(anywhere=True)
         elif localise_only:
             raise UserError("localise_only: expected a saved map")
@@ -120,9 +127,12 @@ class Slam:
             T_keyframe_cam=result.T_keyframe_cam,
             quality=result.quality,
             map_version=result.map_version,
+            fragment=result.fragment,
         )
         self._path.add(row, self.store, result.T_expected)
         self.pose_log.append(row)
+        if (joined := result.joined) is not None:
+            self.pose_log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
         return result
 
     @property
@@ -165,7 +175,8 @@ class Slam:
     def trajectory(self) -> Trajectory:
         """The poses of all frames but lost ones, each as refined since by way of its keyframe."""
         keyframe_poses = np.zeros((0, 4, 4)) if self.store is None else self.store.poses()
-        return final_trajectory(self.pose_log.rows(), keyframe_poses)
+        rows = self.pose_log.joined(self.pose_log.rows())
+        return final_trajectory(rows, keyframe_poses)
 
     def save(self, path: Path | str) -> None:
         """Write the map, to be opened as a `SavedMap` or continued.
@@ -180,6 +191,7 @@ class Slam:
         if self._tracker is None:
             self._tracker = self._open_tracker(frame)
         assert self.store
+        before = self.store.count
         result = self._tracker.track(frame, self._view(), localise_only=self.localise_only)
         if result.status == "initial":
             self._open_map(frame)
@@ -189,25 +201,36 @@ class Slam:
             for _ in range(self.config.mapper.first_iterations):
                 self._mapper.initialise(self.store)
             self._mapper.publish()
-        elif result.is_keyframe:
-            self._mapper.grow_bound(self.store)
-            for _ in range(self.config.mapper.iterations):
-                self._mapper.iterate(self.store)
-            self._mapper.publish()
-            if refined := self._mapper.take_poses(self.store):
-                self.store.correct_poses(*refined)
-            self._mapper.select(self.store)
+        elif result.is_keyframe or result.joined:
+            for _ in range(self.store.count - before):
+                self._map_keyframe(self._mapper, self.store)
             if self._ba and self._ba.is_due(self.store):
                 report = self._ba.round(self.store)
                 if report.moved:
                     self.store.correct_poses(report.keyframes, report.T_world_cam, report.known)
         return result
 
+    def _map_keyframe(self, mapper: Mapper, store: KeyframeStore) -> None:
+        """The iterations that a keyframe brings with it."""
+        mapper.grow_bound(store)
+        for _ in range(self.config.mapper.iterations):
+            mapper.iterate(store)
+        mapper.publish()
+        if refined := mapper.take_poses(store):
+            store.correct_poses(*refined)
+        mapper.select(store)
+
     def _open_tracker(self, frame: Frame) -> FrameTracker:
         self.store = KeyframeStore.create(
             self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
         )
-        return open_tracker(self.config, self.store, self.seed, self._device.threads)
+        return self._opened_tracker(self.store)
+
+    def _opened_tracker(self, store: KeyframeStore) -> FrameTracker:
+        return open_fragment_tracker(
+            self.config, store, self.seed, self._device.threads,
+            new_map_after_s=self._new_map_after_s,
+        )  # fmt: skip
 
     def _open_map(self, frame: Frame) -> None:
         c = self.config

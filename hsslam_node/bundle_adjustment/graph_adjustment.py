@@ -94,6 +94,8 @@ class GraphBundleAdjustment:
             self._alignment = KeyframeAlignment(store, tracker, c, self._seed)
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
+        fragments = store.fragments()
+        begun = [k for k in range(self._seen, count) if fragments[k] != fragments[k - 1]]
         for k in range(self._seen, count):
             T = inverse(poses[k - 1]) @ poses[k]
             self._edges += self._chain.add(k, T, store.gap_covariance(k))
@@ -101,13 +103,16 @@ class GraphBundleAdjustment:
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
+        if begun and self._rounds:  # all of a fragment that was joined just now
+            most = len(due)
+            self._all_at_next = True
         self._left = [k for k in due[most:] if k in kept and k >= store.inherited]
         for k in due[:most]:
             rest()
             near = {
                 gap: self._alignment.neighbour(k - gap, k, inverse(poses[k - gap]) @ poses[k])
                 for gap in c.neighbours
-                if k - gap in kept and k in kept
+                if k - gap in kept and k in kept and fragments[k - gap] == fragments[k]
             }
             aligned = {gap: edge for gap, edge in near.items() if edge is not None}
             self._edges += aligned.values()

@@ -10,6 +10,8 @@ from hsslam_node.config.checks import (
     expect_positive,
 )
 
+NEW_MAP_AFTER_S = 3.0  # in the lost state: how runs begin a fragment unless they say otherwise
+
 
 @dataclass(frozen=True)
 class TrackerConfig:

@@ -8,9 +8,8 @@ from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 
 SLAB_ROWS = 4096  # 3.7 MB
-_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS = range(
-    6
-)  # columns; the loss is a float64
+# columns; the loss is a float64
+_FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT = range(7)
 _COLUMNS = 8
 _LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
 
@@ -43,11 +42,12 @@ class KeyframeRows:
         T: np.ndarray,
         covariance: np.ndarray,
         gap_covariance: np.ndarray,
+        fragment: int = 0,
     ) -> None:
         """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
-        gap_covariance: [6, 6] as in `KeyframeStore.append`.
+        gap_covariance: [6, 6] as in `KeyframeStore.append`. fragment: see `fragments`.
 
         Raises:
             OutOfMemoryError: there is no room for another slab of rows.
@@ -55,6 +55,7 @@ class KeyframeRows:
         slab = self._slab(k // SLAB_ROWS, create=True)
         row = k % SLAB_ROWS
         slab.meta[row, :5] = frame_index, stamp_ns, slot, -1, version
+        slab.meta[row, _FRAGMENT] = fragment
         slab.poses[:, row] = T
         slab.covariances[row] = covariance
         slab.gaps[row] = gap_covariance
@@ -74,6 +75,11 @@ class KeyframeRows:
     def stamps_ns(self, count: int) -> np.ndarray:
         """Sensor stamps of the first `count` keyframes, [count] int64 ns."""
         return self._column(_STAMP_NS, count)
+
+    def fragments(self, count: int) -> np.ndarray:
+        """The fragment in which the camera was tracked to each of the first `count` keyframes, [count] int64;
+        0: the map."""
+        return self._column(_FRAGMENT, count)
 
     def anchors(self, count: int) -> np.ndarray:
         """The keyframe that each of the first `count` hangs on, [count] int64; -1: on none."""

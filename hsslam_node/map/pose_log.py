@@ -23,6 +23,8 @@ STATUS: dict[Status, int] = {
     "dead_reckoned": DEAD_RECKONED,  # by odometry alone: the camera saw nothing to be aligned to
 }
 _HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
+_JOINS, _JOIN = "pose_joins", "pose_join."
+MOST_FRAGMENTS = 1023
 
 POSE_ROW = np.dtype(
     [
@@ -45,8 +47,13 @@ POSE_ROW = np.dtype(
             (6, 6),
         ),  # of T_world_cam, as in `geometry/pose_covariance.py`; or nan
         ("T_odom_cam", "<f8", (4, 4)),  # the path without jumps that corrections make
+        (
+            "fragment",
+            "<i8",
+        ),  # that pose and keyframe are of, if the frame is LOST to the map; 0: none
     ]
 )
+_JOIN_ROW = np.dtype([("keyframe", "<i8"), ("T_keyframe_own", "<f8", (4, 4))])
 
 
 class PoseLog:
@@ -66,6 +73,8 @@ class PoseLog:
         self._arrays = arrays
         self._on_full = on_full
         self._header = arrays.create(_HEADER, (16,), np.int64)  # [0] = rows
+        # keyframes of each fragment, if it has joined the map; else 0
+        self._joins = arrays.create(_JOINS, (MOST_FRAGMENTS + 1,), np.int64)
         self._slabs: dict[int, np.ndarray] = {}  # those that are not full
         for k in range(self.count // SLAB_ROWS):
             self._tell_full(k)
@@ -124,10 +133,41 @@ class PoseLog:
         slabs = [self._slab(k) for k in range(-(-n // SLAB_ROWS))]
         return np.concatenate(slabs)[:n] if slabs else np.zeros(0, POSE_ROW)
 
+    def join(self, fragment: int, keyframes: np.ndarray, T_keyframe_own: np.ndarray) -> None:
+        """A fragment has joined the map: its keyframe k moves with keyframe `keyframes[k]` of the map, from
+        where it is T_keyframe_own[k] [4, 4] away.
+
+        Raises:
+            OutOfMemoryError: there is no memory to note it.
+        """
+        rows = self._arrays.create(_join_name(fragment), (len(keyframes),), _JOIN_ROW)
+        rows["keyframe"], rows["T_keyframe_own"] = keyframes, T_keyframe_own
+        store_ordered(self._joins, fragment, len(keyframes))  # last: it is complete
+
+    def is_joined(self, fragment: int) -> bool:
+        """Whether a fragment has joined the map."""
+        return load_ordered(self._joins, fragment) > 0
+
+    def joined(self, rows: np.ndarray) -> np.ndarray:
+        """Rows [N] of this log; those of fragments that have joined the map are tracked in it, in a copy.
+
+        `T_world_cam` of these stays what it was in the fragment: `keyframe` says where they are.
+        """
+        joined = [f for f in np.unique(rows["fragment"]).tolist() if f and self.is_joined(f)]
+        rows = rows.copy() if joined else rows
+        for fragment in joined:
+            of_it = np.flatnonzero(rows["fragment"] == fragment)
+            keyframes = self._arrays.open(_join_name(fragment))[rows["keyframe"][of_it]]
+            T_keyframe_cam = keyframes["T_keyframe_own"] @ rows["T_keyframe_cam"][of_it]
+            rows["status"][of_it], rows["fragment"][of_it] = TRACKED, 0
+            rows["keyframe"][of_it] = keyframes["keyframe"]
+            rows["T_keyframe_cam"][of_it] = T_keyframe_cam
+        return rows
+
     @staticmethod
     def owns(name: str) -> bool:
         """Whether an array of this name belongs to a pose log."""
-        return name == _HEADER or name.startswith(_SLAB)
+        return name in (_HEADER, _JOINS) or name.startswith((_SLAB, _JOIN))
 
     def _tell_full(self, k: int) -> None:
         if self._on_full is not None:
@@ -144,6 +184,10 @@ class PoseLog:
 
 def _slab_name(k: int) -> str:
     return f"{_SLAB}{k:03d}"
+
+
+def _join_name(fragment: int) -> str:
+    return f"{_JOIN}{fragment:04d}"
 
 
 def pose_row(
@@ -163,6 +207,7 @@ def pose_row(
     publisher: int = 0,
     covariance: np.ndarray | None = None,  # [6, 6]
     T_odom_cam: np.ndarray | None = None,  # [4, 4]; None: the world's
+    fragment: int = 0,
 ) -> np.ndarray:
     """One row, [] of POSE_ROW."""
     row = np.zeros((), POSE_ROW)
@@ -171,7 +216,7 @@ def pose_row(
     row["status"], row["keyframe"] = status, keyframe
     row["T_world_cam"], row["T_keyframe_cam"] = T_world_cam, T_keyframe_cam
     row["quality"], row["map_version"], row["map_epoch"] = quality, map_version, map_epoch
-    row["pose_version"], row["publisher"] = pose_version, publisher
+    row["pose_version"], row["publisher"], row["fragment"] = pose_version, publisher, fragment
     row["covariance"] = np.nan if covariance is None else covariance
     row["T_odom_cam"] = T_world_cam if T_odom_cam is None else T_odom_cam
     return row
@@ -200,6 +245,12 @@ def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajecto
     poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
     poses = spread_errors(poses, kept["T_odom_cam"], kept["status"] == DEAD_RECKONED)
     return Trajectory(kept["source_stamp_ns"].copy(), poses)
+
+
+def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:
+    """The poses of a fragment, in a coordinate frame of its own."""
+    kept = _where(rows, rows["fragment"] == fragment)
+    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
 
 
 def _where(rows: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -129,13 +129,15 @@ class KeyframeStore:
         version: int | None = None,
         covariance: np.ndarray = _SURE,
         gap_covariance: np.ndarray = _SURE,
+        fragment: int = 0,
     ) -> int:
         """Add a keyframe and return its id; its pose was right at pose version `version`, None: now.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
         gap_covariance: [6, 6] (m, rad; axes of this camera, rotation about its centre) of the motion since
-            the keyframe before, as far as the robot's odometry alone tells it; 0: the camera was aligned
-            all the way.
+            the keyframe before, as far as the robot's odometry alone or the join of a fragment tells it; 0:
+            the camera was aligned all the way.
+        fragment: see `fragments`.
 
         Raises:
             UserError: no more can be kept, or the frame's camera or depth scale is not the store's.
@@ -150,7 +152,15 @@ class KeyframeStore:
         version = self.pose_version if version is None else version
         self._slots.write(slot, frame.color, frame.depth_raw)
         self._rows.write(
-            k, frame.index, frame.stamp_ns, slot, version, T_world_cam, covariance, gap_covariance
+            k,
+            frame.index,
+            frame.stamp_ns,
+            slot,
+            version,
+            T_world_cam,
+            covariance,
+            gap_covariance,
+            fragment,
         )
         self._slots.take(slot, k)
         store_ordered(self._header, _COUNT, k + 1)
@@ -217,6 +227,13 @@ class KeyframeStore:
     def stamps_ns(self) -> np.ndarray:
         """Sensor stamp of each keyframe, [n] int64 ns."""
         return self._rows.stamps_ns(self.count)
+
+    def fragments(self) -> np.ndarray:
+        """The fragment in which the camera was tracked to each keyframe, [n] int64; 0: the map.
+
+        Between two keyframes of different fragments the camera was lost, so their motion is not known.
+        """
+        return self._rows.fragments(self.count)
 
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""

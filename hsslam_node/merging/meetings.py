@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +38,9 @@ class Meeting:
         return self.T_world_first @ self.T_first_second @ inverse(self.T_world_second)
 
 
+M = TypeVar("M", bound=Meeting)
+
+
 def find_meetings(
     store: KeyframeStore,
     frames: Iterable[Frame],
@@ -62,7 +66,7 @@ def find_meetings(
     return meetings
 
 
-def agreeing(meetings: Sequence[Meeting]) -> list[Meeting]:
+def agreeing(meetings: Sequence[M]) -> list[M]:
     """The largest set that agrees with one of its meetings on how the two worlds lie; this one comes first.
 
     Two meetings agree if the one tells where the camera of the other is, to 10 cm and 3 % of the way

@@ -1,4 +1,4 @@
-"""Sources that alter the frames of another: size, exposure, noise and mask of the depth, stamps."""
+"""Sources that alter the frames of another: size, exposure, cover, noise and mask of the depth, stamps."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator

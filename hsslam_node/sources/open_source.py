@@ -71,7 +71,7 @@ def _plain_source(
 
 
 def _with_effects(source: Source, options: SourceOptions) -> Source:
-    """The source with the stamps, noise, changes of exposure, mask and size that the options ask for."""
+    """The source with the stamps, noise, exposure, mask, cover and size that the options ask for."""
     if options.reorders:
         from hsslam_node.sources.effects import Restamped
 

@@ -5,7 +5,10 @@ from hsslam_node.sources.source_row import SourceRow, either, has_names, has_suf
 SOURCES = (
     SourceRow(
         kind="synth",
-        examples=("synth:room", "synth:apartment", "synth:corridor", "synth:person", "synth:chair"),
+        examples=(
+            *("synth:room", "synth:apartment", "synth:corridor", "synth:person", "synth:chair"),
+            "synth:lookalike",
+        ),
         brief="built-in scenes",
         about="built-in [scenes](#built-in-scenes), rendered on the fly with exact depth, poses and mesh",
         opener="hsslam_node.sources.synth:SynthSource",

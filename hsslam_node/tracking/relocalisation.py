@@ -15,11 +15,13 @@ from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.place_recognition.picture_agreement import PictureAgreement, picture_agreement
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe, stored_reference
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
+_INDEXED_BESIDE = 4  # with a frame that is compared in the thread
 _OBSERVED_EVERY = 8  # frames; what was begun has long been done by then
 _LIMITS = LoopLimits(overlap=0.2)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
@@ -33,6 +35,14 @@ class Place:
 
     T_world_cam: np.ndarray  # [4, 4]
     reference: ReferenceKeyframe
+
+
+@dataclass(frozen=True)
+class SeenAgain:
+    """A keyframe that shows what a frame shows, and how far the two agree in detail."""
+
+    match: LoopMatch
+    pictures: PictureAgreement
 
 
 class Relocalisation:
@@ -89,6 +99,22 @@ class Relocalisation:
         except RetiredKeyframeError:  # just now: the next frame finds another
             return
         yield Place(T_world_cam[0], reference)
+
+    def compare(self, frame: Frame) -> Future[list[SeenAgain]]:
+        """Begin to compare a frame with what the camera has seen, in the thread; nothing else may be asked
+        of this object before that is done. No keyframes may come meanwhile."""
+        self._join()
+        return self._beside.submit(self._compared, frame)
+
+    def _compared(self, frame: Frame) -> list[SeenAgain]:
+        self._index.update(_INDEXED_BESIDE, newest_first=True)
+        found = []
+        for match in find_loop(self._store, self._index, frame, self._config, seed=self._seed):
+            with contextlib.suppress(RetiredKeyframeError):  # just now
+                keyframe = self._store.frame(match.keyframe)
+                pictures = picture_agreement(keyframe, frame, match.T_keyframe_cam)
+                found.append(SeenAgain(match, pictures))
+        return found
 
     def _join(self) -> None:
         """Take in what was begun: at the same frame in every run, however long it took."""

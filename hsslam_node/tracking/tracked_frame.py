@@ -66,6 +66,15 @@ def orthonormal(T: np.ndarray) -> np.ndarray:
     return out
 
 
+@dataclass(frozen=True)
+class JoinedFragment:
+    """What has become of the n keyframes of a fragment."""
+
+    fragment: int
+    keyframes: np.ndarray  # [n] int64, ids in the map of those that each moves with
+    T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with; mostly itself
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrackResult:
     """Where a frame was, and how sure that is."""
@@ -86,6 +95,10 @@ class TrackResult:
     covariance: np.ndarray | None = (
         None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
     )
+    fragment: int = (
+        0  # 0: pose and keyframe are of the map; else of this fragment, and the map's is lost
+    )
+    joined: "JoinedFragment | None" = None  # to the map, with this frame
 
     T_expected: np.ndarray | None = (
         None  # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones

@@ -1,6 +1,7 @@
 """The tracker: one frame in, one pose with its quality out."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -36,6 +37,7 @@ from hsslam_node.tracking.map_view import MapView, TornMapError
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.tracked_frame import (
+    JoinedFragment,
     TrackedFrame,
     TrackResult,
     frame_points,
@@ -77,6 +79,7 @@ class Tracker:
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
         self._localise_only = False
         self._reckoned = DeadReckoning()
+        self._fragment = 0  # of the keyframes that come
 
     def resume(self, *, anywhere: bool = False) -> None:
         """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
@@ -92,6 +95,36 @@ class Tracker:
         if anywhere:
             self._lost_frames = _FOLLOWED_FRAMES
             self._relocalisation.observe_all()
+
+    @property
+    def places(self) -> Relocalisation:
+        """The places that the camera has seen."""
+        return self._relocalisation
+
+    @property
+    def held_keyframes(self) -> set[int]:
+        """The keyframes that the next frame is tracked from."""
+        self.prepare_next()
+        frames = [f.keyframe for f in (self._last, self._before_last) if f is not None]
+        return {*frames, *([self._reference.id] if self._reference else [])}
+
+    def take_over(self, other: "Tracker", joined: JoinedFragment) -> None:
+        """Go on where the tracker of a fragment is that has joined this one's store."""
+        other.prepare_next()
+        assert other._last is not None and other._reference is not None
+        self._last = _moved(other._last, joined)
+        self._before_last = other._before_last and _moved(other._before_last, joined)
+        k = other._reference.id
+        moved = int(joined.keyframes[k])
+        if (joined.T_keyframe_own[k] == np.eye(4)).all():
+            self._reference = replace(other._reference, id=moved)
+        else:
+            self._reference = stored_reference(self._store, moved, self._config)
+        self._exposure, self._coverage = other._exposure, other._coverage
+        self._since_keyframe = other._since_keyframe
+        self._lost_frames, self._next_reference = 0, None
+        self._reckoned = DeadReckoning()
+        self._fragment = joined.fragment
 
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
@@ -247,7 +280,12 @@ class Tracker:
                 still = self._dynamic.left_out(frame, T)
                 of_gap = turned(gap + own, T[:3, :3].T) if gap.any() else gap
                 k = self._store.append(
-                    still, T, version, of_new_keyframe(own, of_reference, lever_m), of_gap
+                    still,
+                    T,
+                    version,
+                    of_new_keyframe(own, of_reference, lever_m),
+                    of_gap,
+                    self._fragment,
                 )
             self._dynamic.observe(k, still)
             T_keyframe_cam = np.eye(4)
@@ -383,3 +421,10 @@ class Tracker:
         T_cam_ref = inverse(T) @ self._store.pose(self._reference.id)
         overlap = reference_overlap(self._reference, T_cam_ref, frame.camera)
         return needs_replacing(alignment, overlap, self._coverage, self._config)
+
+
+def _moved(frame: TrackedFrame, joined: JoinedFragment) -> TrackedFrame:
+    """A frame of a fragment, placed relative to a keyframe of the map."""
+    k = frame.keyframe
+    T_keyframe_cam = joined.T_keyframe_own[k] @ frame.T_keyframe_cam
+    return replace(frame, keyframe=int(joined.keyframes[k]), T_keyframe_cam=T_keyframe_cam)

@@ -130,6 +130,10 @@ class Pose(Message, frozen=True, kw_only=True):
 
     `is_dead_reckoned`: the frame could not be aligned, and its pose is by the odometry of `Frame` alone. Its
     `quality` is 0; `covariance` says how sure the pose is.
+
+    `fragment`: 0, or the number of the fragment that a camera which is lost to the map is tracked in; status
+    is then lost, and pose, keyframe and quality are those in the fragment, which has a coordinate frame of
+    its own. Keyframes of a fragment that joins the map are published then, with its number.
     """
 
     index: FrameIndex
@@ -151,6 +155,7 @@ class Pose(Message, frozen=True, kw_only=True):
     covariance: Covariance = []
     odometry: Odometry = []
     is_dead_reckoned: bool = False
+    fragment: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
@@ -159,7 +164,10 @@ class Pose(Message, frozen=True, kw_only=True):
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
-    """A frame has become keyframe `id`; its pixels are in the arena."""
+    """A frame has become keyframe `id`; its pixels are in the arena.
+
+    `fragment`: that has joined the map and brought the keyframe with it; 0: none.
+    """
 
     id: Index
     frame_index: FrameIndex
@@ -167,6 +175,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
     t: Vector
     q: Quaternion
     map_epoch: Index = 0
+    fragment: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)

@@ -9,6 +9,7 @@ from hsslam_node.sources.options import SynthOptions
 from hsslam_node.synth.scenes.apartment import apartment_poses, build_apartment
 from hsslam_node.synth.scenes.chair_scene import build_chair_scene, chair_scene_poses
 from hsslam_node.synth.scenes.corridor import build_corridor, corridor_poses
+from hsslam_node.synth.scenes.lookalike import build_lookalike, lookalike_poses
 from hsslam_node.synth.scenes.person_scene import build_person_scene, person_scene_poses
 from hsslam_node.synth.scenes.room import build_room
 from hsslam_node.synth.scenes.room_motion import hand_held_poses
@@ -36,6 +37,10 @@ SCENES = {
     "corridor": BuiltIn(
         lambda synth: build_corridor(synth.seed),
         lambda synth: corridor_poses(synth.length, synth.seed),
+    ),
+    "lookalike": BuiltIn(
+        lambda synth: build_lookalike(synth.seed),
+        lambda synth: lookalike_poses(synth.length, synth.seed),
     ),
     "person": BuiltIn(
         lambda synth: build_person_scene(synth.seed),

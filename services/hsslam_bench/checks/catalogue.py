@@ -11,6 +11,7 @@ from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
+from hsslam_bench.checks.map_worth.lost import lost_checks
 from hsslam_bench.checks.map_worth.merge import merge_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
 from hsslam_bench.checks.map_worth.texture import texture_checks
@@ -43,6 +44,7 @@ def catalogue() -> list[Check]:
         *gap_checks(),
         *kidnapping_checks(),
         *localise_checks(),
+        *lost_checks(),
         *faithful_checks(),
         *viewer_checks(),
         *frozen_checks(),

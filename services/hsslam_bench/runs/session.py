@@ -35,7 +35,7 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
 }
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
-_SCENES = ("room", "apartment", "corridor", "person", "chair")
+_SCENES = ("room", "apartment", "corridor", "person", "chair", "lookalike")
 RECORDED_ROOM = "recordedroom"  # synth:room as files: nothing is rendered while it runs
 _SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
 
@@ -109,6 +109,14 @@ class Session:
             name, options = f"{name}-unrefined", (*options, "--slam.ba.no-enabled")
         if terms != "both":
             name, options = f"{name}-{terms}", (*options, *_TERMS[terms])
+        return self._run(name, options)
+
+    def darkened(self, sequence: str, seed: int, frames: int, dark: range) -> ServeRun:
+        """As `poses`, the first `frames` of a built-in scene; those of the range `dark` show nothing."""
+        name = f"dark-{dark.start}-{dark.stop}-{sequence}-seed{seed}"
+        pace = ("--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
+        cover = ("--cover-at", str(dark.start), "--cover-frames", str(len(dark))) if dark else ()
+        options = (*self._source(sequence), *pace, "--synth.length", str(frames), *cover)
         return self._run(name, options)
 
     def viewer(self, sequence: str) -> ServeRun:

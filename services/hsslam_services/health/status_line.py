@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from hsslam_proto.messages import TopicCounts
+from hsslam_proto.messages import Pose, TopicCounts
 from hsslam_proto.topics import FRAME
 from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
@@ -74,6 +74,15 @@ class StatusLine:
             self._console.print(line, soft_wrap=True)
 
 
+def _quality(pose: Pose | None) -> str:
+    """As a word, if the camera is not tracked in the map."""
+    if pose is None:
+        return "-"
+    if pose.fragment:
+        return f"{pose.quality:.2f} in fragment {pose.fragment}"
+    return "lost" if pose.status == "lost" else f"{pose.quality:.2f}"
+
+
 def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> Text:
     """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
     pose = state.pose
@@ -83,7 +92,7 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     frames = tracker.topics.get(FRAME.name, TopicCounts()) if tracker else TopicCounts()
     now_s = time.monotonic()
     is_silent = state.tracking(now_s) == "none"
-    quality = "lost" if pose and pose.status == "lost" else f"{pose.quality:.2f}" if pose else "-"
+    quality = _quality(pose)
     frame = "-" if pose is None else str(pose.index)
     text = Text(
         f"frame {frame}/{sent}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "

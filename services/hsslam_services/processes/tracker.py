@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError, UserError
+from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame
 from hsslam_node.map.pose_log import (
     DEAD_RECKONED,
@@ -29,8 +30,8 @@ from hsslam_node.map.pose_log import (
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapViews, TornMapError
-from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.open_tracker import FrameTracker
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.warm_start import warm_start
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
@@ -103,14 +104,21 @@ class _TrackerLoop:
         for row in self._log.newest_of_each():
             order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
         self._last_status: Status = "initial"
+        self._fragment = 0  # the newest that was reported
         store = self._link.store()
         if store is not None and store.count > 0:
-            self._tracker = open_tracker(
-                worker.options.slam, store, worker.options.seed, self._device.threads
-            )
+            self._tracker = self._open_tracker(store)
             self._tracker.resume(anywhere=store.inherited > 0)
             if self._log.count > 0:
                 worker.event("warning", f"tracker resumes from keyframe {store.count - 1}")
+
+    def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
+        options, threads = self._worker.options, self._device.threads
+        fragments = int(self._log.rows()["fragment"].max(initial=0))  # of a predecessor
+        return open_fragment_tracker(
+            options.slam, store, options.seed, threads,
+            new_map_after_s=options.new_map_after_s, fragments=fragments,
+        )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
         """Track and publish; a frame that was answered before is answered again."""
@@ -145,6 +153,7 @@ class _TrackerLoop:
             map_epoch=self._mode.map_epoch,
             publisher=place.publisher,
             covariance=result.covariance,
+            fragment=result.fragment,
         )
         self._path.add(row, self._link.store(), result.T_expected)
         if not self._log.append(row):
@@ -156,7 +165,9 @@ class _TrackerLoop:
             for stage, (begin, end) in zip(_STAGES, pairwise(stamps_ns), strict=True)
         }
         self._poses.put(_pose_message(row, result.residual_m, stages_ms))
-        if result.is_keyframe:
+        if result.joined is not None:
+            self._join(result.joined)
+        elif result.is_keyframe:
             self._announce_keyframe(result, message)
         self._account(result)
         self._tell_of_room()
@@ -176,7 +187,7 @@ class _TrackerLoop:
                 frame.depth_units_per_m,
                 options.slam.keyframes.capacity,
             )
-            self._tracker = open_tracker(options.slam, store, options.seed, self._device.threads)
+            self._tracker = self._open_tracker(store)
         localise_only = self._mode.localise_only
         views = self._map_views()
         with self._worker.timed("track"):
@@ -209,12 +220,41 @@ class _TrackerLoop:
             )
         )
 
+    def _join(self, joined: JoinedFragment) -> None:
+        """Note it in the log, and announce the keyframes that the map has from the fragment."""
+        store = self._link.store()
+        assert store is not None
+        try:
+            self._log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+        except OutOfMemoryError as error:
+            self._worker.event(
+                "warning", f"poses of fragment {joined.fragment} not joined: {error}"
+            )
+        ids = np.unique(joined.keyframes)
+        frames, stamps_ns = store.frame_indices(), store.stamps_ns()
+        for k, T in zip(ids.tolist(), store.poses_of(ids), strict=True):
+            t, q = wire_pose(T)
+            self._keyframes.put(
+                messages.Keyframe(
+                    id=k, frame_index=int(frames[k]), source_stamp_ns=int(stamps_ns[k]), t=t, q=q,
+                    map_epoch=self._mode.map_epoch, fragment=joined.fragment,
+                )
+            )  # fmt: skip
+        self._worker.count("fragments joined")
+        text = f"fragment {joined.fragment} has joined the map with {len(ids)} keyframes"
+        self._worker.event("info", text)
+
     def _account(self, result: TrackResult) -> None:
         is_reckoned = result.status == "dead_reckoned"
         self._worker.count("tracked" if is_reckoned else result.status)
         if is_reckoned:
             self._worker.count("by odometry alone")
         self._worker.count("points outside the bound", result.outside)
+        if result.fragment > self._fragment:
+            self._fragment = result.fragment
+            self._worker.count("fragments begun")
+            text = f"a new map, fragment {result.fragment}, begins at frame {result.frame_index}"
+            self._worker.event("info", text)
         before, self._last_status = self._last_status, result.status
         if before == result.status:
             return
@@ -267,6 +307,7 @@ def _pose_message(
         keyframe=int(row["keyframe"]),
         map_epoch=int(row["map_epoch"]),
         publisher=int(row["publisher"]),
+        fragment=int(row["fragment"]),
         pose_version=int(row["pose_version"]),
         covariance=wire_covariance(row["covariance"]),
         odometry=wire_odometry(row["T_odom_cam"]),

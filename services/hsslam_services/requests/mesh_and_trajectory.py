@@ -51,7 +51,8 @@ def trajectory_so_far(arena_dir: Path, map_epoch: int = 0) -> Trajectory | None:
     arrays = ArenaView(arena_dir)
     try:
         keyframe_poses = KeyframeStore(arrays).poses()
-        return final_trajectory(of_map_epoch(PoseLog(arrays).rows(), map_epoch), keyframe_poses)
+        log = PoseLog(arrays)
+        return final_trajectory(log.joined(of_map_epoch(log.rows(), map_epoch)), keyframe_poses)
     except KeyError:
         return None
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from hsslam_node.config import SlamConfig
+from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames
@@ -111,6 +112,8 @@ class ServeOptions:
     """Saved map to continue in: a NAME in --maps or a file (empty: a new map)."""
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
+    new_map_after_s: float = NEW_MAP_AFTER_S
+    """Lost for so long, the camera goes on in a new map, joined to the old where they meet, s (0: never)."""
     seed: int = 0
     """Seed of all random numbers."""
     noise: Literal["none", "kinect"] = "none"
@@ -200,6 +203,10 @@ class ServeOptions:
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
         if self.localise_only and not self.map:
             raise UserError("--localise-only: expected with --map NAME")
+        if not (math.isfinite(self.new_map_after_s) and self.new_map_after_s >= 0):
+            raise UserError(
+                f"--new-map-after-s {self.new_map_after_s:g}: expected seconds, or 0 for never"
+            )
         if self.map and self.slam.tracker.method != "alignment":
             raise UserError(
                 f"--map {self.map}: --slam.tracker.method {self.slam.tracker.method} cannot relocalise "

@@ -10,6 +10,7 @@ from hsslam_node.map.pose_log import (
     TRACKED,
     PoseLog,
     final_trajectory,
+    fragment_trajectory,
     online_trajectory,
     pose_row,
 )
@@ -77,3 +78,30 @@ def test_final_poses_move_with_their_keyframe_and_lost_frames_have_none():
     moved = se3_exp(np.array([0.1, 0, 0, 0, 0.2, 0]))
     final = final_trajectory(rows, (moved @ poses[0])[None])
     np.testing.assert_allclose(final.T_world_cam, moved @ online.T_world_cam, atol=1e-12)
+
+
+def test_frames_of_a_fragment_are_lost_until_it_joins_the_map():
+    log = PoseLog(MemoryAllocator())
+    aside = se3_exp(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.3]))
+    own = se3_exp(np.array([0.1, 0.0, 0.0, 0.0, 0.2, 0.0]))
+    for index, fragment in enumerate([0, 1, 1, 2]):
+        row = _row(index, np.eye(4), keyframe=min(fragment, 1))
+        row["status"], row["fragment"], row["T_keyframe_cam"] = (
+            LOST * (fragment > 0) or TRACKED,
+            fragment,
+            own,
+        )
+        log.append(row)
+    rows = log.rows()
+    assert log.joined(rows) is rows
+    log.join(1, np.array([5, 5]), np.stack([np.eye(4), aside]))
+    joined = log.joined(rows)
+    assert joined["status"].tolist() == [TRACKED, TRACKED, TRACKED, LOST]
+    assert joined["keyframe"].tolist() == [0, 5, 5, 1]
+    keyframes = np.tile(np.eye(4), (6, 1, 1))
+    keyframes[5, :3, 3] = 1.0, 2.0, 3.0
+    final = final_trajectory(joined, keyframes)
+    assert np.allclose(final.T_world_cam[1:], keyframes[5] @ aside @ own)
+    assert len(online_trajectory(rows)) == 1
+    assert fragment_trajectory(rows, 2).stamps_ns.tolist() == [30]
+    assert PoseLog.owns("pose_joins") and PoseLog.owns("pose_join.0001")

@@ -1,0 +1,1 @@
+"""A lost camera moves on: it is tracked in a fragment beside the map, which joins the map where they meet."""

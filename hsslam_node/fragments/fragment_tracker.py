@@ -1,0 +1,169 @@
+"""A tracker that goes on where the map ends for it: in a fragment, until that joins the map."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.config.tracking import NEW_MAP_AFTER_S
+from hsslam_node.errors import UserError
+from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.join_search import JoinSearch
+from hsslam_node.frame import Frame
+from hsslam_node.map.pose_log import MOST_FRAGMENTS
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.place_recognition.image_features import image_features
+from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
+from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracker import Tracker
+
+_SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
+_FEWEST_FEATURES = 60  # of an image that shows something
+_MOST_KEYFRAMES = 600  # of a fragment: 0.9 GB at 640x480
+_SPARE_KEYFRAMES = 16  # that the camera needs at once after a join
+
+
+def open_fragment_tracker(
+    config: SlamConfig,
+    store: KeyframeStore,
+    seed: int,
+    threads: int = 1,
+    *,
+    new_map_after_s: float = NEW_MAP_AFTER_S,
+    fragments: int = 0,
+) -> FrameTracker:
+    """The tracker of a configuration, with fragments if it recognises places.
+
+    Args:
+        new_map_after_s: a fragment begins when the camera has been lost for so long; 0: never.
+        fragments: how many were begun before.
+    """
+    tracker = open_tracker(config, store, seed, threads)
+    if not isinstance(tracker, Tracker) or not new_map_after_s:
+        return tracker
+    return FragmentTracker(config, store, seed, tracker, new_map_after_s, fragments)
+
+
+class FragmentTracker:
+    """Tracks in the map; a camera that is lost for long and sees again is tracked in a fragment.
+
+    Poses in a fragment are lost to the map: their status says so, and `fragment` in which they are. When
+    the fragment joins the map, its keyframes are appended to the map's, and the camera goes on there.
+    """
+
+    def __init__(
+        self, config: SlamConfig, store: KeyframeStore, seed: int, tracker: Tracker,
+        new_map_after_s: float, fragments: int,
+    ) -> None:  # fmt: skip
+        self._slam = config
+        self._after_ns = round(1e9 * new_map_after_s)
+        self._store = store
+        self._seed = seed
+        self._map = tracker
+        self._fragment: Fragment | None = None
+        self._search: JoinSearch | None = None
+        self._begun = fragments
+        self._lost_ns: int | None = None  # stamp of the first frame that was lost, of those before
+        self._seeing_ns: int | None = None  # of the first that showed something, of those
+
+    def resume(self, *, anywhere: bool = False) -> None:
+        """As the tracker of the map."""
+        self._map.resume(anywhere=anywhere)
+
+    def prepare_next(self) -> None:
+        """As the tracker in use."""
+        (self._fragment.tracker if self._fragment else self._map).prepare_next()
+
+    def track(
+        self, frame: Frame, view: MapView | None, *, localise_only: bool = False
+    ) -> TrackResult:
+        """Pose of the frame; see the class.
+
+        Raises:
+            TornMapError: as by the tracker of the map.
+        """
+        if self._fragment is not None and not localise_only:
+            return self._in_fragment(self._fragment, frame, view)
+        self._leave()
+        result = self._map.track(frame, view, localise_only=localise_only)
+        if localise_only or self._store.count == 0:
+            return result
+        return self._after(frame, result)
+
+    def _in_fragment(self, fragment: Fragment, frame: Frame, view: MapView | None) -> TrackResult:
+        assert self._search is not None
+        result = fragment.track(frame)
+        if result.status == "lost":
+            self._search.collect()  # the places of the map are asked in turn
+            found = self._map.track(frame, view)
+            if found.status != "lost":
+                self._leave()
+            return self._after(frame, found)
+        self._lost_ns = None
+        T_map_fragment = self._search.step()
+        joined = None if T_map_fragment is None else self._join(fragment, T_map_fragment, result)
+        return joined or _of_fragment(result, fragment.number)
+
+    def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
+        """The result of a frame; where it is lost, and has been for long, a fragment begins with it."""
+        if result.status != "lost":
+            self._lost_ns = None
+            return result
+        if self._lost_ns is None:
+            self._lost_ns, self._seeing_ns = frame.stamp_ns, None
+        rest_ns = self._lost_ns + self._after_ns - frame.stamp_ns
+        if rest_ns > 1e9 * _SEEING_S or self._begun >= MOST_FRAGMENTS:
+            return result
+        if len(image_features(frame)) < _FEWEST_FEATURES:
+            self._seeing_ns = None
+            return result
+        if self._seeing_ns is None:
+            self._seeing_ns = frame.stamp_ns
+        if rest_ns > 0 or frame.stamp_ns - self._seeing_ns < 1e9 * _SEEING_S:
+            return result
+        return self._begin(frame) or result
+
+    def _begin(self, frame: Frame) -> TrackResult | None:
+        fragment = Fragment(self._slam, frame, self._seed, self._begun + 1, _MOST_KEYFRAMES)
+        first = fragment.track(frame)
+        if first.status == "lost":  # there is too little depth
+            return None
+        self._begun, self._lost_ns = fragment.number, None
+        self._fragment = fragment
+        self._search = JoinSearch(self._store, self._map.places, fragment)
+        return _of_fragment(first, fragment.number)
+
+    def _join(
+        self, fragment: Fragment, T_map_fragment: np.ndarray, result: TrackResult
+    ) -> TrackResult | None:
+        """The result in the map; None, and the fragment goes on, while there is no room for it."""
+        kept = len(self._store.kept())
+        room = min(self._store.most_kept, self._store.capacity) - kept - _SPARE_KEYFRAMES
+        try:
+            joined = fragment.join(self._store, T_map_fragment, room)
+        except UserError:
+            return None
+        if joined is None:
+            return None
+        self._map.take_over(fragment.tracker, joined)
+        self._fragment = self._search = None
+        k = int(joined.keyframes[result.keyframe])
+        T_keyframe_cam = joined.T_keyframe_own[result.keyframe] @ result.T_keyframe_cam
+        return replace(
+            result, status="tracked", T_world_cam=self._store.pose(k) @ T_keyframe_cam, keyframe=k,
+            T_keyframe_cam=T_keyframe_cam, pose_version=self._store.pose_version, covariance=None,
+            joined=joined,
+        )  # fmt: skip
+
+    def _leave(self) -> None:
+        """The camera is in the map again: what it saw in between stays a fragment."""
+        if self._search is not None:
+            self._search.collect()
+        self._fragment = self._search = None
+
+
+def _of_fragment(result: TrackResult, number: int) -> TrackResult:
+    return replace(
+        result, status="lost", fragment=number, is_keyframe=False, pose_version=0, covariance=None
+    )

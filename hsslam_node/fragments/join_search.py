@@ -1,0 +1,67 @@
+"""Where a fragment meets the map: its keyframes are compared with the map's, one at a time, in a thread."""
+
+from concurrent.futures import Future
+
+import numpy as np
+
+from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.join_decision import CheckedMeeting, T_map_fragment, agreed_meetings
+from hsslam_node.geometry.projection import world_points
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.relocalisation import Relocalisation, SeenAgain
+
+_FRAMES = 8  # that a comparison has, 120 ms of one core; it ends at the same frame in every run
+_MOST_MEETINGS = 300  # the newest
+_STRIDE_PX = 16
+
+
+class JoinSearch:
+    """Collects meetings of a fragment with the map, until they tell how the two lie."""
+
+    def __init__(self, store: KeyframeStore, places: Relocalisation, fragment: Fragment) -> None:
+        self._store = store
+        self._places = places
+        self._fragment = fragment
+        self._meetings: list[CheckedMeeting] = []
+        self._compared = -1  # the newest keyframe that was begun
+        self._pending: tuple[int, Future[list[SeenAgain]]] | None = None
+        self._frames = 0  # since it was begun
+
+    def step(self) -> np.ndarray | None:
+        """A frame was tracked in the fragment; T_map_fragment [4, 4], if it is known now."""
+        self._frames += 1
+        if self._frames < _FRAMES:
+            return None
+        found = self.collect()
+        newest = self._fragment.store.count - 1
+        if newest > self._compared:
+            self._compared, self._frames = newest, 0
+            frame = self._fragment.store.frame(newest)
+            self._pending = newest, self._places.compare(frame)
+        return found
+
+    def collect(self) -> np.ndarray | None:
+        """Wait for the comparison that was begun, if any; T_map_fragment [4, 4], if it is known now."""
+        if self._pending is None:
+            return None
+        k, compared = self._pending
+        self._pending = None
+        found = compared.result()
+        if not found:
+            return None
+        fragment = self._fragment.store
+        self._meetings += [checked_meeting(self._store, fragment, k, seen) for seen in found]
+        self._meetings = self._meetings[-_MOST_MEETINGS:]
+        agreed = agreed_meetings(self._meetings)
+        return T_map_fragment(agreed) if agreed else None
+
+
+def checked_meeting(
+    store: KeyframeStore, fragment: KeyframeStore, k: int, seen: SeenAgain
+) -> CheckedMeeting:
+    """What a comparison of keyframe k of the fragment with the map's `store` has found."""
+    match, frame, T = seen.match, fragment.frame(k), fragment.pose(k)
+    shown = np.median(world_points(frame.depth_m(), frame.camera, T, _STRIDE_PX), axis=0)
+    return CheckedMeeting(
+        match.keyframe, k, match.T_keyframe_cam, store.pose(match.keyframe), T, shown, seen.pictures
+    )

@@ -1,0 +1,79 @@
+"""Whether two frames agree in detail: places that look alike have one shape, and other pictures."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+
+_WIDTH_PX = 320  # of the images that are compared
+_BLOCK_PX = 20  # of these; 40 of 640
+_BLUR_PX = 1.0  # poses are good to about a pixel
+_TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + second z^2, m
+_FEWEST = 0.6  # of a block's pixels that both frames see
+_CONTRAST = 6.0  # standard deviation of grey levels of a block that shows something
+_ALIKE = 0.7  # correlation of a block that shows the same
+
+
+@dataclass(frozen=True)
+class PictureAgreement:
+    """Blocks of a frame that show something, in both frames on the same surface."""
+
+    alike: int  # that show the same
+    compared: int
+
+
+def picture_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -> PictureAgreement:
+    """Compare block by block what the first frame shows with what the second shows of the same surface.
+
+    A whole image correlates well if walls and furniture do; a picture that hangs on the wall is a few
+    blocks.
+    """
+    grey, depth_m = _small(first)  # [h, w]
+    other, other_m = _small(second)
+    camera = first.camera.scaled(grey.shape[1] / first.camera.width_px)
+    v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]
+    rays = np.stack(
+        [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
+    )
+    T = inverse(T_first_second)
+    points = (rays * depth_m[..., None]) @ T[:3, :3].T + T[:3, 3]  # [h, w, 3]
+    z = np.maximum(points[..., 2], 1e-3)
+    at_u = (points[..., 0] / z * camera.fx + camera.cx).astype(np.float32)
+    at_v = (points[..., 1] / z * camera.fy + camera.cy).astype(np.float32)
+    seen = cv2.remap(other, at_u, at_v, cv2.INTER_LINEAR, borderValue=0)
+    seen_m = cv2.remap(other_m, at_u, at_v, cv2.INTER_NEAREST, borderValue=0)
+    off_m = np.abs(seen_m - points[..., 2])
+    both = (depth_m > 0) & (seen_m > 0) & (off_m < _TOLERANCE_M + _TOLERANCE_SLOPE * z**2)
+    return _compared(_blocks(grey), _blocks(seen), _blocks(both.astype(np.float32)))
+
+
+def _small(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Blurred grey levels and depth (m) [h, w] float32 of a small image; depth of the nearest pixel."""
+    camera = frame.camera
+    factor = min(1.0, _WIDTH_PX / camera.width_px)
+    size = round(camera.width_px * factor), round(camera.height_px * factor)
+    grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
+    grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    depth_m = cv2.resize(frame.depth_m(), size, interpolation=cv2.INTER_NEAREST)
+    return cv2.GaussianBlur(grey, (0, 0), _BLUR_PX), depth_m
+
+
+def _blocks(image: np.ndarray) -> np.ndarray:
+    """[blocks, pixels of a block] of an image [h, w], what is left at the borders left out."""
+    h, w = (side // _BLOCK_PX for side in image.shape)
+    cut = image[: h * _BLOCK_PX, : w * _BLOCK_PX]
+    split = cut.reshape(h, _BLOCK_PX, w, _BLOCK_PX).swapaxes(1, 2)
+    return split.reshape(h * w, -1).astype(np.float64)
+
+
+def _compared(first: np.ndarray, second: np.ndarray, both: np.ndarray) -> PictureAgreement:
+    """Correlations of blocks [n, pixels], over the pixels that both frames see."""
+    count = np.maximum(both.sum(axis=1), 1.0)
+    a, b = ((x - ((x * both).sum(axis=1) / count)[:, None]) * both for x in (first, second))
+    deviation, other = (np.sqrt((x * x).sum(axis=1) / count) for x in (a, b))
+    tested = (both.mean(axis=1) >= _FEWEST) & (np.maximum(deviation, other) >= _CONTRAST)
+    correlation = (a * b).sum(axis=1) / count / np.maximum(deviation * other, 1e-6)
+    return PictureAgreement(int((correlation[tested] >= _ALIKE).sum()), int(tested.sum()))

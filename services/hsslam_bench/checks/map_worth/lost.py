@@ -1,0 +1,84 @@
+"""A lost camera that moves on: what it sees joins the map where the two meet, and no room joins another."""
+
+import json
+
+from hsslam_bench.checks.accuracy import Accuracy
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import ServeRun, finished
+from hsslam_bench.runs.session import Session
+from hsslam_node.config.tracking import NEW_MAP_AFTER_S
+
+_DARK = range(672, 732)  # 2 s: the doorway from the kitchen to the study
+_FRAMES = 2400  # once round, and on into the room where the walk began
+_RATE_HZ = 30
+_FACTOR = 1.5  # of the ATE without darkness
+_ROOMS = "hsslam_bench.scripts.lookalike_rooms"
+
+
+def lost_checks() -> list[Check]:
+    """A walk through darkness, and rooms that look alike."""
+    return [
+        Check(
+            "lost:apartment",
+            f"apartment, {_FRAMES} frames, lockstep, 2 s of darkness in a doorway: ATE RMSE, final, mean of "
+            "the seeds; in the end all frames are in one map, but for those of the first "
+            f"{NEW_MAP_AFTER_S:g} s from the darkness on",
+            f"{_FACTOR:g} x without darkness",
+            _apartment,
+            by_name_only=True,
+            is_lockstep=True,
+        ),
+        Check(
+            "lost:lookalike",
+            "30 rooms of one plan with the same furniture, 320x240, keyframes at their true poses, the map "
+            "knows one room and the fragment the next: wrong joins; and five fragments in the room that the "
+            "map knows",
+            "0; 5 of 5 joined",
+            _lookalike,
+            by_name_only=True,
+        ),
+    ]
+
+
+def _apartment(session: Session) -> Measured:
+    dark = [finished(session.darkened("apartment", s, _FRAMES, _DARK)) for s in session.seeds]
+    light = [finished(session.darkened("apartment", s, _FRAMES, range(0))) for s in session.seeds]
+    found, plain = Accuracy.of(dark), Accuracy.of(light)
+    bound_m = _FACTOR * plain.mean_m
+    unavoidable = round(_RATE_HZ * NEW_MAP_AFTER_S) + 1
+    fragments = [_fragments(run) for run in dark]
+    each = ", ".join(f"{joined} of {begun}" for begun, joined in fragments)
+    ok = (
+        found.mean_m <= bound_m
+        and found.lost <= unavoidable * len(dark)
+        and all(begun == joined <= 1 for begun, joined in fragments)
+    )
+    return Measured(
+        f"{100 * found.mean_m:.3f} cm (seeds: {found.each_cm(3)}), without darkness "
+        f"{100 * plain.mean_m:.3f} cm (seeds: {plain.each_cm(3)}); {each} fragments joined, "
+        f"{found.lost} frames lost",
+        ok,
+        {**found.values(bound_m), "plain_m": plain.errors_m, "fragments": fragments},
+        found.mean_m / max(plain.mean_m, 1e-9),
+        "lower",
+    )
+
+
+def _fragments(run: ServeRun) -> tuple[int, int]:
+    """How many were begun, and how many of them have joined the map."""
+    fragments = run.summary.get("fragments", {}).values()
+    return len(fragments), sum(fragment["joined"] for fragment in fragments)
+
+
+def _lookalike(session: Session) -> Measured:
+    scores = [json.loads(session.python(_ROOMS, str(seed))) for seed in session.seeds]
+    wrong, pairs, joined, controls = (
+        sum(score[name] for score in scores) for name in ("wrong", "pairs", "joined", "controls")
+    )
+    return Measured(
+        f"{wrong} of {pairs} pairs; {joined} of {controls} controls joined",
+        wrong == 0 and joined == controls,
+        {"scores": scores},
+        float(wrong),
+        "lower",
+    )

@@ -1,0 +1,84 @@
+"""A camera that is lost and moves on: tracked beside the map, and joined to it where it has been before."""
+
+from functools import cache
+
+import numpy as np
+
+from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.tracking.tracked_frame import TrackResult
+from tests.small_room import SMALL, pose_error
+
+_STRIDE, _DARK = 5, (5.0, 8.0)  # s
+_DRIFT_M, _DRIFT_DEG = 0.15, 3.0  # of a fragment, before bundle adjustment
+_OPTIONS = SourceOptions(
+    stride=_STRIDE, dark=_DARK, to_and_fro=2, frames=220,
+    synth=SynthOptions(width_px=160, height_px=120),
+)  # fmt: skip
+
+
+@cache
+def _walk() -> tuple[tuple[Frame, ...], np.ndarray]:
+    """Once round the room and most of the way back, and the true poses relative to the first."""
+    source, truth = open_source("synth:room", _OPTIONS), open_ground_truth("synth:room", _OPTIONS)
+    assert truth
+    frames = tuple(f for f in source.frames() if isinstance(f, Frame))
+    return frames, inverse(truth.T_world_cam[0]) @ truth.T_world_cam
+
+
+def _tracked(
+    new_map_after_s: float, most: int | None = None
+) -> tuple[list[TrackResult], KeyframeStore]:
+    frames = _walk()[0][:most]
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 256)
+    tracker = open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s)
+    return [tracker.track(frame, None) for frame in frames], store
+
+
+@cache
+def _lost_and_joined() -> tuple[list[TrackResult], KeyframeStore]:
+    return _tracked(3.0)
+
+
+def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
+    results, store = _lost_and_joined()
+    _, truth = _walk()
+    states = [(r.status, r.fragment) for r in results]
+    begun = states.index(("lost", 1))
+    joined = next(k for k, r in enumerate(results) if r.joined)
+    assert results[begun].frame_index * _STRIDE / 30 >= _DARK[1]
+    assert set(states[begun:joined]) == {("lost", 1)}
+    assert set(states[joined:]) == {("tracked", 0)}
+    for r in results[joined:]:
+        off_m, off_deg = pose_error(results[0].T_world_cam @ truth[r.frame_index], r.T_world_cam)
+        assert off_m < 0.02 and off_deg < 0.5
+    for k, T in zip(store.frame_indices().tolist(), store.poses(), strict=True):
+        off_m, off_deg = pose_error(results[0].T_world_cam @ truth[k], T)
+        assert off_m < _DRIFT_M and off_deg < _DRIFT_DEG
+    assert set(store.fragments().tolist()) == {0, 1}
+
+
+def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
+    results, store = _lost_and_joined()
+    _, truth = _walk()
+    (joined,) = (r.joined for r in results if r.joined)
+    for r in results:
+        if r.fragment != joined.fragment:
+            continue
+        T_own_cam = joined.T_keyframe_own[r.keyframe] @ r.T_keyframe_cam
+        T = store.pose(int(joined.keyframes[r.keyframe])) @ T_own_cam
+        off_m, _ = pose_error(results[0].T_world_cam @ truth[r.frame_index], T)
+        assert off_m < _DRIFT_M
+
+
+def test_without_the_option_the_camera_stays_lost_until_it_is_found():
+    results, _ = _tracked(0.0, 80)
+    assert {r.fragment for r in results} == {0}
+    assert results[-1].status == "lost"
