@@ -15,10 +15,10 @@ from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import SMALL, pose_error
 
-_STRIDE, _DARK = 5, (5.0, 8.0)  # s
+_DARK = range(30, 48)  # 3 s
 _DRIFT_M, _DRIFT_DEG = 0.15, 3.0  # of a fragment, before bundle adjustment
 _OPTIONS = SourceOptions(
-    stride=_STRIDE, dark=_DARK, to_and_fro=2, frames=220,
+    stride=5, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=220,
     synth=SynthOptions(width_px=160, height_px=120),
 )  # fmt: skip
 
@@ -53,7 +53,7 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
     states = [(r.status, r.fragment) for r in results]
     begun = states.index(("lost", 1))
     joined = next(k for k, r in enumerate(results) if r.joined)
-    assert results[begun].frame_index * _STRIDE / 30 >= _DARK[1]
+    assert results[begun].frame_index >= _DARK.stop
     assert set(states[begun:joined]) == {("lost", 1)}
     assert set(states[joined:]) == {("tracked", 0)}
     for r in results[joined:]:
