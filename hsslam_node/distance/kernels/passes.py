@@ -28,10 +28,15 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
     """
     nz, ny, nx = evidence.shape
     A = T_cam_index
+    sides = _frustum(image, A)
+    steps = _steps_in_part(image, A)
+    places = np.empty((3, _PART**3))
     for k in range(0, nz, _BLOCK):
         for j in range(0, ny, _BLOCK):
             for i in range(0, nx, _BLOCK):
-                word = _word_of_block(image, A, i, j, k, _BLOCK, voxel_m, far_m)
+                if _is_beside(sides, i, j, k, _BLOCK):
+                    continue
+                word, farthest = _word_of_block(image, A, i, j, k, _BLOCK, far_m)
                 if word == _THROUGHOUT:
                     _pass_block(i, j, k, _BLOCK, evidence)
                 elif word == _MIXED and not _is_at_least(i, j, k, _BLOCK, evidence):
@@ -43,18 +48,27 @@ def add_passes(image, T_cam_index, voxel_m, far_m, slot, evidence):
                         )
                         if a >= nx or b >= ny or c >= nz:
                             continue
+                        if _is_beside(sides, a, b, c, _PART):
+                            continue
                         if _is_at_least(a, b, c, _PART, evidence):
                             continue
-                        word = _word_of_block(image, A, a, b, c, _PART, voxel_m, far_m)
+                        word, farthest = _word_of_block(image, A, a, b, c, _PART, far_m)
                         if word == _THROUGHOUT:
                             _pass_block(a, b, c, _PART, evidence)
                         elif word == _MIXED:
-                            _pass_voxels(image, A, a, b, c, voxel_m, far_m, slot, evidence)
+                            _place_voxels(image, A, a, b, c, steps, places)
+                            _pass_voxels(
+                                image, places, a, b, c, voxel_m, far_m, farthest, slot, evidence
+                            )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _word_of_block(image, A, i, j, k, side, voxel_m, far_m):
-    """What the image says of a block of voxels as a whole, from a box about it along the camera's axes."""
+def _word_of_block(image, A, i, j, k, side, far_m):
+    """What the image says of a block of voxels as a whole, from a box about it along the camera's axes.
+
+    Returns that and the farthest depth in the box, m.
+    """
+    none, unlimited = np.float32(0.0), np.float32(np.inf)
     height, width = image.depth.shape
     half = 0.5 * (side - 1)
     x = A[0, 0] * (i + half) + A[0, 1] * (j + half) + A[0, 2] * (k + half) + A[0, 3]
@@ -65,9 +79,9 @@ def _word_of_block(image, A, i, j, k, side, voxel_m, far_m):
     reach_y = reach * (abs(A[1, 0]) + abs(A[1, 1]) + abs(A[1, 2]))
     reach_z = reach * (abs(A[2, 0]) + abs(A[2, 1]) + abs(A[2, 2]))
     if z + reach_z < _NEAREST_M or z - reach_z > far_m:
-        return _OUTSIDE
+        return _OUTSIDE, none
     if z - reach_z < _NEAREST_M:
-        return _MIXED
+        return _MIXED, unlimited
     per_near, per_far = 1.0 / (z - reach_z), 1.0 / (z + reach_z)
     u_low = (x - reach_x) * (per_near if x < reach_x else per_far)
     u_high = (x + reach_x) * (per_near if x > -reach_x else per_far)
@@ -76,18 +90,18 @@ def _word_of_block(image, A, i, j, k, side, voxel_m, far_m):
     u0, u1 = u_low * image.fx + image.cx + 0.5, u_high * image.fx + image.cx + 0.5
     v0, v1 = v_low * image.fy + image.cy + 0.5, v_high * image.fy + image.cy + 0.5
     if u1 < 0 or v1 < 0 or u0 >= width or v0 >= height:
-        return _OUTSIDE
+        return _OUTSIDE, none
     is_whole = u0 >= 0 and v0 >= 0 and u1 < width and v1 < height and z + reach_z <= far_m
-    nearest, farthest = np.float32(np.inf), np.float32(0.0)
+    nearest, farthest = unlimited, none
     for r in range(max(int(v0), 0) // TILE_PX, min(int(v1), height - 1) // TILE_PX + 1):
         for c in range(max(int(u0), 0) // TILE_PX, min(int(u1), width - 1) // TILE_PX + 1):
             nearest = min(nearest, image.tile_nearest[r, c])
             farthest = max(farthest, image.tile_farthest[r, c])
     if farthest < z - reach_z:
-        return _BEHIND
+        return _BEHIND, farthest
     if is_whole and nearest > z + reach_z:
-        return _THROUGHOUT
-    return _MIXED
+        return _THROUGHOUT, farthest
+    return _MIXED, farthest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -116,34 +130,91 @@ def _pass_block(i, j, k, side, evidence):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pass_voxels(image, A, i, j, k, voxel_m, far_m, slot, evidence):
-    """The voxels of a part one by one."""
+def _frustum(image, A):
+    """The four sides of what is in the image, [4, 5].
+
+    The first four numbers of a side give, with indices (x, y, z, 1) of a voxel, how far inside it is, in any
+    unit; the last one how much that changes within half a voxel, at most.
+    """
+    height, width = image.depth.shape
+    sides = np.empty((4, 5))
+    for a in range(4):
+        u, v = image.fx * A[0, a], image.fy * A[1, a]
+        sides[0, a] = u + (image.cx + 0.5) * A[2, a]
+        sides[1, a] = (width - image.cx - 0.5) * A[2, a] - u
+        sides[2, a] = v + (image.cy + 0.5) * A[2, a]
+        sides[3, a] = (height - image.cy - 0.5) * A[2, a] - v
+    for side in range(4):
+        sides[side, 4] = 0.5 * np.abs(sides[side, :3]).sum()
+    return sides
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_beside(sides, i, j, k, side):
+    """Whether a block of voxels ahead of the camera lies outside the image as a whole."""
+    half = 0.5 * (side - 1)
+    x, y, z = i + half, j + half, k + half
+    for n in range(4):
+        inside = sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z + sides[n, 3]
+        if inside + side * sides[n, 4] < 0:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steps_in_part(image, A):
+    """Along x, y (pixels times m) and z (m) of the camera, from the first voxel of a part to each, [3, 64]."""
+    steps = np.empty((3, _PART**3))
+    scale = (image.fx, image.fy, 1.0)
+    for n in range(_PART**3):
+        a, b, c = n % _PART, n // _PART % _PART, n // _PART**2
+        for axis in range(3):
+            steps[axis, n] = scale[axis] * (A[axis, 0] * a + A[axis, 1] * b + A[axis, 2] * c)
+    return steps
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place_voxels(image, A, i, j, k, steps, places):
+    """Write column and row in the image, and depth, m, of the middles of a part's voxels, [3, 64]."""
+    u_0 = (A[0, 0] * i + A[0, 1] * j + A[0, 2] * k + A[0, 3]) * image.fx
+    v_0 = (A[1, 0] * i + A[1, 1] * j + A[1, 2] * k + A[1, 3]) * image.fy
+    z_0 = A[2, 0] * i + A[2, 1] * j + A[2, 2] * k + A[2, 3]
+    u_steps, v_steps, z_steps = steps[0], steps[1], steps[2]
+    right, down, ahead = places[0], places[1], places[2]
+    u_middle, v_middle = image.cx + 0.5, image.cy + 0.5
+    for n in range(_PART**3):
+        z = z_0 + z_steps[n]
+        per_z = 1.0 / z
+        ahead[n] = z
+        right[n] = (u_0 + u_steps[n]) * per_z + u_middle
+        down[n] = (v_0 + v_steps[n]) * per_z + v_middle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pass_voxels(image, places, i, j, k, voxel_m, far_m, farthest, slot, evidence):
+    """The voxels of a part one by one; none of its pixels saw farther than `farthest`, m."""
     nz, ny, nx = evidence.shape
     height, width = image.depth.shape
     half_px = 0.5 * voxel_m * max(image.fx, image.fy)  # of a voxel 1 m away
-    u_step, v_step, z_step = A[0, 0] * image.fx, A[1, 0] * image.fy, A[2, 0]
     for c in range(k, min(k + _PART, nz)):
         for b in range(j, min(j + _PART, ny)):
-            u_row = (A[0, 1] * b + A[0, 2] * c + A[0, 3]) * image.fx
-            v_row = (A[1, 1] * b + A[1, 2] * c + A[1, 3]) * image.fy
-            z_row = A[2, 1] * b + A[2, 2] * c + A[2, 3]
-            here = evidence[c, b]
+            here, hits = evidence[c, b], slot[c, b]
+            first = ((c - k) * _PART + b - j) * _PART - i
             for a in range(i, min(i + _PART, nx)):
-                if here[a] == LEAST or slot[c, b, a] != 0:
+                z = places[2, first + a]
+                through = z + 0.5 * voxel_m
+                is_near = z >= _NEAREST_M and z <= far_m
+                is_open = here[a] > LEAST and (here[a] > 0 or through < farthest)
+                if not (is_near and is_open and hits[a] == 0):
                     continue
-                z = z_row + z_step * a
-                if z < _NEAREST_M or z > far_m:
-                    continue
-                per_z = 1.0 / z
-                right = (u_row + u_step * a) * per_z + image.cx + 0.5
-                down = (v_row + v_step * a) * per_z + image.cy + 0.5
+                right, down = places[0, first + a], places[1, first + a]
                 if right < 0 or down < 0 or right >= width or down >= height:
                     continue
-                u, v, through = int(right), int(down), z + 0.5 * voxel_m
+                u, v = int(right), int(down)
                 level = (half_px > REACHES_PX[0] * z) + (half_px > REACHES_PX[1] * z)
                 is_through = image.nearest[level, v, u] > through
                 if not is_through and here[a] > 0:
-                    is_through = _most_see_through(image, u, v, half_px * per_z, through)
+                    is_through = _most_see_through(image, u, v, half_px / z, through)
                 if is_through:
                     here[a] = max(here[a] - 1, LEAST)
 
