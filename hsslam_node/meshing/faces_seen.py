@@ -1,7 +1,8 @@
-"""Which triangles of a mesh some camera looked at: the others are guesses of the field."""
+"""Triangles that a camera looked at and that are still there: others are guesses, or were carried off."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,33 @@ _TOLERANCE_PER_M = (
 _LEAST_COSINE = (
     -0.1
 )  # between a triangle's normal and the ray to the camera: rims may turn a little
+_STILL_THERE = 0.5  # of the tolerance: what measures so well says that nothing was carried off
+_THROUGH = 3  # keyframes that look through what is gone
+_BEHIND_M = 0.03  # on top of twice the tolerance: how much farther they see
+_ABOUT_M = (
+    0.03  # to each side of a triangle they see as far: not past the edge of what stands there
+)
+_RINGS = 6  # of triangles about what is gone
+_NEVER = np.iinfo(np.int32).max
+_FAR_M = 4.0  # from farther away a keyframe does not look through
+_SAMPLES = 4  # along each side of what is about a triangle
+_NEAREST_M = 0.01
+_CHUNK = 256  # triangles that are in an image together, or not
+_CHUNKS_AT_ONCE = 256
+
+
+class _Looks(NamedTuple):
+    """What keyframes have said of triangles so far, the newest first."""
+
+    centres: np.ndarray  # [F, 3] m, world
+    normals: np.ndarray  # [F, 3]
+    spheres: np.ndarray  # [C, 4] m: middle and radius of each chunk of centres
+    order: np.ndarray  # [F] int32, numbers of triangles; of each chunk, first those that wait
+    waiting: np.ndarray  # [C] int64, triangles of a chunk on which more keyframes have a say
+    seen: np.ndarray  # [F] bool: measured, from the front
+    through: np.ndarray  # [F] uint8, keyframes that looked through since it was last measured
+    met_at: np.ndarray  # [F] int32, newest keyframe that measured it, from any side; -1: none
+    gone_at: np.ndarray  # [F] int32, keyframe since which it is gone; -1: it is not
 
 
 def faces_seen(
@@ -25,81 +53,200 @@ def faces_seen(
     keyframes: Sequence[tuple[np.ndarray, np.ndarray]],
     pool: Executor,
 ) -> np.ndarray:
-    """Mask [F] of the triangles that a keyframe measured and that do not show it their back.
+    """Mask [F] of the triangles that a keyframe measured and that do not show it their back, less those gone.
 
     A triangle whose three vertices belong to such ones counts as well: single ones are missed.
 
     Between the edge of an object and what lies behind it the field has a surface along the rays, and
     inside sometimes a second skin: no ray ever ended there.
 
+    A triangle is gone if three keyframes looked through it and its surroundings and no later one measured
+    it. So are those about it that no keyframe has measured since, up to six triangles on.
+
     Args:
         vertices: [V, 3] m, world.
-        faces: [F, 3], counter-clockwise as seen from free space.
+        faces: [F, 3], counter-clockwise as seen from free space; quick if neighbours follow each other.
         camera: undistorted.
-        keyframes: depth [H, W] float32 m, planar, 0 = no measurement, and T_world_cam [4, 4].
-        pool: looks through keyframes at once; all that they write is "seen".
+        keyframes: depth [H, W] float32 m, planar, 0 = no measurement, and T_world_cam [4, 4]; oldest first.
+        pool: looks at parts of the mesh at once, and gets the next keyframe; the answer is the same.
     """
-    corners = np.asarray(vertices, np.float64)[faces]  # [F, 3, 3]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-20
-    seen = np.zeros(len(corners), np.bool_)
-    centres = corners.mean(axis=1)
+    looks = _no_looks(np.asarray(vertices, np.float64)[faces])  # of corners [F, 3, 3]
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-
-    def look(k: int) -> None:
-        depth_m, T_world_cam = keyframes[k]
+    parts = range(0, len(looks.spheres), _CHUNKS_AT_ONCE)
+    last = len(keyframes) - 1
+    coming = pool.submit(keyframes.__getitem__, last) if last >= 0 else None
+    for k in range(last, -1, -1):
+        assert coming is not None
+        depth_m, T_world_cam = coming.result()
+        if k > 0:
+            coming = pool.submit(keyframes.__getitem__, k - 1)
         depth_m = np.ascontiguousarray(depth_m, np.float32)
         T_cam_world, position = inverse(T_world_cam), np.asarray(T_world_cam)[:3, 3].copy()
-        _mark_seen(centres, normals, depth_m, T_cam_world, position, intrinsics, seen)
-
-    for _ in pool.map(look, _spread_order(len(keyframes))):
-        pass
+        at_work = [
+            pool.submit(_look, *looks, first, k, depth_m, T_cam_world, position, intrinsics)
+            for first in parts
+        ]
+        for part in at_work:
+            part.result()
     touched = np.zeros(len(vertices), np.bool_)
-    touched[faces[seen].ravel()] = True
-    return np.asarray(touched[faces].all(axis=1))
+    touched[faces[looks.seen].ravel()] = True
+    since = np.full(len(vertices), _NEVER, np.int32)
+    _spread(looks.gone_at, looks.met_at, np.asarray(faces, np.int64), since)
+    return np.asarray(touched[faces].all(axis=1)) & (looks.gone_at < 0)
 
 
-def _spread_order(count: int) -> list[int]:
-    """All numbers below `count`, distant ones first: then most triangles are soon settled."""
-    return [k for first in range(8) for k in range(first, count, 8)]
+def _no_looks(corners: np.ndarray) -> _Looks:
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-20
+    centres = corners.mean(axis=1)
+    count = len(centres)
+    firsts = np.arange(0, count, _CHUNK)
+    low, high = (f.reduceat(centres, firsts) for f in (np.minimum, np.maximum))
+    spheres = np.column_stack([(low + high) / 2, np.linalg.norm(high - low, axis=1) / 2])
+    waiting = np.diff(np.append(firsts, count))
+    order = np.arange(count, dtype=np.int32)
+    seen, through = np.zeros(count, np.bool_), np.zeros(count, np.uint8)
+    met_at, gone_at = np.full((2, count), -1, np.int32)
+    return _Looks(centres, normals, spheres, order, waiting, seen, through, met_at, gone_at)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread(gone_at, met_at, faces, since):
+    """Mark as gone what is about others, ring by ring, and was not measured since.
+
+    Args:
+        gone_at, met_at: as in `_Looks`; the first is written.
+        faces: [F, 3].
+        since: [V] int32, `_NEVER`; becomes when the first triangle about each vertex was gone.
+    """
+    for _ in range(_RINGS):
+        for i in range(len(faces)):
+            if gone_at[i] >= 0:
+                for corner in range(3):
+                    vertex = faces[i, corner]
+                    since[vertex] = min(since[vertex], gone_at[i])
+        for i in range(len(faces)):
+            if gone_at[i] >= 0:
+                continue
+            for corner in range(3):
+                at = since[faces[i, corner]]
+                if at < _NEVER and at > met_at[i]:
+                    gone_at[i] = max(gone_at[i], at)
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _mark_seen(centres, normals, depth, T, position, intrinsics, seen):
+def _look(
+    centres,
+    normals,
+    spheres,
+    order,
+    waiting,
+    seen,
+    through,
+    met_at,
+    gone_at,
+    first_chunk,
+    k,
+    depth,
+    T,
+    position,
+    intrinsics,
+):
+    """Let keyframe k look at the triangles of some chunks; the first nine are those of `_Looks`."""
     height, width = depth.shape
-    for i in range(len(centres)):
-        if seen[i]:
+    fx, fy, cx, cy = intrinsics
+    for chunk in range(first_chunk, min(first_chunk + _CHUNKS_AT_ONCE, len(waiting))):
+        if waiting[chunk] == 0 or not _is_in_image(spheres[chunk], height, width, T, intrinsics):
             continue
-        x, y, z = centres[i]
-        ahead = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
-        if ahead < 0.01:
-            continue
-        across = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
-        down = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
-        u = np.floor(across / ahead * intrinsics[0] + intrinsics[2] + 0.5)
-        v = np.floor(down / ahead * intrinsics[1] + intrinsics[3] + 0.5)
-        if u < 0 or v < 0 or u >= width or v >= height:
-            continue
-        tolerance = _TOLERANCE_M + _TOLERANCE_PER_M * ahead * ahead
-        if not _is_measured(depth, int(u), int(v), ahead, tolerance):
-            continue
-        to_camera = 0.0
-        distance = 0.0
-        for a in range(3):
-            d = position[a] - centres[i, a]
-            to_camera += normals[i, a] * d
-            distance += d * d
-        if to_camera > _LEAST_COSINE * np.sqrt(distance):
-            seen[i] = True  # never False: another thread may have seen it meanwhile
+        for n in range(chunk * _CHUNK + waiting[chunk] - 1, chunk * _CHUNK - 1, -1):
+            i = order[n]
+            x, y, z = centres[i, 0], centres[i, 1], centres[i, 2]
+            ahead = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+            if ahead < _NEAREST_M:
+                continue
+            across = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+            down = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+            right, below = across / ahead * fx + cx + 0.5, down / ahead * fy + cy + 0.5
+            if right < 0 or below < 0 or right >= width or below >= height:
+                continue
+            u, v = int(right), int(below)
+            tolerance = _TOLERANCE_M + _TOLERANCE_PER_M * ahead * ahead
+            nearest, off = _about_pixel(depth, u, v, ahead)
+            if off < tolerance:
+                seen[i] |= _shows_front(centres, normals, i, position)
+            if off < _STILL_THERE * tolerance:
+                met_at[i] = max(met_at[i], k)
+            elif met_at[i] < 0 and ahead < _FAR_M:
+                beyond = ahead + 2.0 * tolerance + _BEHIND_M
+                reach = int(_ABOUT_M * fx / ahead + 0.5)
+                if nearest > beyond and _is_far_about(depth, u, v, reach, beyond):
+                    through[i] += 1
+                    if through[i] == _THROUGH:
+                        gone_at[i] = k
+            if (seen[i] and met_at[i] >= 0) or gone_at[i] >= 0:
+                waiting[chunk] -= 1
+                last = chunk * _CHUNK + waiting[chunk]
+                order[n], order[last] = order[last], order[n]
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def _is_measured(depth, u, v, ahead, tolerance):
-    """Whether a pixel or a neighbour measured this depth: along a flat angle it changes by the pixel."""
+def _is_in_image(sphere, height, width, T, intrinsics):
+    """Whether a sphere [4], m, may be in the image."""
+    fx, fy, cx, cy = intrinsics
+    x, y, z = (
+        T[0, 0] * sphere[0] + T[0, 1] * sphere[1] + T[0, 2] * sphere[2] + T[0, 3],
+        T[1, 0] * sphere[0] + T[1, 1] * sphere[1] + T[1, 2] * sphere[2] + T[1, 3],
+        T[2, 0] * sphere[0] + T[2, 1] * sphere[1] + T[2, 2] * sphere[2] + T[2, 3],
+    )
+    left, right = cx + 1.0, width - cx  # px from the optical axis
+    up, down = cy + 1.0, height - cy
+    radius = sphere[3]
+    return (
+        z + radius > _NEAREST_M
+        and fx * x + left * z > -radius * np.hypot(fx, left)
+        and right * z - fx * x > -radius * np.hypot(fx, right)
+        and fy * y + up * z > -radius * np.hypot(fy, up)
+        and down * z - fy * y > -radius * np.hypot(fy, down)
+    )
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _about_pixel(depth, u, v, ahead):
+    """Of a pixel and its neighbours, as along a flat angle depth changes by the pixel.
+
+    Returns the least depth, m, 0 if one has none, and how near to `ahead` one comes, m.
+    """
     height, width = depth.shape
+    nearest = off = np.float32(np.inf)
     for row in range(max(v - 1, 0), min(v + 2, height)):
         for column in range(max(u - 1, 0), min(u + 2, width)):
             measured = depth[row, column]
-            if measured > 0 and abs(ahead - measured) < tolerance:
-                return True
-    return False
+            nearest = min(nearest, measured)
+            off = min(off, abs(measured - ahead) if measured > 0 else np.float32(np.inf))
+    return nearest, off
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _is_far_about(depth, u, v, reach, beyond):
+    """Whether pixels up to `reach` to each side of one measured more than `beyond`."""
+    height, width = depth.shape
+    if u < reach or v < reach or u + reach >= width or v + reach >= height:
+        return False
+    for a in range(_SAMPLES):
+        for b in range(_SAMPLES):
+            row = v - reach + 2 * reach * a // (_SAMPLES - 1)
+            column = u - reach + 2 * reach * b // (_SAMPLES - 1)
+            if not depth[row, column] > beyond:
+                return False
+    return True
+
+
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def _shows_front(centres, normals, i, position):
+    to_camera = 0.0
+    squared = 0.0
+    for a in range(3):
+        d = position[a] - centres[i, a]
+        to_camera += normals[i, a] * d
+        squared += d * d
+    return to_camera > _LEAST_COSINE * np.sqrt(squared)
