@@ -31,25 +31,28 @@ def renew_blocks(distance_m, offset, box, tolerance_mm, blocks, changed):
             for n in range(BLOCK_SIDE * BLOCK_SIDE):
                 z, y = c * BLOCK_SIDE + n // BLOCK_SIDE, b * BLOCK_SIDE + n % BLOCK_SIDE
                 k, j = z - offset[0], y - offset[1]
-                row = rows[n // BLOCK_SIDE, n % BLOCK_SIDE]
-                if 0 <= k < nz and 0 <= j < ny:
+                row, before = rows[n // BLOCK_SIDE, n % BLOCK_SIDE], blocks[z, y, low:high]
+                if 0 <= k < nz and 0 <= j < ny and left < right:
                     values_m = distance_m[k, j, left - offset[2] : right - offset[2]]
-                    _to_mm(values_m, row[left - low : right - low])
+                    inner = slice(left - low, right - low)
+                    _to_mm(values_m, before[inner], row[inner], most[inner])
+                    _compare(row[: left - low], before[: left - low], most[: left - low])
+                    _compare(row[right - low :], before[right - low :], most[right - low :])
                 else:
                     row[:] = NOT_KNOWN_MM
-                _compare(row, blocks[z, y, low:high], most)
+                    _compare(row, before, most)
             for a in range(box[0, 2], box[1, 2]):
-                columns = slice(a * BLOCK_SIDE - low, (a + 1) * BLOCK_SIDE - low)
-                if most[columns].max() > tolerance_mm:
+                at = a * BLOCK_SIDE - low
+                if most[at : at + BLOCK_SIDE].max() > tolerance_mm:
                     changed[c, b, a] = 1
-                    _block(blocks, c, b, a)[:] = rows[:, :, columns]
+                    _copy(rows[:, :, at : at + BLOCK_SIDE], _block(blocks, c, b, a))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def take_blocks(blocks, places, out):
     """Copy the blocks at places [B, 3] (z, y, x) to `out` [B, BLOCK_SIDE, BLOCK_SIDE, BLOCK_SIDE]."""
     for n in range(len(places)):
-        out[n] = _block(blocks, places[n, 0], places[n, 1], places[n, 2])
+        _copy(_block(blocks, places[n, 0], places[n, 1], places[n, 2]), out[n])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -61,12 +64,24 @@ def _block(blocks, c, b, a):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_mm(values_m, out):
+def _copy(source, target):
+    """A block, row by row."""
+    for k in range(BLOCK_SIDE):
+        for j in range(BLOCK_SIDE):
+            a, b = source[k, j], target[k, j]
+            for i in range(BLOCK_SIDE):
+                b[i] = a[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_mm(values_m, before, out, most):
+    """Write distances [n] in mm, and let `most` [n] int32 grow to their differences from `before`."""
     for i in range(len(values_m)):
-        mm = np.rint(np.float32(1000.0) * values_m[i])
-        mm = mm if mm < _LARGEST_MM else _LARGEST_MM
-        known = np.int32(mm) if mm >= _LEAST_MM else np.int32(NOT_KNOWN_MM)
-        out[i] = known if values_m[i] == values_m[i] else np.int32(NOT_KNOWN_MM)
+        mm = min(np.float32(1000.0) * values_m[i], _LARGEST_MM)
+        mm = mm if mm >= _LEAST_MM else np.float32(NOT_KNOWN_MM)  # of nan too
+        whole = np.int32(np.rint(mm))
+        out[i] = whole
+        most[i] = max(most[i], abs(whole - np.int32(before[i])))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
