@@ -28,7 +28,7 @@ def extract_mesh(
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
 
-    Triangles whose front no keyframe looked at are left out.
+    Triangles whose front no keyframe looked at are left out, as are those of what was carried off.
 
     Args:
         query_sdf: signed distances of points.

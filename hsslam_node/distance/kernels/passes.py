@@ -163,7 +163,7 @@ def _is_beside(sides, i, j, k, side):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _steps_in_part(image, A):
-    """Along x, y (pixels times m) and z (m) of the camera, from the first voxel of a part to each, [3, 64]."""
+    """Along x, y (pixels times m) and z (m) of the camera, from a part's first voxel to each, [3, 64]."""
     steps = np.empty((3, _PART**3))
     scale = (image.fx, image.fy, 1.0)
     for n in range(_PART**3):
