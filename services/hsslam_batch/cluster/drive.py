@@ -1,5 +1,6 @@
 """The loop of a batch: what waits is started as there is room, what ended badly is perhaps tried again."""
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -43,12 +44,15 @@ def drive(
     judge: Callable[[Try, TaskResult], Try | None],
     is_stopping: Callable[[], bool],
     look: Callable[[], None] = lambda: None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> None:
     """Run all that wait, and what `judge` makes of each that ended: another attempt, or None.
 
-    Once it `is_stopping`, those that run end, and no other begins. `look` is called twice a second.
+    Once it `is_stopping`, those that run end, and no other begins. `look` is called twice a second,
+    however many end in between; `clock`: seconds.
     """
     first, again = iter(waiting), deque[Try]()
+    due_s = clock()
 
     def next_one() -> Try | None:
         return again.popleft() if again else next(first, None)
@@ -61,4 +65,6 @@ def drive(
         for one, result in pool.ended(_LOOK_S):
             if (more := judge(one, result)) is not None:
                 again.append(more)
-        look()
+        if (now_s := clock()) >= due_s:
+            due_s = now_s + _LOOK_S
+            look()

@@ -62,6 +62,7 @@ class RayPool:
         here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
         board = ray.remote(num_cpus=0, max_restarts=0)(Board)
         self.board: Any = board.options(scheduling_strategy=here).remote()
+        self._anywhere: Any = self._placed("DEFAULT")
         self._flying: dict[Any, Try] = {}
         self._counted_s = -_COUNT_EVERY_S
         self._slots = 0
@@ -87,11 +88,7 @@ class RayPool:
         return bool(self._flying)
 
     def start(self, one: Try) -> None:
-        task = self._task.options(
-            num_cpus=self._share.cpus,
-            memory=self._share.memory_bytes,
-            scheduling_strategy=self._strategy(one.not_on),
-        )
+        task = self._elsewhere(one.not_on) if one.not_on else self._anywhere
         self._flying[task.remote(self._arguments(one), one.index, self.board)] = one
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
@@ -113,24 +110,35 @@ class RayPool:
         self.board.close.remote()
 
     def _result(self, ref: Any, one: Try) -> TaskResult:
-        node_id: Any = ""
-        with contextlib.suppress(RayError):
-            node_id = ray.get(self.board.end.remote(one.index), timeout=_ANSWER_S)
+        ended = self.board.end.remote(
+            one.index
+        )  # its answer is wanted for a task without a result alone
         try:
             return ray.get(ref)
         except RayTaskError as error:
-            return TaskResult(trouble=f"task failed: {error.cause!r}", node_id=node_id)
+            trouble, is_lost = f"task failed: {error.cause!r}", False
         except RayError as error:
             kind = type(error).__name__
-            return TaskResult(trouble=_LOST.get(kind, kind), is_lost=True, node_id=node_id)
+            trouble, is_lost = _LOST.get(kind, kind), True
+        node_id: Any = ""
+        with contextlib.suppress(RayError):
+            node_id = ray.get(ended, timeout=_ANSWER_S)
+        return TaskResult(trouble=trouble, is_lost=is_lost, node_id=node_id)
 
-    def _strategy(self, not_on: str) -> Any:
-        """Another node than this where there is one that is large enough."""
-        if not_on:
-            for node in _alive():
-                if node["NodeID"] != not_on and _fitting(node, self._share):
-                    return NodeAffinitySchedulingStrategy(node["NodeID"], soft=True)
-        return "DEFAULT"
+    def _placed(self, strategy: Any) -> Any:
+        """The task with what it takes of a node, and where it may run."""
+        return self._task.options(
+            num_cpus=self._share.cpus,
+            memory=self._share.memory_bytes,
+            scheduling_strategy=strategy,
+        )
+
+    def _elsewhere(self, not_on: str) -> Any:
+        """The task on another node than this, if there is one that is large enough."""
+        for node in _alive():
+            if node["NodeID"] != not_on and _fitting(node, self._share):
+                return self._placed(NodeAffinitySchedulingStrategy(node["NodeID"], soft=True))
+        return self._anywhere
 
 
 def _alive() -> list[dict[str, Any]]:

@@ -54,6 +54,7 @@ class BatchProgress:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
+        self.look({})
         self._write("end")
         self._metrics.write(self.tally, running=0)
         self._bar.stop()

@@ -14,6 +14,7 @@ class Tally:
         known = [log.frames for log in logs if log.frames]
         average = sum(known) / len(known) if known else 1.0
         self._frames = {log.id: log.frames or average for log in logs}
+        self.frames = round(sum(self._frames.values()))  # of all logs
         self.logs = len(logs)
         self.done = 0
         self.failed = 0
@@ -31,11 +32,6 @@ class Tally:
     def left(self) -> int:
         """Logs that are neither done nor failed."""
         return self.logs - self.done - self.failed
-
-    @property
-    def frames(self) -> int:
-        """Frames of all logs."""
-        return round(sum(self._frames.values()))
 
     @property
     def frames_done(self) -> int:

@@ -1,5 +1,6 @@
 """The loop of a batch keeps its pool full, tries again what it is told to, and stops in order."""
 
+import itertools
 from collections.abc import Iterator
 
 from hsslam_batch.cluster.drive import Try, drive
@@ -59,6 +60,23 @@ def test_once_it_stops_nothing_begins_and_what_runs_ends():
         ended.append(one.index)
         return Try(one.index, 2)
 
-    drive(map(Try, range(10)), pool, judge, lambda: bool(ended), lambda: looks.append(1))
+    seconds = itertools.count()
+
+    def look() -> None:
+        looks.append(len(ended))
+
+    drive(map(Try, range(10)), pool, judge, lambda: bool(ended), look, lambda: next(seconds))
     assert [one.index for one in pool.started] == [0, 1] and ended == [0, 1]
-    assert len(looks) == 2
+    assert looks == [1, 2]
+
+
+def test_it_looks_twice_a_second_however_many_end():
+    pool, looks, tenths = Slots(4), [], itertools.count()
+
+    def look() -> None:
+        looks.append(len(pool.started))
+
+    drive(
+        map(Try, range(1000)), pool, lambda *_: None, lambda: False, look, lambda: next(tenths) / 10
+    )
+    assert len(looks) == 200  # one ends in a tenth of a second
