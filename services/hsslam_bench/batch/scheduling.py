@@ -8,8 +8,6 @@ result at once. So the time that an attempt holds its slot is what Ray, worker, 
 import argparse
 import json
 import platform
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -25,10 +23,11 @@ from hsslam_batch.cluster.connect import connected
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.ray_pool import RayPool, Share
 from hsslam_batch.cluster.task import TaskResult, perform_command
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.tally import Tally
+from hsslam_bench.batch.planned import planned
 
 _LOGS, _QUICK_LOGS = 2000, 20
 _WARM_UP = 0.1  # of the logs, after which memory and time count
@@ -42,7 +41,7 @@ def main() -> None:
     arguments = parser.parse_args()
     count = _QUICK_LOGS if arguments.quick else arguments.logs
     with tempfile.TemporaryDirectory() as folder:
-        print(json.dumps(scheduling(_planned(Path(folder), count))))
+        print(json.dumps(scheduling(planned(Path(folder), count))))
 
 
 def scheduling(batch: Batch) -> dict[str, float]:
@@ -109,17 +108,6 @@ def _result(batch: Batch, log: Log) -> str:
         frames=log.frames,
     )
     return msgspec.json.encode(Ended(outcome)).decode()
-
-
-def _planned(folder: Path, count: int) -> Batch:
-    """A batch of new logs."""
-    python = (sys.executable, "-P", "-m")
-    logs, out = str(folder / "logs"), str(folder / "out")
-    make = (*python, "hsslam_bench.batch.small_log", logs, str(count))
-    plan = (*python, "hsslam_batch", "plan", logs, "--out", out)
-    for command in (make, plan):
-        subprocess.run(command, check=True, stdout=sys.stderr)
-    return read_batch(out)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""Small logs of the built-in room, written without a run.
+"""Short logs of any source, written without a run.
 
-`python -m hsslam_bench.batch.small_log FOLDER COUNT` writes COUNT logs. Each holds the same single frame.
+`python -m hsslam_bench.batch.small_log FOLDER COUNT` writes COUNT logs of the built-in room. Each holds the
+same single frame.
 """
 
 import argparse
@@ -32,11 +33,20 @@ def main() -> None:
 
 def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
     """`count` frames of the room, 160 x 120, from the `start`-th on, as a run would log them."""
-    folder.mkdir(parents=True, exist_ok=True)
     small = SynthOptions(width_px=160, height_px=120)
-    source = open_source("synth:room", SourceOptions(start=start, frames=count, synth=small))
+    options = SourceOptions(start=start, frames=count, synth=small)
+    return write_log(folder, "synth:room", options)
+
+
+def write_log(folder: Path, source: str, options: SourceOptions) -> Path:
+    """Frames of a source, as a run would log them.
+
+    Raises:
+        UserError: a source that is not there or cannot be read.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     log = PartedLog(folder, "robot", LogSettings("png"))
-    for index, frame in enumerate(source.frames()):
+    for index, frame in enumerate(open_source(source, options).frames()):
         assert isinstance(frame, Frame)
         at_ns = _START_NS + frame.stamp_ns
         message = compress_frame(frame_message(frame, at_ns), "png")

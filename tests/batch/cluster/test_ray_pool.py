@@ -10,8 +10,8 @@ from hsslam_batch.cluster.connect import connected
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.ray_pool import RayPool, Share
 from hsslam_batch.cluster.task import TaskResult
+from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_node.errors import UserError
-from tests.batch.cluster.ray_nodes import add_node
 
 pytestmark = pytest.mark.e2e
 

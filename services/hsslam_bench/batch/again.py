@@ -1,0 +1,52 @@
+"""How long `hsslam-batch run` takes if nothing is left, as JSON on stdout.
+
+`python -m hsslam_bench.batch.again [--logs N]` plans logs of one frame, commits a result for each, and gives
+the command twice: the first writes `runs.parquet`, the second finds it.
+"""
+
+import argparse
+import json
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from hsslam_batch.attempt.commit import commit
+from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import read_manifest
+from hsslam_bench.batch.planned import batch_command, planned
+
+_LOGS, _QUICK_LOGS = 2000, 20
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="batch.again", description=__doc__)
+    parser.add_argument("--logs", type=int, default=_LOGS)
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_LOGS} logs")
+    arguments = parser.parse_args()
+    count = _QUICK_LOGS if arguments.quick else arguments.logs
+    with tempfile.TemporaryDirectory() as folder:
+        print(json.dumps(again(planned(Path(folder), count))))
+
+
+def again(batch: Batch) -> dict[str, float]:
+    """Seconds of the command, the first and the second time; how many logs it counts as done."""
+    for log in read_manifest(batch.out):
+        run_dir = batch.work / log.id
+        run_dir.mkdir(parents=True)
+        (run_dir / "trajectory.txt").write_text(log.name)
+        configuration = batch.about.configuration
+        commit(batch, Outcome(log.id, log.name, configuration, 1, "done"), run_dir)
+    taken_s, said = [], ""
+    for _ in range(2):
+        begin_s = time.monotonic()
+        command = batch_command("run", str(batch.out))
+        said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+        taken_s.append(time.monotonic() - begin_s)
+    first_s, second_s = taken_s
+    return {"done": int(said.split()[0]), "first_s": first_s, "second_s": second_s}
+
+
+if __name__ == "__main__":
+    main()

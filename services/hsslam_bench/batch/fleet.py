@@ -1,0 +1,95 @@
+"""A batch of good and bad logs on a cluster of three nodes, and the same logs by hand, as JSON on stdout.
+
+`python -m hsslam_bench.batch.fleet SOURCE...` writes short logs of each source, and four that are bad. It
+runs `hsslam-batch` on a Ray cluster of this machine with three nodes of one core, and then `hsslam-serve` for
+one good log after the other.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import Log, read_manifest
+from hsslam_batch.results.runs_table import read_runs
+from hsslam_bench.batch.bad_logs import write_bad_logs
+from hsslam_bench.batch.planned import batch_command, plan
+from hsslam_bench.batch.ray_nodes import add_node, ray_cluster
+from hsslam_bench.batch.small_log import write_log
+from hsslam_node.sources.options import SourceOptions
+
+_EACH, _FRAMES, _STEP = (
+    6,
+    60,
+    25,
+)  # logs of a source; each begins so many frames after the one before
+_QUICK_EACH, _QUICK_FRAMES = 1, 12
+_NODES, _MEMORY_GB, _TIMEOUT_S = 3, 4.0, 900.0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="batch.fleet", description=__doc__)
+    parser.add_argument("sources", nargs="+")
+    parser.add_argument("--timeout", type=float, default=_TIMEOUT_S)
+    parser.add_argument("--quick", action="store_true", help="few and short logs")
+    arguments = parser.parse_args()
+    each = _QUICK_EACH if arguments.quick else _EACH
+    frames = _QUICK_FRAMES if arguments.quick else _FRAMES
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, source in enumerate(arguments.sources):
+            for k in range(each):
+                options = SourceOptions(start=_STEP * k, frames=frames)
+                write_log(folder / "logs" / f"good-{number}-{k}", source, options)
+        bad = write_bad_logs(folder / "logs")
+        batch = plan(folder / "logs", folder / "out")
+        print(json.dumps(fleet(batch, bad, folder / "hand", arguments.timeout)))
+
+
+def fleet(batch: Batch, bad: dict[str, str], hand: Path, timeout_s: float) -> dict[str, Any]:
+    """Run a batch and its logs by hand; `bad`: the expected kind of row of each bad log.
+
+    `same`: how many trajectories are the same, byte for byte, of `good`. `failed`: the kind and the reason of
+    the bad ones; `as_expected`: whether these are the kinds, in one line each, and nothing else failed.
+    """
+    with ray_cluster() as cluster:
+        for _ in range(_NODES):
+            add_node(cluster)
+        limits = ("--memory", f"{_MEMORY_GB:g}", "--timeout", f"{timeout_s:g}")
+        command = batch_command("run", str(batch.out), "--address", cluster.address, *limits)
+        begin_s = time.monotonic()
+        exit_code = subprocess.run(command, stdout=sys.stderr).returncode
+        run_s = time.monotonic() - begin_s
+    rows = {row["name"]: row for row in read_runs(batch.out)}
+    failed = {n: (r["kind"], r["reason"]) for n, r in rows.items() if r["kind"] != "done"}
+    good = [log for log in read_manifest(batch.out) if log.name not in bad]
+    is_one_line = all(reason and "\n" not in reason for _, reason in failed.values())
+    return {
+        "exit_code": exit_code,
+        "run_s": run_s,
+        "good": len(good),
+        "same": sum(_is_same(batch, log, hand / log.name) for log in good),
+        "bad": len(bad),
+        "failed": failed,
+        "as_expected": is_one_line and {n: kind for n, (kind, _) in failed.items()} == bad,
+        "rows": len(rows),
+        "left": len(list(batch.work.iterdir())) if batch.work.exists() else 0,
+    }
+
+
+def _is_same(batch: Batch, log: Log, out: Path) -> bool:
+    """Whether the trajectory is that of a run by hand, which goes to `out`."""
+    serve = [sys.executable, "-P", "-m", "hsslam_services.commands.serve"]
+    options = ["--config", str(batch.config), "--source", log.source, "--out", str(out)]
+    subprocess.run([*serve, *options], check=True, stdout=subprocess.DEVNULL)
+    made = batch.run_dir(log.id) / "trajectory.txt"
+    return made.exists() and made.read_bytes() == (out / "trajectory.txt").read_bytes()
+
+
+if __name__ == "__main__":
+    main()

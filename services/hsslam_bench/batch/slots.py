@@ -1,0 +1,122 @@
+"""`hsslam-batch run` of the same logs in one slot and in two, as JSON on stdout.
+
+`python -m hsslam_bench.batch.slots SOURCE...` writes logs of each source and runs them twice. It looks at all
+processes of the command meanwhile, and tells their core time apart: those of Ray and of the driver, and those
+of the logs.
+"""
+
+import argparse
+import contextlib
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import psutil
+
+from hsslam_batch.results.progress import PROGRESS
+from hsslam_batch.results.runs_table import read_runs
+from hsslam_bench.batch.planned import batch_command, plan
+from hsslam_bench.batch.small_log import write_log
+from hsslam_node.sources.options import SourceOptions
+
+_LOGS, _FRAMES = 2, 180  # of each source
+_QUICK_LOGS, _QUICK_FRAMES = 1, 12
+_MEMORY = ("--memory", "4")
+_LOOK_S = 0.5
+_OF_LOGS = "hsslam_batch work"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="batch.slots", description=__doc__)
+    parser.add_argument("sources", nargs="+")
+    parser.add_argument("--quick", action="store_true", help="few and short logs")
+    arguments = parser.parse_args()
+    count = _QUICK_LOGS if arguments.quick else _LOGS
+    frames = _QUICK_FRAMES if arguments.quick else _FRAMES
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for number, source in enumerate(arguments.sources):
+            for k in range(count):
+                options = SourceOptions(start=k * 30, frames=frames)
+                write_log(folder / "logs" / f"{number}.{k}", source, options)
+        print(json.dumps({str(slots): in_slots(folder, slots) for slots in (1, 2)}))
+
+
+def in_slots(folder: Path, slots: int) -> dict[str, Any]:
+    """The logs below a folder in so many slots.
+
+    `run_s`: from the first log on; `command_s`: of the whole command. `logs_core_s`: of the runs of the logs;
+    `work_core_s`: of `hsslam-batch work` besides; `ray_core_s`: of Ray and the driver.
+    """
+    out = folder / f"out{slots}"
+    batch = plan(folder / "logs", out)
+    command = batch_command("run", str(out), "--parallel", str(slots), *_MEMORY)
+    begin_s = time.monotonic()
+    with (folder / f"out{slots}.txt").open("wb") as said:
+        process = subprocess.Popen(command, stdout=said, stderr=said)
+    times = _CoreTimes(process.pid)
+    while process.poll() is None:
+        times.look()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_LOOK_S)
+    command_s = time.monotonic() - begin_s
+    lines = (batch.out / PROGRESS).read_bytes().splitlines()
+    first, *_, last = (msgspec.json.decode(line) for line in lines)
+    rows = read_runs(batch.out)
+    return {
+        "logs": len(rows),
+        "done": sum(row["kind"] == "done" for row in rows),
+        "frames": sum(row["frames"] for row in rows),
+        "run_s": 1e-9 * (last["time_ns"] - first["time_ns"]),
+        "command_s": command_s,
+        "logs_core_s": sum(row["core_s"] for row in rows),
+        "work_core_s": times.work_s,
+        "ray_core_s": times.ray_s,
+        "load": psutil.getloadavg()[0],
+    }
+
+
+class _CoreTimes:
+    """Core time of the processes below a command, as last seen; what a process has begun after counts not."""
+
+    def __init__(self, pid: int) -> None:
+        self._root = psutil.Process(pid)
+        self._of_ray: dict[int, float] = {}
+        self._of_work: dict[int, float] = {}
+
+    @property
+    def ray_s(self) -> float:
+        return sum(self._of_ray.values())
+
+    @property
+    def work_s(self) -> float:
+        return sum(self._of_work.values())
+
+    def look(self) -> None:
+        """Take in the core time of all that live, apart from what is below `hsslam-batch work`."""
+        left = [self._root]
+        while left:
+            process = left.pop()
+            with contextlib.suppress(psutil.Error):
+                used, words = process.cpu_times(), " ".join(process.cmdline())
+                is_work = _OF_LOGS in words
+                times = self._of_work if is_work else self._of_ray
+                times[process.pid] = used.user + used.system
+                left += [] if is_work else process.children()
+
+
+def mean_share(found: Sequence[dict[str, Any]]) -> float:
+    """Core time of Ray and the driver, as a share of all."""
+    ray_s = sum(each["ray_core_s"] for each in found)
+    return ray_s / sum(
+        each["ray_core_s"] + each["work_core_s"] + each["logs_core_s"] for each in found
+    )
+
+
+if __name__ == "__main__":
+    main()
