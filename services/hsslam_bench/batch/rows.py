@@ -16,7 +16,7 @@ _FLEET = (*_PLACES, "house", "room")
 
 def batch_checks() -> list[Check]:
     """Time of a slot, memory, the command again, two slots, Ray's share, and costs."""
-    of = "2000 logs of one frame, whose runs take no time, as tasks of Ray on this machine"
+    of = "2000 logs of one frame as tasks of Ray, `echo` in the place of `hsslam-batch work`"
     real = f"two logs each of {' and '.join(_PLACES)}, 180 frames"
     return [
         _check(

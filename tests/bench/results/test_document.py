@@ -32,7 +32,7 @@ def test_tables_of_the_performance_document_name_rows_that_are_there():
         assert f"| `{name}` |" in filled
 
 
-@pytest.mark.parametrize("name", ["results.md", "performance.md"])
+@pytest.mark.parametrize("name", ["results.md", "performance.md", "batch.md"])
 def test_tables_of_the_documents_show_the_figures_that_are_kept(name: str):
     docs = ROOT / "docs"
     reports = [read_for_documents(path) for path in sorted((docs / "figures").glob("*.json"))]
