@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from hsslam_node.errors import UserError
 
 _STORE_BYTES = 80 << 20  # the least that Ray takes; results are some hundred bytes each
+_STARTS = 3  # Ray gives up after 30 s, which its own start can take if the machine has other work
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
 
 
@@ -21,12 +22,8 @@ def connected(address: str) -> Iterator[None]:
     os.environ.update(_QUIET)
     import ray
 
-    common = {"log_to_driver": False, "logging_level": logging.ERROR}
     try:
-        if address == "local":
-            ray.init("local", include_dashboard=False, object_store_memory=_STORE_BYTES, **common)
-        else:
-            ray.init(address, **common)
+        _connect(address)
     except Exception as error:  # of many kinds, Exception itself among them
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
@@ -37,3 +34,20 @@ def connected(address: str) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def _connect(address: str) -> None:
+    import ray
+
+    common = {"log_to_driver": False, "logging_level": logging.ERROR}
+    if address != "local":
+        ray.init(address, **common)
+        return
+    for last in range(1, _STARTS + 1):
+        try:
+            ray.init("local", include_dashboard=False, object_store_memory=_STORE_BYTES, **common)
+            return
+        except Exception:
+            ray.shutdown()
+            if last == _STARTS:
+                raise

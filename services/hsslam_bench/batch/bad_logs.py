@@ -1,7 +1,7 @@
 """Logs that a batch has to fail, each for a reason of its own: for the benchmark and for tests.
 
 `not-a-log`: no MCAP file. `torn`: the frames of an MCAP file are noise. `hanging`: the second image is a pipe
-that nothing is written to. `large`: images of 40 megapixels.
+that nothing is written to. `large`: the second image is a file of 10 GB, which takes no room on the disk.
 """
 
 import json
@@ -14,8 +14,10 @@ import numpy as np
 from hsslam_bench.batch.small_log import write_small_log
 
 _HZ = 30
-_SMALL, _LARGE = (160, 120), (8000, 5000)  # width, height, px
+_WIDTH, _HEIGHT = 160, 120
+_LARGE_BYTES = 10 * 10**9
 _DEPTH_SCALE, _DEPTH_M = 1000.0, 2.0
+_SECOND = "rgb/1.png"
 
 
 def write_bad_logs(folder: Path) -> dict[str, str]:
@@ -23,11 +25,12 @@ def write_bad_logs(folder: Path) -> dict[str, str]:
     log = write_small_log(folder / "not-a-log", count=1)
     log.write_bytes(b"no log" + log.read_bytes())
     _tear(write_small_log(folder / "torn", count=6))
-    _write_sequence(folder / "hanging", _SMALL)
-    image = folder / "hanging/rgb/1.png"
-    image.unlink()
-    os.mkfifo(image)
-    _write_sequence(folder / "large", _LARGE)
+    for name in ("hanging", "large"):
+        _write_sequence(folder / name)
+        (folder / name / _SECOND).unlink()
+    os.mkfifo(folder / "hanging" / _SECOND)
+    with (folder / "large" / _SECOND).open("wb") as stream:
+        stream.truncate(_LARGE_BYTES)
     return {"not-a-log": "bad input", "torn": "bad input", "hanging": "timeout", "large": "memory"}
 
 
@@ -40,21 +43,17 @@ def _tear(log: Path) -> None:
     log.write_bytes(content)
 
 
-def _write_sequence(folder: Path, size: tuple[int, int], count: int = 4) -> None:
+def _write_sequence(folder: Path, count: int = 4) -> None:
     """A wall, in TUM layout."""
-    width, height = size
-    color = np.tile(np.arange(256, dtype=np.uint8), (height, width // 256 + 1))[:, :width]
-    depth = np.full((height, width), round(_DEPTH_SCALE * _DEPTH_M), np.uint16)
-    lists: dict[str, list[str]] = {"rgb": [], "depth": []}
-    for kind, image in (("rgb", np.dstack([color] * 3)), ("depth", depth)):
+    color = np.tile(np.arange(_WIDTH, dtype=np.uint8)[:, None], (_HEIGHT, 1, 3))
+    depth = np.full((_HEIGHT, _WIDTH), round(_DEPTH_SCALE * _DEPTH_M), np.uint16)
+    for kind, image in (("rgb", color), ("depth", depth)):
         (folder / kind).mkdir(parents=True)
-        first = folder / f"{kind}/0.png"
-        cv2.imwrite(str(first), image)
-        for k in range(count):
-            if k:
-                os.link(first, folder / f"{kind}/{k}.png")
-            lists[kind].append(f"{k / _HZ:.6f} {kind}/{k}.png")
-        (folder / f"{kind}.txt").write_text("\n".join(lists[kind]) + "\n")
-    pinhole = {"fx": width, "fy": width, "cx": width / 2, "cy": height / 2}
-    camera = {"width": width, "height": height, **pinhole, "depth_scale": _DEPTH_SCALE}
+        names = [f"{kind}/{k}.png" for k in range(count)]
+        for name in names:
+            cv2.imwrite(str(folder / name), image)
+        lines = [f"{k / _HZ:.6f} {name}" for k, name in enumerate(names)]
+        (folder / f"{kind}.txt").write_text("\n".join(lines) + "\n")
+    pinhole = {"fx": _WIDTH, "fy": _WIDTH, "cx": _WIDTH / 2, "cy": _HEIGHT / 2}
+    camera = {"width": _WIDTH, "height": _HEIGHT, **pinhole, "depth_scale": _DEPTH_SCALE}
     (folder / "camera.json").write_text(json.dumps(camera))

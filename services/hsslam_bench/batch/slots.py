@@ -51,7 +51,8 @@ def in_slots(folder: Path, slots: int) -> dict[str, Any]:
     """The logs below a folder in so many slots.
 
     `run_s`: from the first log on; `command_s`: of the whole command. `logs_core_s`: of the runs of the logs;
-    `work_core_s`: of `hsslam-batch work` besides; `ray_core_s`: of Ray and the driver.
+    `work_core_s`: of `hsslam-batch work` besides; `ray_core_s`: of Ray and the driver; `start_core_s`: of
+    these before the first log.
     """
     out = folder / f"out{slots}"
     batch = plan(folder / "logs", out)
@@ -59,13 +60,15 @@ def in_slots(folder: Path, slots: int) -> dict[str, Any]:
     begin_s = time.monotonic()
     with (folder / f"out{slots}.txt").open("wb") as said:
         process = subprocess.Popen(command, stdout=said, stderr=said)
-    times = _CoreTimes(process.pid)
+    times, start_core_s, progress = _CoreTimes(process.pid), None, out / PROGRESS
     while process.poll() is None:
         times.look()
+        if start_core_s is None and progress.exists():
+            start_core_s = times.ray_s
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(_LOOK_S)
     command_s = time.monotonic() - begin_s
-    lines = (batch.out / PROGRESS).read_bytes().splitlines()
+    lines = progress.read_bytes().splitlines()
     first, *_, last = (msgspec.json.decode(line) for line in lines)
     rows = read_runs(batch.out)
     return {
@@ -76,7 +79,8 @@ def in_slots(folder: Path, slots: int) -> dict[str, Any]:
         "command_s": command_s,
         "logs_core_s": sum(row["core_s"] for row in rows),
         "work_core_s": times.work_s,
-        "ray_core_s": times.ray_s,
+        "ray_core_s": times.ray_s - (start_core_s or 0.0),
+        "start_core_s": start_core_s,
         "load": psutil.getloadavg()[0],
     }
 
@@ -111,7 +115,7 @@ class _CoreTimes:
 
 
 def mean_share(found: Sequence[dict[str, Any]]) -> float:
-    """Core time of Ray and the driver, as a share of all."""
+    """Core time of Ray and the driver from the first log on, as a share of all."""
     ray_s = sum(each["ray_core_s"] for each in found)
     return ray_s / sum(
         each["ray_core_s"] + each["work_core_s"] + each["logs_core_s"] for each in found
