@@ -11,7 +11,7 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +114,7 @@ class _CoreTimes:
                 left += [] if is_work else process.children()
 
 
-def mean_share(found: Sequence[dict[str, Any]]) -> float:
+def mean_share(found: Sequence[Mapping[str, Any]]) -> float:
     """Core time of Ray and the driver from the first log on, as a share of all."""
     ray_s = sum(each["ray_core_s"] for each in found)
     return ray_s / sum(
