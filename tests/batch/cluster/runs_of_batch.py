@@ -70,9 +70,11 @@ def services(batch: Batch) -> list[psutil.Process]:
     ]
 
 
-def work_of(service: psutil.Process) -> psutil.Process:
-    """The `hsslam-batch work` that watches a run."""
-    return next(each for each in service.parents() if _WORK in " ".join(each.cmdline()))
+def worker_of(service: psutil.Process) -> psutil.Process:
+    """The Ray worker that has started the `hsslam-batch work` that watches a run."""
+    above = service.parents()
+    (k,) = (k for k, each in enumerate(above) if _WORK in " ".join(each.cmdline()))
+    return above[k + 1]
 
 
 def nothing_left(batch: Batch) -> bool:

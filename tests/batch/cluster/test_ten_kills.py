@@ -28,7 +28,7 @@ from tests.batch.cluster.runs_of_batch import (
     start,
     trajectories,
     wait,
-    work_of,
+    worker_of,
 )
 from tests.batch.quick_options import QUICK
 
@@ -82,7 +82,7 @@ def _kill_while(batch: Batch, run: subprocess.Popen, kill: Callable[[psutil.Proc
     killed = 0
     while killed < _KILLS and run.poll() is None:
         for service in services(batch)[:1]:
-            with contextlib.suppress(psutil.Error, StopIteration):  # it has just ended
+            with contextlib.suppress(psutil.Error, ValueError):  # it has just ended
                 kill(service)
                 killed += 1
                 wait(lambda one=service: not one.is_running() or _is_zombie(one))
@@ -111,7 +111,7 @@ def test_killed_below_the_driver(cluster, logs: Path, expected, tmp_path: Path, 
     batch, nodes = _planned(logs, tmp_path / "out"), _Nodes(cluster)
     kill: dict[str, Callable[[psutil.Process], None]] = {
         "run": lambda service: service.kill(),
-        "worker": lambda service: work_of(service).parent().kill(),
+        "worker": lambda service: worker_of(service).kill(),
         "node": nodes.kill_that_of,
     }
     at_once = "1" if victim == "node" else "2"  # another log could end while a node starts
