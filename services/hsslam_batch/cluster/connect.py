@@ -9,6 +9,9 @@ from hsslam_node.errors import UserError
 
 _STORE_BYTES = 80 << 20  # the least that Ray takes; results are some hundred bytes each
 _STARTS = 3  # Ray gives up after 30 s, which its own start can take if the machine has other work
+# Ray ends a worker that waits for a second, as on a busy machine, if there are more than cores; then it
+# starts another, which takes more than a second of core time.
+_KEPT = {"idle_worker_killing_time_threshold_ms": 3_600_000}
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
 
 
@@ -45,7 +48,13 @@ def _connect(address: str) -> None:
         return
     for last in range(1, _STARTS + 1):
         try:
-            ray.init("local", include_dashboard=False, object_store_memory=_STORE_BYTES, **common)
+            ray.init(
+                "local",
+                include_dashboard=False,
+                object_store_memory=_STORE_BYTES,
+                _system_config=_KEPT,
+                **common,
+            )
             return
         except Exception:
             ray.shutdown()
