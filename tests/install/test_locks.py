@@ -53,6 +53,11 @@ def test_a_lock_leaves_pytorch_to_the_installer_and_names_no_index(lock):
     assert "://" not in "".join(_entries(lock))
 
 
+def test_the_base_has_nothing_of_ray():
+    names = {canonicalize_name(pin.name) for pin in _pins("base.lock")}
+    assert not names & {"ray", "fsspec", "s3fs"}
+
+
 @pytest.mark.parametrize("lock", _WANTED)
 def test_a_lock_has_what_the_project_asks_for_on_every_machine(lock):
     for machine in _MACHINES:
