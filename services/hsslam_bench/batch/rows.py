@@ -114,7 +114,8 @@ def _again(session: Session) -> Measured:
     found = _found(session, "again")
     second_s = found["second_s"]
     return Measured(
-        f"{second_s:.1f} s; {found['first_s']:.1f} s with a new `runs.parquet`; {found['done']} logs",
+        f"{second_s:.1f} s, core time {found['second_core_s']:.1f} s; {found['first_s']:.1f} s with a new "
+        f"`runs.parquet`; {found['done']} logs",
         second_s <= _AGAIN_S,
         found,
         second_s,
