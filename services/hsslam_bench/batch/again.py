@@ -32,7 +32,7 @@ def main() -> None:
 
 
 def again(batch: Batch) -> dict[str, float]:
-    """Seconds and core time of the command, the first and the second time; how many logs it counts as done."""
+    """Seconds and core time of the command, the first time and the second; logs it counts as done."""
     for log in read_manifest(batch.out):
         run_dir = batch.work / log.id
         run_dir.mkdir(parents=True)
