@@ -50,6 +50,7 @@ _FEWEST_POINTS = 100
 _FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
 _FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
 _UNALIGNED_FRAMES = 10  # by odometry alone, though they see something: then other places are tried
+_ANEW_FRAMES = 20  # of these: then the next is a keyframe, as no keyframe shows what they see
 
 
 class Tracker:
@@ -57,7 +58,8 @@ class Tracker:
 
     The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
     ones are aligned to the last pose that was good. If frames carry odometry, it predicts poses, and a frame
-    that cannot be aligned gets its pose by odometry alone, up to a distance.
+    that cannot be aligned gets its pose by odometry alone, up to a distance; if no keyframe shows what it
+    sees, it becomes one.
     """
 
     def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
@@ -172,6 +174,8 @@ class Tracker:
             return self._lose(frame, prediction, view)
         if not reckoning.is_within_reach(self._config):
             return self._lose(frame, reckoning.T_world_cam, view)
+        if self._reckoned.unaligned_frames >= _ANEW_FRAMES and self._may_begin_anew(points):
+            return self._begin_anew(frame, levels, reckoning, view)
         return self._reckon(frame, reckoning, view, sees=True)
 
     def prepare_next(self) -> None:
@@ -390,6 +394,35 @@ class Tracker:
             frame_index=frame.index, status="dead_reckoned", T_world_cam=T, keyframe=k,
             T_keyframe_cam=inverse(self._store.pose(k)) @ T, map_version=view.version if view else 0,
             covariance=covariance,
+        )  # fmt: skip
+
+    def _may_begin_anew(self, points: np.ndarray) -> bool:
+        return len(points) >= _FEWEST_POINTS and not self._localise_only and self._store.has_room()
+
+    def _begin_anew(
+        self, frame: Frame, levels: tuple[PyramidLevel, ...], reckoning: Reckoning,
+        view: MapView | None,
+    ) -> TrackResult:  # fmt: skip
+        """A keyframe where the camera is by odometry alone, from which it is tracked on; bundle adjustment
+        moves it once a loop tells better, by how unsure that odometry is."""
+        assert self._last is not None
+        covariance = self._reckoned.add(reckoning, sees=True)
+        with self._store.appending():
+            version = self._store.pose_version
+            T_last = self._last.pose(self._store)  # as of now
+            T = Reckoning.after(T_last, reckoning.motion).T_world_cam
+            gap = turned(self._reckoned.gap_at(T_last, T), T[:3, :3].T)
+            k = self._store.append(frame, T, version, covariance, gap, self._fragment)
+        self._dynamic.observe(k, frame)
+        self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
+        self._exposure, self._coverage, self._since_keyframe = Exposure(), 0.0, 0
+        self._before_last, self._last = None, TrackedFrame(frame, k, np.eye(4))
+        self._reckoned.restart(frame.odometry, covariance, None)
+        self._relocalisation.observe()
+        return TrackResult(
+            frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,
+            T_keyframe_cam=np.eye(4), map_version=view.version if view else 0, is_keyframe=True,
+            pose_version=version, covariance=covariance, T_expected=T,
         )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:

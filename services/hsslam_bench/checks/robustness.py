@@ -73,10 +73,14 @@ def lens_check() -> Check:
 
 def odometry_checks() -> list[Check]:
     """ATE through 3 s of covered lens with odometry, and what odometry does to a camera that sees."""
+    return [check for sequence in ("room", "room-kinect") for check in _odometry_checks(sequence)]
 
+
+def _odometry_checks(sequence: str) -> list[Check]:
     def runs(session: Session, lens: Lens, *, odometry: bool) -> Accuracy:
-        found = [finished(session.covered(lens, seed, odometry)) for seed in session.seeds]
-        return Accuracy.of(found)
+        return Accuracy.of(
+            [finished(session.covered(sequence, lens, seed, odometry)) for seed in session.seeds]
+        )
 
     def covered(session: Session) -> Measured:
         free = runs(session, "free", odometry=False)
@@ -104,12 +108,13 @@ def odometry_checks() -> list[Check]:
             "lower",
         )
 
-    of = "room, odometry with an error of 1 %, lockstep: ATE RMSE, final, mean of the seeds"
+    depth = "Kinect noise" if sequence.endswith("-kinect") else "exact depth"
+    of = f"room, {depth}, odometry with an error of 1 %, lockstep: ATE RMSE, final, mean of the seeds"
     what = f"{of}; lens covered for 3 s, all scored, none lost"
     bounds = f"{_COVERED_FACTOR:g} x with a free lens", f"{_SEEING_FACTOR:g} x without odometry"
     return [
-        Check("odometry:covered", what, bounds[0], covered, is_lockstep=True),
-        Check("odometry:seeing", of, bounds[1], seeing, is_lockstep=True),
+        Check(f"odometry:covered:{sequence}", what, bounds[0], covered, is_lockstep=True),
+        Check(f"odometry:seeing:{sequence}", of, bounds[1], seeing, is_lockstep=True),
     ]
 
 

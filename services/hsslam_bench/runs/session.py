@@ -20,7 +20,7 @@ from hsslam_services.launch.spawn import child_environment
 QUICK_FRAMES = 40
 _COLD_FRAMES = 60
 _LENS_FRAMES = 300
-_COVER_LENGTH, _COVER_AT, _COVER_FRAMES = 300, 120, 90
+_COVER_AT, _COVER_FRAMES = 150, 90
 _ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and as much of scale
 Lens = Literal["free", "covered"]
 _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
@@ -179,12 +179,11 @@ class Session:
         options = (*source, "--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
         return self._run(f"poses-{kind}-seed{seed}", options)
 
-    def covered(self, lens: Lens, seed: int, odometry: bool) -> ServeRun:
-        """Poses of the built-in room, its lens covered for 3 s, with or without simulated odometry."""
-        name = f"poses-{lens}-{'odometry' if odometry else 'alone'}-seed{seed}"
+    def covered(self, sequence: str, lens: Lens, seed: int, odometry: bool) -> ServeRun:
+        """Poses of a built-in scene, the lens covered for 3 s, with or without simulated odometry."""
+        name = f"poses-{sequence}-{lens}-{'odometry' if odometry else 'alone'}-seed{seed}"
         at, frames = (15, 10) if self.quick else (_COVER_AT, _COVER_FRAMES)
-        length = QUICK_FRAMES if self.quick else _COVER_LENGTH
-        options = (*self._source("room"), "--frames", str(length), "--pace", "lockstep")
+        options = (*self._source(sequence), "--pace", "lockstep")
         if lens == "covered":
             options = (*options, "--cover-at", str(at), "--cover-frames", str(frames))
         if odometry:

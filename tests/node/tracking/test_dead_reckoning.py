@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
+from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black
@@ -99,3 +102,26 @@ def test_wheels_that_slip_or_stand_still_do_not_lose_the_camera():
     ]
     _, results = _tracked(_frames(slipped, covered=()))
     assert all(r.status == "tracked" for r in results[1:]) and _off_m(results).max() < 0.005
+
+
+def test_what_no_keyframe_shows_becomes_one_where_odometry_says_that_the_camera_is():
+    options = SourceOptions(frames=260, synth=SynthOptions(width_px=160, height_px=120))
+    truth = open_ground_truth("synth:room", options)
+    assert truth
+    chosen = [*range(12), *range(20, 200, 10), *range(200, 260)]  # on the way the lens is covered
+    poses = inverse(truth.T_world_cam[0]) @ truth.T_world_cam[chosen]
+    wheels = dict(zip(chosen, simulated_odometry(poses, 0.01, seed=1), strict=True))
+    frames = [
+        replace(with_black(f) if 12 <= f.index < 200 else f, odometry=wheels[f.index])
+        for f in open_source("synth:room", options).frames()
+        if isinstance(f, Frame) and f.index in wheels
+    ]
+    store, results = _tracked(frames)
+    statuses = [r.status for r in results if r.frame_index >= 200]
+    anew = statuses.index("tracked")
+    assert statuses == ["dead_reckoned"] * anew + ["tracked"] * (60 - anew) and 20 <= anew < 40
+    k = store.frame_indices().tolist().index(200 + anew)
+    unsure_m = np.sqrt(np.linalg.eigvalsh(store.gap_covariance(k)[:3, :3])[-1])
+    off = pose_error(store.pose(k), inverse(truth.T_world_cam[0]) @ truth.T_world_cam[200 + anew])
+    assert off[0] < 3 * unsure_m < 0.3
+    assert results[12 + 18 + anew].is_keyframe and store.count > k + 1
