@@ -14,6 +14,8 @@ from hsslam_node.kernels.cache_folder import cache_root
 _IN_PRIVATE = ("unshare", "--mount", "--map-root-user")
 _OPTIONS = (
     "--source synth:room --synth.width-px 160 --synth.height-px 120 --frames 12 --pace lockstep"
+    " --slam.mapper.first-iterations 40 --slam.mapper.last-iterations 0 --slam.mesher.final-voxel-m 0.08"
+    " --no-evaluate"
 )
 
 

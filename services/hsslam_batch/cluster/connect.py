@@ -12,7 +12,7 @@ _STARTS = 3  # Ray gives up after 30 s, which its own start can take if the mach
 # Ray ends a worker that waits for a second, as on a busy machine, if there are more than cores; then it
 # starts another, which takes more than a second of core time.
 _KEPT = {"idle_worker_killing_time_threshold_ms": 3_600_000}
-_QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
+QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
 
 
 @contextlib.contextmanager
@@ -22,7 +22,7 @@ def connected(address: str) -> Iterator[None]:
     Raises:
         UserError: no Ray at the address, or one of another version.
     """
-    os.environ.update(_QUIET)
+    os.environ.update(QUIET)
     import ray
 
     try:

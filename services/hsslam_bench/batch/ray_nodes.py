@@ -1,10 +1,12 @@
-"""A Ray cluster on this machine: a head without cores, and nodes that are added and killed."""
+"""A Ray cluster on this machine, apart as rows and tests use it: a head without cores, and nodes."""
 
 import os
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from hsslam_batch.cluster.connect import QUIET
 
 _STORE_BYTES = 80 << 20  # the least that Ray takes
 _PORTS = ("metrics_agent_port", "runtime_env_agent_port", "dashboard_agent_listen_port")
@@ -13,7 +15,7 @@ _PORTS = ("metrics_agent_port", "runtime_env_agent_port", "dashboard_agent_liste
 @contextmanager
 def ray_cluster() -> Iterator[Any]:
     """The cluster, a `ray.cluster_utils.Cluster`; it ends with the block."""
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    os.environ.update(QUIET)
     from ray.cluster_utils import Cluster
 
     head = {"num_cpus": 0, "include_dashboard": False, **_node_options()}
