@@ -31,7 +31,7 @@ from hsslam_node.map.allocator import ArrayAllocator, MemoryAllocator
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
-from hsslam_node.map.pose_log import STATUS, PoseLog, final_trajectory, pose_row
+from hsslam_node.map.pose_log import PoseLog, final_trajectory
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
@@ -96,7 +96,7 @@ class Slam:
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)
             self._attach(self.parameters)
-            self._tracker = self._opened_tracker(self.store)
+            self._tracker = self._open_tracker(self.store)
             self._tracker.resume(anywhere=True)
         elif localise_only:
             raise UserError("localise_only: expected a saved map")
@@ -116,19 +116,8 @@ class Slam:
     def process(self, frame: Frame) -> TrackResult:
         """Track one frame, then map: the initial iterations after the first, some per keyframe."""
         result = self._process(frame)
-        row = pose_row(
-            index=result.frame_index,
-            source_stamp_ns=frame.stamp_ns,
-            stamp_ns=frame.stamp_ns,
-            publish_ns=frame.stamp_ns,
-            status=STATUS[result.status],
-            keyframe=result.keyframe,
-            T_world_cam=result.T_world_cam,
-            T_keyframe_cam=result.T_keyframe_cam,
-            quality=result.quality,
-            map_version=result.map_version,
-            fragment=result.fragment,
-        )
+        at_ns = frame.stamp_ns
+        row = result.log_row(source_stamp_ns=at_ns, stamp_ns=at_ns, publish_ns=at_ns)
         self._path.add(row, self.store, result.T_expected)
         self.pose_log.append(row)
         if (joined := result.joined) is not None:
@@ -189,7 +178,10 @@ class Slam:
 
     def _process(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
-            self._tracker = self._open_tracker(frame)
+            self.store = KeyframeStore.create(
+                self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
+            )
+            self._tracker = self._open_tracker(self.store)
         assert self.store
         before = self.store.count
         result = self._tracker.track(frame, self._view(), localise_only=self.localise_only)
@@ -220,13 +212,7 @@ class Slam:
             store.correct_poses(*refined)
         mapper.select(store)
 
-    def _open_tracker(self, frame: Frame) -> FrameTracker:
-        self.store = KeyframeStore.create(
-            self._arrays, frame.camera, frame.depth_units_per_m, self.config.keyframes.capacity
-        )
-        return self._opened_tracker(self.store)
-
-    def _opened_tracker(self, store: KeyframeStore) -> FrameTracker:
+    def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(
             self.config, store, self.seed, self._device.threads,
             new_map_after_s=self._new_map_after_s,

@@ -95,7 +95,6 @@ class GraphBundleAdjustment:
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
         fragments = store.fragments()
-        begun = [k for k in range(self._seen, count) if fragments[k] != fragments[k - 1]]
         for k in range(self._seen, count):
             T = inverse(poses[k - 1]) @ poses[k]
             self._edges += self._chain.add(k, T, store.gap_covariance(k))
@@ -103,7 +102,8 @@ class GraphBundleAdjustment:
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
-        if begun and self._rounds:  # all of a fragment that was joined just now
+        new = fragments[self._seen - 1 :]
+        if (new != new[0]).any() and self._rounds:  # all of a fragment that was joined just now
             most = len(due)
             self._all_at_next = True
         self._left = [k for k in due[most:] if k in kept and k >= store.inherited]

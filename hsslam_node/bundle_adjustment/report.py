@@ -24,9 +24,8 @@ class BaReport:
     loss_after: float
     moved: bool  # whether any pose changed
     loops: tuple[tuple[int, int], ...] = ()  # that were closed: ids of keyframes, the older first
-    known: int | None = (
-        None  # keyframes there were; those that came since move as the last of these
-    )
+    # keyframes there were; those that came since move as the last of these
+    known: int | None = None
 
 
 class BundleAdjustment(Protocol):

@@ -21,7 +21,7 @@ class TrackedChain:
         self._to: dict[int, PoseEdge] = {}  # by its second keyframe, in their order
         self._gaps: dict[
             int, np.ndarray
-        ] = {}  # [6, 6] of edges that odometry alone bridges, likewise
+        ] = {}  # [6, 6] covariance of what odometry bridged, likewise
 
     @property
     def keyframes(self) -> np.ndarray:

@@ -92,9 +92,8 @@ def check_registration(images: Sequence[tuple[np.ndarray, np.ndarray]]) -> Findi
 
 REACH_PX = 24  # of an image 640 pixels wide; also how far is searched
 _WIDTH_PX = 640
-_STEP_PX = (
-    3  # a jump of depth is looked for across twice that, so that a seam without depth is bridged
-)
+# a jump of depth is looked for across twice that, so that a seam without depth is bridged
+_STEP_PX = 3
 _JUMP = 0.10  # of the depth
 _BRIGHTEST = 97.0  # percentile at which gradients are cut: no single edge rules
 _AROUND_PX = 41  # a gradient counts by what it has over its surroundings

@@ -137,9 +137,8 @@ _REACH = (0.5, 3.5)  # second differences that tell, in steps
 _LEAST_SCORE, _LEAST_SHARE, _LEAST_HALF_SCORE = 0.65, 0.15, 0.55
 _SAME_STEP = 0.10  # near and far
 _LEAST_DEPTH_RATIO = 1.2  # of the far half to the near half: below, any grid looks like one of 1/z
-_SAME_SCORE = (
-    0.85  # a grid of p is one of p / 2, too: the coarsest with this much of the best score
-)
+# a grid of p is one of p / 2, too: the coarsest with this much of the best score
+_SAME_SCORE = 0.85
 
 
 @dataclass(frozen=True)

@@ -141,9 +141,8 @@ def check_stamp_jitter(intervals_ns: np.ndarray, of: str) -> Finding:
 
 _FAULT_ALONE = 0.10
 _NOTE_ALONE = 0.02
-_NOTE_APART_MS = (
-    10.0  # as far as two cameras of 30 Hz that are not triggered together get: up to 17
-)
+# as far as two cameras of 30 Hz that are not triggered together get: up to 17
+_NOTE_APART_MS = 10.0
 _ASSOCIATION = Check(
     "association", "%", "a depth image within 20 ms of every colour image, 10 ms at the median"
 )

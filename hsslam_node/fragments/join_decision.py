@@ -9,7 +9,7 @@ from hsslam_node.merging.meetings import Meeting, agreeing, places_apart
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 
 _FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
-_CLEARLY = 3.0  # times the keyframes that tell of any other way to lie
+_CLEARLY = 3.0  # the best pose needs so many times the keyframes of the second best
 _FEWEST_BLOCKS = 60  # of all meetings' images that show something
 _ALIKE = 0.85  # of these blocks: 0.95 to 0.98 of one room, 0.67 to 0.72 of rooms that look alike
 
@@ -22,11 +22,11 @@ class CheckedMeeting(Meeting):
 
 
 def agreed_meetings(meetings: Sequence[CheckedMeeting]) -> list[CheckedMeeting]:
-    """The meetings that tell where the fragment lies, the one that most agree with first; none if that is
-    not clear.
+    """The meetings that agree on where the fragment lies, the one that most agree with first; none if they
+    leave a doubt.
 
-    At least three places that are apart must agree, and in them what hangs on the walls. Where rooms look
-    alike, meetings tell of several ways in which the two may lie: then it is not clear.
+    At least three places that are apart must agree on a pose of the fragment, and their images must agree in
+    detail. If rooms look alike, meetings support several poses: then the answer is none.
     """
     best = agreeing(meetings)
     if places_apart(best) < _FEWEST_PLACES or not _show_the_same(best):

@@ -133,6 +133,11 @@ class PoseLog:
         slabs = [self._slab(k) for k in range(-(-n // SLAB_ROWS))]
         return np.concatenate(slabs)[:n] if slabs else np.zeros(0, POSE_ROW)
 
+    def newest_fragment(self) -> int:
+        """The largest number of a fragment in the log; 0: there was none."""
+        slabs = map(self._slab, range(-(-self.count // SLAB_ROWS)))  # rows to come are 0
+        return max((int(slab["fragment"].max()) for slab in slabs), default=0)
+
     def join(self, fragment: int, keyframes: np.ndarray, T_keyframe_own: np.ndarray) -> None:
         """A fragment has joined the map: its keyframe k moves with keyframe `keyframes[k]` of the map, from
         where it is T_keyframe_own[k] [4, 4] away.

@@ -38,7 +38,7 @@ class Meeting:
         return self.T_world_first @ self.T_first_second @ inverse(self.T_world_second)
 
 
-M = TypeVar("M", bound=Meeting)
+AnyMeeting = TypeVar("AnyMeeting", bound=Meeting)
 
 
 def find_meetings(
@@ -66,7 +66,7 @@ def find_meetings(
     return meetings
 
 
-def agreeing(meetings: Sequence[M]) -> list[M]:
+def agreeing(meetings: Sequence[AnyMeeting]) -> list[AnyMeeting]:
     """The largest set that agrees with one of its meetings on how the two worlds lie; this one comes first.
 
     Two meetings agree if the one tells where the camera of the other is, to 10 cm and 3 % of the way

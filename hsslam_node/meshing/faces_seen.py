@@ -11,18 +11,16 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
 
 _TOLERANCE_M = 0.02
-_TOLERANCE_PER_M = (
-    0.004  # 1/m, times the squared depth: the noise of a depth camera grows like that
-)
+# 1/m, times the squared depth: the noise of a depth camera grows like that
+_TOLERANCE_PER_M = 0.004
 _LEAST_COSINE = (
     -0.1
 )  # between a triangle's normal and the ray to the camera: rims may turn a little
 _STILL_THERE = 0.5  # of the tolerance: what measures so well says that nothing was carried off
 _THROUGH = 3  # keyframes that look through what is gone
 _BEHIND_M = 0.03  # on top of twice the tolerance: how much farther they see
-_ABOUT_M = (
-    0.03  # to each side of a triangle they see as far: not past the edge of what stands there
-)
+# to each side of a triangle they see as far: not past the edge of what stands there
+_ABOUT_M = 0.03
 _RINGS = 6  # of triangles about what is gone
 _NEVER = np.iinfo(np.int32).max
 _FAR_M = 4.0  # from farther away a keyframe does not look through

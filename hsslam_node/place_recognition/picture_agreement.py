@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import project
 from hsslam_node.geometry.se3 import inverse
 
 _WIDTH_PX = 320  # of the images that are compared
@@ -38,14 +39,14 @@ def picture_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -
     rays = np.stack(
         [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1
     )
-    T = inverse(T_first_second)
-    points = (rays * depth_m[..., None]) @ T[:3, :3].T + T[:3, 3]  # [h, w, 3]
-    z = np.maximum(points[..., 2], 1e-3)
-    at_u = (points[..., 0] / z * camera.fx + camera.cx).astype(np.float32)
-    at_v = (points[..., 1] / z * camera.fy + camera.cy).astype(np.float32)
+    points = (rays * depth_m[..., None]).reshape(-1, 3)
+    at_u, at_v, z = (
+        numbers.reshape(grey.shape) for numbers in project(points, camera, inverse(T_first_second))
+    )
+    at_u, at_v = at_u.astype(np.float32), at_v.astype(np.float32)
     seen = cv2.remap(other, at_u, at_v, cv2.INTER_LINEAR, borderValue=0)
     seen_m = cv2.remap(other_m, at_u, at_v, cv2.INTER_NEAREST, borderValue=0)
-    off_m = np.abs(seen_m - points[..., 2])
+    off_m = np.abs(seen_m - z)
     both = (depth_m > 0) & (seen_m > 0) & (off_m < _TOLERANCE_M + _TOLERANCE_SLOPE * z**2)
     return _compared(_blocks(grey), _blocks(seen), _blocks(both.astype(np.float32)))
 

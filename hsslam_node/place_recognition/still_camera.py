@@ -6,9 +6,8 @@ from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.map.store import KeyframeStore
 
 _STILL_M, _STILL_RAD = 0.01, 0.009  # from where it came to rest: several times the noise of poses
-_SAME_GREY = (
-    6.0  # mean difference of coarse images, of 255; more: the light changed, or a person came
-)
+# mean difference of coarse images, of 255; more: the light changed, or a person came
+_SAME_GREY = 6.0
 
 
 class StillCamera:

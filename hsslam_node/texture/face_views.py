@@ -14,9 +14,8 @@ from hsslam_node.rendering.depth_render import render_depth
 _BORDER_PX = 3.0  # of the image, which a triangle may not touch
 _LEAST_COSINE = 0.1  # between a triangle's normal and the ray to the camera
 _TOLERANCE_M, _TOLERANCE_PER_M = 0.02, 0.006  # 1/m, times the squared depth: a Kinect's noise
-_EDGE_PX = (
-    4  # around a triangle: a nearer surface may bleed over it, as depth and pose are not exact
-)
+# around a triangle: a nearer surface may bleed over it, as depth and pose are not exact
+_EDGE_PX = 4
 _EDGE_M = 0.05
 _NEAR_M = 0.05
 

@@ -64,9 +64,9 @@ class DeadReckoning:
     """Frames by odometry alone since the last aligned one, and the gap that they leave between keyframes."""
 
     def __init__(self) -> None:
-        self._since = MotionSince()  # the last aligned frame
-        self._of_last = np.zeros((6, 6))  # covariance of that frame's pose in the world
-        self._gap = np.zeros((6, 6))  # as of `gap_at`, at that frame
+        self._since = MotionSince()  # since the last aligned frame
+        self._of_last = np.zeros((6, 6))  # covariance of T_world_cam of the last aligned frame
+        self._gap = np.zeros((6, 6))  # `gap_at` of the last aligned frame
         self._newest: Reckoning | None = None  # of the frames since then
         self.unaligned_frames = 0  # of these, those that see something
         self.is_open = False  # whether there is no keyframe since the last frame by odometry alone

@@ -1,7 +1,7 @@
 """A frame in tracking: its depth points, the result, and where the next frame is expected."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from hsslam_node.depth_noise import surface_limit
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.tracking.depth_points import sample_points
-from hsslam_node.map.pose_log import Status
+from hsslam_node.map.pose_log import STATUS, Status, pose_row
 from hsslam_node.map.store import KeyframeStore
 
 _LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
@@ -74,6 +74,12 @@ class JoinedFragment:
     keyframes: np.ndarray  # [n] int64, ids in the map of those that each moves with
     T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with; mostly itself
 
+    def placed(self, frame: TrackedFrame) -> TrackedFrame:
+        """A frame of the fragment, relative to a keyframe of the map."""
+        k = frame.keyframe
+        T_keyframe_cam = self.T_keyframe_own[k] @ frame.T_keyframe_cam
+        return replace(frame, keyframe=int(self.keyframes[k]), T_keyframe_cam=T_keyframe_cam)
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackResult:
@@ -89,20 +95,15 @@ class TrackResult:
     map_version: int = 0  # 0: no map
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
-    pose_version: int | None = (
-        None  # of the keyframes' poses that the pose is of; None: as of before
-    )
-    covariance: np.ndarray | None = (
-        None  # [6, 6] as in `geometry/pose_covariance.py`; None: not known
-    )
-    fragment: int = (
-        0  # 0: pose and keyframe are of the map; else of this fragment, and the map's is lost
-    )
-    joined: "JoinedFragment | None" = None  # to the map, with this frame
-
-    T_expected: np.ndarray | None = (
-        None  # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
-    )
+    # of the keyframes' poses that the pose is of; None: as of before
+    pose_version: int | None = None
+    # [6, 6] as in `geometry/pose_covariance.py`; None: not known
+    covariance: np.ndarray | None = None
+    # 0: pose and keyframe are of the map; else of this fragment, and the map's is lost
+    fragment: int = 0
+    joined: JoinedFragment | None = None  # to the map, with this frame
+    # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
+    T_expected: np.ndarray | None = None
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":
@@ -111,6 +112,35 @@ class TrackResult:
             frame_index=frame_index, status="initial", T_world_cam=T_world_cam, keyframe=keyframe,
             T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
         )  # fmt: skip
+
+    def log_row(
+        self,
+        *,
+        source_stamp_ns: int,
+        stamp_ns: int,
+        publish_ns: int,
+        pose_version: int = 0,
+        map_epoch: int = 0,
+        publisher: int = 0,
+    ) -> np.ndarray:
+        """The row of the pose log, [] of POSE_ROW. `pose_version`: of the keyframes when the frame came."""
+        return pose_row(
+            index=self.frame_index,
+            source_stamp_ns=source_stamp_ns,
+            stamp_ns=stamp_ns,
+            publish_ns=publish_ns,
+            status=STATUS[self.status],
+            keyframe=self.keyframe,
+            T_world_cam=self.T_world_cam,
+            T_keyframe_cam=self.T_keyframe_cam,
+            quality=self.quality,
+            map_version=self.map_version,
+            pose_version=pose_version if self.pose_version is None else self.pose_version,
+            map_epoch=map_epoch,
+            publisher=publisher,
+            covariance=self.covariance,
+            fragment=self.fragment,
+        )
 
     @classmethod
     def without_map(cls, frame_index: int) -> "TrackResult":

@@ -10,6 +10,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe, turned
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
 from hsslam_node.place_recognition.still_camera import StillCamera
@@ -17,15 +18,14 @@ from hsslam_node.tracking.acceptance import (
     is_acceptable,
     is_confirmed,
     is_left_behind,
-    needs_replacing,
     quality,
-    reference_overlap,
 )
-from hsslam_node.tracking.alignment import Alignment, Exposure, align
+from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
+from hsslam_node.tracking.keyframes.reference import AlignedAt, Reference
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,
@@ -69,13 +69,11 @@ class Tracker:
         self._seed = seed
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
-        self._reference: ReferenceKeyframe | None = None
+        self._reference: Reference | None = None
         self._relocalisation = Relocalisation(config.tracker, store, seed)
-        self._exposure = Exposure()  # of the last good frame against the reference
         self._dynamic = DynamicMask(store)
         self._still = StillCamera(store, config.keyframes.still)
-        self._aligned_at = np.eye(4), 0  # pose of the reference and its version, in the alignment
-        self._coverage = 0.0  # of the frames' points by the reference's surface, the most so far
+        self._aligned_at: AlignedAt | None = None  # of the newest alignment
         self._since_keyframe = 0
         self._lost_frames = 0
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
@@ -93,7 +91,7 @@ class Tracker:
         self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
         self._before_last = None
         self._lost_frames = 1
-        self._reference = stored_reference(self._store, newest, self._config)
+        self._reference = self._stored(newest)
         if anywhere:
             self._lost_frames = _FOLLOWED_FRAMES
             self._relocalisation.observe_all()
@@ -108,21 +106,21 @@ class Tracker:
         """The keyframes that the next frame is tracked from."""
         self.prepare_next()
         frames = [f.keyframe for f in (self._last, self._before_last) if f is not None]
-        return {*frames, *([self._reference.id] if self._reference else [])}
+        return {*frames, *([self._reference.keyframe.id] if self._reference else [])}
 
     def take_over(self, other: "Tracker", joined: JoinedFragment) -> None:
         """Go on where the tracker of a fragment is that has joined this one's store."""
         other.prepare_next()
         assert other._last is not None and other._reference is not None
-        self._last = _moved(other._last, joined)
-        self._before_last = other._before_last and _moved(other._before_last, joined)
-        k = other._reference.id
-        moved = int(joined.keyframes[k])
-        if (joined.T_keyframe_own[k] == np.eye(4)).all():
-            self._reference = replace(other._reference, id=moved)
+        self._last = joined.placed(other._last)
+        self._before_last = other._before_last and joined.placed(other._before_last)
+        keyframe = other._reference.keyframe
+        moved = int(joined.keyframes[keyframe.id])
+        if (joined.T_keyframe_own[keyframe.id] == np.eye(4)).all():
+            keyframe = replace(keyframe, id=moved)
         else:
-            self._reference = stored_reference(self._store, moved, self._config)
-        self._exposure, self._coverage = other._exposure, other._coverage
+            keyframe = stored_reference(self._store, moved, self._config)
+        self._reference = replace(other._reference, keyframe=keyframe)
         self._since_keyframe = other._since_keyframe
         self._lost_frames, self._next_reference = 0, None
         self._reckoned = DeadReckoning()
@@ -150,26 +148,26 @@ class Tracker:
         prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
         reckoning = self._reckoned.expected(self._last.pose(self._store), frame.odometry)
-        before = self._reference, self._exposure, self._coverage
+        before = self._reference
         try:
             if reckoning is not None:
                 best = self._align_to_odometry(frame, points, levels, reckoning, view)
                 if best is not None:
                     return self._accept(frame, levels, best, view, reckoning)
-                self._reference, self._exposure, self._coverage = before
+                self._reference = before
                 if len(points) < _FEWEST_POINTS and reckoning.is_within_reach(self._config):
                     return self._reckon(frame, reckoning, view, sees=False)
             for guess in self._guesses(frame, prediction, after_gap=expected is None):
                 best = self._try(points, levels, guess, view)
                 good = self._is_good(best, guess, frame.stamp_ns)
-                if good and self._reference is before[0]:  # else a place, which has been checked
+                if good and self._reference is before:  # else a place, which has been checked
                     good = self._is_confirmed(best, expected, frame)
                 if good:
                     return self._accept(frame, levels, best, view, reckoning)
         except TornMapError:
-            self._reference, self._exposure, self._coverage = before
+            self._reference = before
             raise
-        self._reference, self._exposure, self._coverage = before  # not one that was tried in vain
+        self._reference = before  # not one that was tried in vain
         if reckoning is None:
             return self._lose(frame, prediction, view)
         if not reckoning.is_within_reach(self._config):
@@ -181,7 +179,7 @@ class Tracker:
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
         if self._next_reference is not None:
-            self._reference = self._next_reference()
+            self._reference = Reference(self._next_reference())
             self._next_reference = None
 
     def _start(self, frame: Frame, levels: tuple[PyramidLevel, ...], points: int) -> TrackResult:
@@ -189,9 +187,7 @@ class Tracker:
             return TrackResult.without_map(frame.index)
         T_world_cam = first_pose(self._slam.bound)
         k = self._store.append(frame, T_world_cam)
-        self._dynamic.observe(k, frame)
-        self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
-        self._last = TrackedFrame(frame, k, np.eye(4))
+        self._refer_to_new(k, frame, levels)
         self._reckoned.restart(frame.odometry, np.zeros((6, 6)), None)
         return TrackResult.first(frame.index, k, T_world_cam)
 
@@ -218,8 +214,7 @@ class Tracker:
         if not after_gap or (is_reckoned and reckoned.unaligned_frames < _UNALIGNED_FRAMES):
             return
         for place in self._relocalisation.places(frame):
-            self._exposure, self._coverage = Exposure(), 0.0
-            self._reference = place.reference
+            self._reference = Reference(place.reference)
             yield place.T_world_cam
 
     def _try(
@@ -228,20 +223,12 @@ class Tracker:
     ) -> Alignment | None:  # fmt: skip
         if len(points) < _FEWEST_POINTS or self._reference is None:
             return None
-        version = self._store.pose_version
-        T_world_ref = self._store.pose(self._reference.id)
-        self._aligned_at = T_world_ref, version
+        reference = self._reference
+        self._aligned_at = AlignedAt.now(reference.keyframe.id, self._store)
         found = align(
-            points,
-            levels,
-            T,
-            view,
-            self._reference,
-            T_world_ref,
-            self._config,
-            self._exposure,
-            doubt,
-        )
+            points, levels, T, view, reference.keyframe, self._aligned_at.T_world_ref, self._config,
+            reference.exposure, doubt,
+        )  # fmt: skip
         if view is not None:
             view.expect_intact()
         return found
@@ -270,17 +257,26 @@ class Tracker:
         self, frame: Frame, levels: tuple[PyramidLevel, ...], alignment: Alignment | None,
         view: MapView | None, reckoning: Reckoning | None,
     ) -> TrackResult:  # fmt: skip
-        assert alignment is not None and self._reference is not None and self._last is not None
-        T, version = self._followed(orthonormal(alignment.T_world_cam))
+        at, before = self._aligned_at, self._reference
+        assert (
+            alignment is not None
+            and self._last is not None
+            and at is not None
+            and before is not None
+        )
+        T, version = at.followed(orthonormal(alignment.T_world_cam), self._store)
         self._since_keyframe += 1
-        self._coverage = max(self._coverage, alignment.surface_coverage)
+        coverage = max(before.coverage, alignment.surface_coverage)
+        reference = Reference(before.keyframe, alignment.exposure, coverage)
         own, of_reference, lever_m = self._doubt(alignment)
         gap = self._reckoned.gap_at(self._last.pose(self._store), T)
-        is_keyframe = self._is_keyframe(alignment, T, levels)
+        is_keyframe = self._is_keyframe(alignment, T, levels, coverage)
         if is_keyframe:
             self._since_keyframe = 0
             with self._store.appending():
-                T, version = self._followed(orthonormal(alignment.T_world_cam))  # as of now
+                T, version = at.followed(
+                    orthonormal(alignment.T_world_cam), self._store
+                )  # as of now
                 still = self._dynamic.left_out(frame, T)
                 of_gap = turned(gap + own, T[:3, :3].T) if gap.any() else gap
                 k = self._store.append(
@@ -295,18 +291,20 @@ class Tracker:
             T_keyframe_cam = np.eye(4)
         else:
             still = frame
-            k = self._reference.id if self._localise_only else self._store.count - 1
+            k = before.keyframe.id if self._localise_only else self._store.count - 1
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
-        self._exposure = alignment.exposure
-        if is_keyframe and self._needs_replacing(alignment, T, frame):
-            self._exposure, self._coverage = Exposure(), 0.0
+        self._reference = reference
+        needs_another = partial(
+            reference.needs_replacing, alignment, T, frame, self._store, self._config
+        )
+        if is_keyframe and needs_another():
             of_still = levels if still is frame else grey_pyramid(still)
             views = views_near(self._store, k, still, self._config.reference_views)
             self._next_reference = partial(
                 reference_keyframe, k, still, of_still, self._config.photometric_pixels, views
             )
         elif self._localise_only:
-            self._refer_to_saved(alignment, T, frame)
+            self._refer_to_saved(frame, T, needs_another())
         self._before_last = self._last
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         covariance = in_world(own, of_reference, lever_m)
@@ -327,31 +325,20 @@ class Tracker:
     def _doubt(self, alignment: Alignment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Covariances of the pose against the reference and of the reference [6, 6], and the way [3] m
         from this to that."""
-        assert alignment.evidence is not None and self._reference is not None
-        lever_m = alignment.T_world_cam[:3, 3] - self._aligned_at[0][:3, 3]
-        of_reference = self._store.covariance(self._reference.id)
+        assert alignment.evidence is not None and self._aligned_at is not None
+        lever_m = alignment.T_world_cam[:3, 3] - self._aligned_at.T_world_ref[:3, 3]
+        of_reference = self._store.covariance(self._aligned_at.keyframe)
         return alignment.evidence.covariance(), of_reference, lever_m
 
-    def _followed(self, T: np.ndarray) -> tuple[np.ndarray, int]:
-        """An aligned pose [4, 4], and the pose version that it is of: now, if the reference was corrected
-        meanwhile."""
-        assert self._reference is not None
-        then, version = self._aligned_at
-        newest = self._store.pose_version
-        if newest == version:
-            return T, version
-        now = self._store.pose(self._reference.id)
-        return (T if (now == then).all() else orthonormal(now @ inverse(then) @ T)), newest
-
     def _is_keyframe(
-        self, alignment: Alignment, T: np.ndarray, levels: tuple[PyramidLevel, ...]
+        self, alignment: Alignment, T: np.ndarray, levels: tuple[PyramidLevel, ...], coverage: float
     ) -> bool:
         """Whether the frame is due as a keyframe, there is room for it, and the camera does not stand
         still."""
         if self._localise_only:
             return False
         is_left = self._since_keyframe >= _FEWEST_BETWEEN and is_left_behind(
-            alignment, self._coverage, self._config
+            alignment, coverage, self._config
         )
         is_due = is_left or self._since_keyframe >= self._slam.keyframes.every_frames
         if not is_due or not self._store.has_room():
@@ -367,10 +354,9 @@ class Tracker:
         assert self._reference is not None
         T = reckoning.T_world_cam
         if self._reckoned.is_on and len(points) >= _FEWEST_POINTS:
-            k = covering_keyframe(self._store, frame, T, self._reference.id)
-            if k != self._reference.id:
-                self._exposure, self._coverage = Exposure(), 0.0
-                self._reference = stored_reference(self._store, k, self._config)
+            k = covering_keyframe(self._store, frame, T, self._reference.keyframe.id)
+            if k != self._reference.keyframe.id:
+                self._reference = self._stored(k)
         best = self._try(points, levels, T, view, reckoning.doubt)
         if not reckoning.is_sure:
             good = self._is_good(best, T, frame.stamp_ns) and self._is_confirmed(best, None, frame)
@@ -386,15 +372,9 @@ class Tracker:
         self, frame: Frame, reckoning: Reckoning, view: MapView | None, *, sees: bool
     ) -> TrackResult:
         """A frame whose pose is by odometry alone: it becomes no keyframe, and nothing is aligned to it."""
-        assert self._last is not None
-        self._before_last = None
         covariance = self._reckoned.add(reckoning, sees=sees)
-        k, T = self._last.keyframe, reckoning.T_world_cam
-        return TrackResult(
-            frame_index=frame.index, status="dead_reckoned", T_world_cam=T, keyframe=k,
-            T_keyframe_cam=inverse(self._store.pose(k)) @ T, map_version=view.version if view else 0,
-            covariance=covariance,
-        )  # fmt: skip
+        result = self._unaligned(frame, reckoning.T_world_cam, view, "dead_reckoned")
+        return replace(result, covariance=covariance)
 
     def _may_begin_anew(self, points: np.ndarray) -> bool:
         return len(points) >= _FEWEST_POINTS and not self._localise_only and self._store.has_room()
@@ -413,10 +393,8 @@ class Tracker:
             T = Reckoning.after(T_last, reckoning.motion).T_world_cam
             gap = turned(self._reckoned.gap_at(T_last, T), T[:3, :3].T)
             k = self._store.append(frame, T, version, covariance, gap, self._fragment)
-        self._dynamic.observe(k, frame)
-        self._reference = reference_keyframe(k, frame, levels, self._config.photometric_pixels)
-        self._exposure, self._coverage, self._since_keyframe = Exposure(), 0.0, 0
-        self._before_last, self._last = None, TrackedFrame(frame, k, np.eye(4))
+        self._refer_to_new(k, frame, levels)
+        self._before_last, self._since_keyframe = None, 0
         self._reckoned.restart(frame.odometry, covariance, None)
         self._relocalisation.observe()
         return TrackResult(
@@ -426,38 +404,36 @@ class Tracker:
         )  # fmt: skip
 
     def _lose(self, frame: Frame, T: np.ndarray, view: MapView | None) -> TrackResult:
-        assert self._last is not None
-        k = self._last.keyframe
-        T_keyframe_cam = inverse(self._store.pose(k)) @ T
-        self._before_last = None
         self._lost_frames += 1
-        version = view.version if view else 0
+        return self._unaligned(frame, T, view, "lost")
+
+    def _unaligned(
+        self, frame: Frame, T: np.ndarray, view: MapView | None, status: Status
+    ) -> TrackResult:
+        assert self._last is not None
+        self._before_last = None
+        k = self._last.keyframe
         return TrackResult(
-            frame_index=frame.index, status="lost", T_world_cam=T, keyframe=k,
-            T_keyframe_cam=T_keyframe_cam, map_version=version,
+            frame_index=frame.index, status=status, T_world_cam=T, keyframe=k,
+            T_keyframe_cam=inverse(self._store.pose(k)) @ T, map_version=view.version if view else 0,
         )  # fmt: skip
 
-    def _refer_to_saved(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> None:
+    def _stored(self, k: int) -> Reference:
+        return Reference(stored_reference(self._store, k, self._config))
+
+    def _refer_to_new(self, k: int, frame: Frame, levels: tuple[PyramidLevel, ...]) -> None:
+        """Go on from a frame that is keyframe k now and was not aligned to another."""
+        self._dynamic.observe(k, frame)
+        pixels = self._config.photometric_pixels
+        self._reference = Reference(reference_keyframe(k, frame, levels, pixels))
+        self._last = TrackedFrame(frame, k, np.eye(4))
+
+    def _refer_to_saved(self, frame: Frame, T: np.ndarray, needs_another: bool) -> None:
         """Take a keyframe of the map as the reference that shows clearly more of the frame."""
         assert self._reference is not None
-        needs_replacing = self._needs_replacing(alignment, T, frame)
-        if not needs_replacing and self._since_keyframe < self._slam.keyframes.every_frames:
+        if not needs_another and self._since_keyframe < self._slam.keyframes.every_frames:
             return
         self._since_keyframe = 0
-        k = covering_keyframe(self._store, frame, T, self._reference.id)
-        if k != self._reference.id:
-            self._exposure, self._coverage = Exposure(), 0.0
+        k = covering_keyframe(self._store, frame, T, self._reference.keyframe.id)
+        if k != self._reference.keyframe.id:
             self._next_reference = partial(stored_reference, self._store, k, self._config)
-
-    def _needs_replacing(self, alignment: Alignment, T: np.ndarray, frame: Frame) -> bool:
-        assert self._reference is not None
-        T_cam_ref = inverse(T) @ self._store.pose(self._reference.id)
-        overlap = reference_overlap(self._reference, T_cam_ref, frame.camera)
-        return needs_replacing(alignment, overlap, self._coverage, self._config)
-
-
-def _moved(frame: TrackedFrame, joined: JoinedFragment) -> TrackedFrame:
-    """A frame of a fragment, placed relative to a keyframe of the map."""
-    k = frame.keyframe
-    T_keyframe_cam = joined.T_keyframe_own[k] @ frame.T_keyframe_cam
-    return replace(frame, keyframe=int(joined.keyframes[k]), T_keyframe_cam=T_keyframe_cam)

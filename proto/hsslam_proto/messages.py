@@ -48,10 +48,10 @@ class Frame(Message, frozen=True, kw_only=True):
     and a lower index with a later `stamp_ns` begins a new count.
 
     `odometry`: pose of the camera at the stamp by wheel or other odometry, in a frame of its own that
-    drifts: x, y, z, qx, qy, qz, qw. Empty: not known. `odometry_covariance`: numbered as `covariance` of
-    `Pose`, in the axes of that frame. It grows along the path: its growth between two frames is the
-    covariance of the motion between them. Empty with `odometry`: 2 cm after 1 m and 0.02 rad after 1 rad,
-    standard deviations.
+    drifts: x, y, z, qx, qy, qz, qw. Empty: not known. `odometry_covariance` lists the same 21 numbers as
+    `covariance` of `Pose`, but along the axes of the odometry's own frame. It grows along the path: its
+    growth between two frames is the covariance of the motion between them. Empty with `odometry`: 2 cm
+    after 1 m and 0.02 rad after 1 rad, standard deviations.
     """
 
     index: FrameIndex
@@ -90,9 +90,9 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
     """Pose of the robot's base (x forward, y left, z up) by wheel or other odometry, in a frame of its own
     that drifts (m; unit quaternion xyzw).
 
-    `stamp_ns` is the wall clock of the measurement. `covariance`: numbered as that of `Pose`, in the axes of
-    that frame; only its growth counts. Empty: not known. `--base-T-camera` is the pose of the camera on the
-    base.
+    `stamp_ns` is the wall clock of the measurement. `covariance` lists the same 21 numbers as that of `Pose`,
+    but along the axes of the odometry's own frame. The tracker uses how much it grows from message to
+    message, not its value. Empty: not known. `--base-T-camera` is the pose of the camera on the base.
     """
 
     stamp_ns: StampNs

@@ -25,9 +25,8 @@ from hsslam_node.sources.options import SourceOptions
 
 CULL_EVERY = 10  # of the given cameras
 CULL_TOLERANCE_M = 0.03
-CULL_VIRTUAL = (
-    100  # virtual cameras that cull in the literature's protocol: the first of those drawn
-)
+# virtual cameras that cull in the literature's protocol: the first of those drawn
+CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
@@ -45,9 +44,8 @@ class MeshJudge:
     given: Views
     virtual: list[tuple[np.ndarray, np.ndarray]]
     virtual_camera: Camera
-    cull_views: int = (
-        CULL_VIRTUAL  # virtual views that cull in the literature's protocol, the first ones
-    )
+    # virtual views that cull in the literature's protocol, the first ones
+    cull_views: int = CULL_VIRTUAL
 
     @classmethod
     def open(

@@ -110,9 +110,7 @@ class RayPool:
         self.board.close.remote()
 
     def _result(self, ref: Any, one: Try) -> TaskResult:
-        ended = self.board.end.remote(
-            one.index
-        )  # its answer is wanted for a task without a result alone
+        ended = self.board.end.remote(one.index)  # only a task without a result needs the answer
         try:
             return ray.get(ref)
         except RayTaskError as error:

@@ -4,31 +4,19 @@
 the command twice: the first writes `runs.parquet`, the second finds it.
 """
 
-import argparse
-import json
 import resource
 import subprocess
-import tempfile
 import time
-from pathlib import Path
 
 from hsslam_batch.attempt.commit import commit
 from hsslam_batch.attempt.outcome import Outcome
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import read_manifest
-from hsslam_bench.batch.planned import batch_command, planned
-
-_LOGS, _QUICK_LOGS = 2000, 20
+from hsslam_bench.batch.planned import batch_command, report_on_many
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="batch.again", description=__doc__)
-    parser.add_argument("--logs", type=int, default=_LOGS)
-    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_LOGS} logs")
-    arguments = parser.parse_args()
-    count = _QUICK_LOGS if arguments.quick else arguments.logs
-    with tempfile.TemporaryDirectory() as folder:
-        print(json.dumps(again(planned(Path(folder), count))))
+    report_on_many("batch.again", __doc__, again)
 
 
 def again(batch: Batch) -> dict[str, float]:

@@ -20,14 +20,10 @@ from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.bad_logs import write_bad_logs
 from hsslam_bench.batch.planned import batch_command, plan
 from hsslam_bench.batch.ray_nodes import add_node, ray_cluster
-from hsslam_bench.batch.small_log import write_log
-from hsslam_node.sources.options import SourceOptions
+from hsslam_bench.batch.small_log import write_logs
 
-_EACH, _FRAMES, _STEP = (
-    6,
-    60,
-    25,
-)  # logs of a source; each begins so many frames after the one before
+_EACH, _FRAMES = 6, 60  # logs of a source, and their frames
+_STEP = 25  # frames from the begin of a log to that of the next
 _QUICK_EACH, _QUICK_FRAMES = 1, 12
 _NODES, _MEMORY_GB, _TIMEOUT_S = 3, 4.0, 900.0
 
@@ -42,10 +38,7 @@ def main() -> None:
     frames = _QUICK_FRAMES if arguments.quick else _FRAMES
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for number, source in enumerate(arguments.sources):
-            for k in range(each):
-                options = SourceOptions(start=_STEP * k, frames=frames)
-                write_log(folder / "logs" / f"good-{number}-{k}", source, options)
+        write_logs(folder / "logs", arguments.sources, each, frames, _STEP)
         bad = write_bad_logs(folder / "logs")
         batch = plan(folder / "logs", folder / "out")
         print(json.dumps(fleet(batch, bad, folder / "hand", arguments.timeout)))

@@ -1,12 +1,18 @@
-"""Planned batches of many small logs, and the command of `hsslam-batch`; apart, as several rows use them."""
+"""Planned batches of logs, and the command of `hsslam-batch`; apart, as several rows use them."""
 
+import argparse
+import json
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from hsslam_batch.plan.batch import Batch, read_batch
 
 _PYTHON = (sys.executable, "-P", "-m")
+_LOGS, _QUICK_LOGS = 2000, 20
 
 
 def batch_command(*words: str) -> list[str]:
@@ -27,3 +33,16 @@ def planned(folder: Path, count: int) -> Batch:
     make = [*_PYTHON, "hsslam_bench.batch.small_log", str(logs), str(count)]
     subprocess.run(make, check=True, stdout=sys.stderr)
     return plan(logs, folder / "out")
+
+
+def report_on_many(
+    name: str, document: str | None, measure: Callable[[Batch], Mapping[str, Any]]
+) -> None:
+    """Body of a row's `main`: plan many logs of one frame, and print what is measured of them as JSON."""
+    parser = argparse.ArgumentParser(prog=name, description=document)
+    parser.add_argument("--logs", type=int, default=_LOGS)
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_LOGS} logs")
+    arguments = parser.parse_args()
+    count = _QUICK_LOGS if arguments.quick else arguments.logs
+    with tempfile.TemporaryDirectory() as folder:
+        print(json.dumps(measure(planned(Path(folder), count))))

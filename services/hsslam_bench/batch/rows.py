@@ -155,8 +155,7 @@ def _ray_share(session: Session) -> Measured:
 
 def _costs(session: Session) -> Measured:
     places = ("kitchen", "livingroom", "house")
-    sources = [session.source(place) for place in places]
-    found = json.loads(session.python("hsslam_bench.batch.costs", *sources))
+    found = _found(session, "costs", *map(session.source, places))
     words = (f"{place} {each['core s a minute']:.0f}" for place, each in found.items())
     return Measured(f"core seconds a minute of log: {', '.join(words)}", None, found)
 

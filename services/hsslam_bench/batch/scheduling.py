@@ -5,13 +5,9 @@ does with them, on a Ray of its own on this machine, but the command of each att
 result at once. So the time that an attempt holds its slot is what Ray, worker, process and driver take.
 """
 
-import argparse
-import json
 import platform
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -27,21 +23,14 @@ from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.tally import Tally
-from hsslam_bench.batch.planned import planned
+from hsslam_bench.batch.planned import report_on_many
 
-_LOGS, _QUICK_LOGS = 2000, 20
 _WARM_UP = 0.1  # of the logs, after which memory and time count
 _SHARE = Share(cpus=1.0, memory_gb=0.1)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="batch.scheduling", description=__doc__)
-    parser.add_argument("--logs", type=int, default=_LOGS)
-    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_LOGS} logs")
-    arguments = parser.parse_args()
-    count = _QUICK_LOGS if arguments.quick else arguments.logs
-    with tempfile.TemporaryDirectory() as folder:
-        print(json.dumps(scheduling(planned(Path(folder), count))))
+    report_on_many("batch.scheduling", __doc__, scheduling)
 
 
 def scheduling(batch: Batch) -> dict[str, float]:

@@ -21,10 +21,10 @@ import psutil
 from hsslam_batch.results.progress import PROGRESS
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.planned import batch_command, plan
-from hsslam_bench.batch.small_log import write_log
-from hsslam_node.sources.options import SourceOptions
+from hsslam_bench.batch.small_log import write_logs
 
 _LOGS, _FRAMES = 2, 180  # of each source
+_STEP = 30  # frames from the begin of a log to that of the next
 _QUICK_LOGS, _QUICK_FRAMES = 1, 12
 _MEMORY = ("--memory", "4")
 _LOOK_S = 0.5
@@ -40,10 +40,7 @@ def main() -> None:
     frames = _QUICK_FRAMES if arguments.quick else _FRAMES
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for number, source in enumerate(arguments.sources):
-            for k in range(count):
-                options = SourceOptions(start=k * 30, frames=frames)
-                write_log(folder / "logs" / f"{number}.{k}", source, options)
+        write_logs(folder / "logs", arguments.sources, count, frames, _STEP)
         print(json.dumps({str(slots): in_slots(folder, slots) for slots in (1, 2)}))
 
 

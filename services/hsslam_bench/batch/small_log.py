@@ -6,6 +6,7 @@ same single frame.
 
 import argparse
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from hsslam_node.frame import Frame
@@ -36,6 +37,18 @@ def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
     small = SynthOptions(width_px=160, height_px=120)
     options = SourceOptions(start=start, frames=count, synth=small)
     return write_log(folder, "synth:room", options)
+
+
+def write_logs(folder: Path, sources: Sequence[str], each: int, frames: int, step: int) -> None:
+    """Logs of each source below a folder; each begins `step` frames after the one before.
+
+    Raises:
+        UserError: as `write_log`.
+    """
+    for number, source in enumerate(sources):
+        for k in range(each):
+            options = SourceOptions(start=step * k, frames=frames)
+            write_log(folder / f"{number}.{k}", source, options)
 
 
 def write_log(folder: Path, source: str, options: SourceOptions) -> Path:

@@ -16,9 +16,8 @@ class LoadLevel:
     iterations: float = 1.0  # share of the mapper's iterations
     rays: float = 1.0  # share of the rays of an iteration
     ba_every: float = 1.0  # times the keyframes between rounds of bundle adjustment
-    background_share: float = (
-        1.0  # of a core, at most, for bundle adjustment; as much for the mesher
-    )
+    # of a core, at most, for bundle adjustment; as much for the mesher
+    background_share: float = 1.0
 
 
 LEVELS: Final = (

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import inverse, transform
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.odometry.spread_errors import spread_errors
 from hsslam_proto import messages
-from hsslam_proto.messages import Quaternion, Vector
 from hsslam_proto.pose_codec import pose_matrix
 from hsslam_proto.topics import CORRECTION, KEYFRAME, POSE
 from hsslam_services.log.reader import bus_messages
@@ -80,7 +79,7 @@ class _Found:
             self.waiting.setdefault(pose.keyframe, []).append(pose)
 
     def add_keyframe(self, keyframe: messages.Keyframe) -> None:
-        self.keyframes[keyframe.id] = _matrix(keyframe.t, keyframe.q)
+        self.keyframes[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
         self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
         for pose in self.waiting.pop(keyframe.id, []):
             self._refer(pose)
@@ -88,7 +87,7 @@ class _Found:
     def correct(self, moved: messages.Correction) -> None:
         for k, t, q in zip(moved.keyframes, moved.t, moved.q, strict=True):
             if k in self.keyframes:
-                self.keyframes[k] = _matrix(t, q)
+                self.keyframes[k] = pose_matrix([*t, *q])
 
     def all(self) -> LoggedPoses:
         poses = list(self.poses.values())
@@ -98,7 +97,7 @@ class _Found:
         ids = sorted(self.keyframes)
         return LoggedPoses(
             poses=poses,
-            online=_trajectory(stamps, [_matrix(pose.t, pose.q) for pose in known]),
+            online=_trajectory(stamps, [pose_matrix([*pose.t, *pose.q]) for pose in known]),
             final=_fitted_in(final, known),
             keyframes=_trajectory(
                 [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
@@ -107,11 +106,11 @@ class _Found:
 
     def _refer(self, pose: messages.Pose) -> None:
         T_keyframe_world = inverse(self.keyframes[pose.keyframe])
-        self.T_keyframe_cam[_name(pose)] = T_keyframe_world @ _matrix(pose.t, pose.q)
+        self.T_keyframe_cam[_name(pose)] = T_keyframe_world @ pose_matrix([*pose.t, *pose.q])
 
     def _carried(self, pose: messages.Pose) -> np.ndarray:
         if _name(pose) not in self.T_keyframe_cam:
-            return _matrix(pose.t, pose.q)
+            return pose_matrix([*pose.t, *pose.q])
         return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[_name(pose)]
 
 
@@ -127,10 +126,6 @@ def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
 
 def _name(pose: messages.Pose) -> Name:
     return pose.publisher, pose.index
-
-
-def _matrix(t: Vector, q: Quaternion) -> np.ndarray:
-    return transform(np.array(t), np.array(q))
 
 
 def _trajectory(stamps_ns: list[int], poses: list[np.ndarray]) -> Trajectory:

@@ -35,10 +35,8 @@ from hsslam_services.launch.worker_device import tell_device, worker_device
 _POLL_S = 0.05
 _LONGEST_BACKLOG = 6  # keyframes whose iterations may be outstanding in real time
 _SLICE = 32  # last iterations between looks at signals and clock
-_SAVING_S, _SAVING_FACTOR = (
-    1.0,
-    2.0,
-)  # time to save the map again: so much, and times the first saving
+_SAVING_S = 1.0  # to save the map again
+_SAVING_FACTOR = 2.0  # and times the first saving
 
 
 def main() -> None:

@@ -21,11 +21,9 @@ from hsslam_node.map.pose_log import (
     DEAD_RECKONED,
     INITIAL,
     LOST,
-    STATUS,
     TRACKED,
     PoseLog,
     Status,
-    pose_row,
 )
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
@@ -114,10 +112,9 @@ class _TrackerLoop:
 
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         options, threads = self._worker.options, self._device.threads
-        fragments = int(self._log.rows()["fragment"].max(initial=0))  # of a predecessor
         return open_fragment_tracker(
             options.slam, store, options.seed, threads,
-            new_map_after_s=options.new_map_after_s, fragments=fragments,
+            new_map_after_s=options.new_map_after_s, fragments=self._log.newest_fragment(),
         )  # fmt: skip
 
     def take(self, message: messages.Frame, arrival_ns: int, place: Place) -> None:
@@ -138,22 +135,13 @@ class _TrackerLoop:
             self._worker.event("warning", f"frame {message.index} dropped: {error}")
             return
         publish_ns = time.time_ns()
-        row = pose_row(
-            index=frame.index,
+        row = result.log_row(
             source_stamp_ns=frame.stamp_ns,
             stamp_ns=message.stamp_ns,
             publish_ns=publish_ns,
-            status=STATUS[result.status],
-            keyframe=result.keyframe,
-            T_world_cam=result.T_world_cam,
-            T_keyframe_cam=result.T_keyframe_cam,
-            quality=result.quality,
-            map_version=result.map_version,
-            pose_version=pose_version if result.pose_version is None else result.pose_version,
+            pose_version=pose_version,
             map_epoch=self._mode.map_epoch,
             publisher=place.publisher,
-            covariance=result.covariance,
-            fragment=result.fragment,
         )
         self._path.add(row, self._link.store(), result.T_expected)
         if not self._log.append(row):

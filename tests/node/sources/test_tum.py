@@ -52,9 +52,8 @@ def test_a_bad_file_is_one_bad_frame_and_the_rest_goes_on(tum_folder, spoil):
 def test_pairs_further_than_20_ms_apart_are_left_out(tum_folder):
     lines = (tum_folder / "depth.txt").read_text().splitlines()
     stamp, file = lines[3].split()
-    lines[3] = (
-        f"{float(stamp) + 0.0155:.6f} {file}"  # 20.5 ms after its colour, 12.8 before the next
-    )
+    # 20.5 ms after its colour, 12.8 before the next
+    lines[3] = f"{float(stamp) + 0.0155:.6f} {file}"
     (tum_folder / "depth.txt").write_text("\n".join(lines))
     assert len(frames_of(tum_folder)) == 4
 

@@ -7,25 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 import zenoh
 from pycdr2 import IdlStruct
-from pycdr2.types import array, float64, int32, sequence, uint8, uint32
+from pycdr2.types import array, float64, sequence, uint8, uint32
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from tests.services.ros2.ros_types import (
+    Header,
+    Odometry,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    Time,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
 
 FIRST_NS = 1_700_000_000_000_000_000
 _HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
-
-
-@dataclass
-class Time(IdlStruct):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Header(IdlStruct):
-    stamp: Time
-    frame_id: str
 
 
 @dataclass
@@ -70,57 +69,10 @@ class CameraInfo(IdlStruct):
     roi: RegionOfInterest
 
 
-@dataclass
-class Point(IdlStruct):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Pose(IdlStruct):
-    position: Point
-    orientation: Quaternion
-
-
-@dataclass
-class PoseWithCovariance(IdlStruct):
-    pose: Pose
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Twist(IdlStruct):
-    linear: Point
-    angular: Point
-
-
-@dataclass
-class TwistWithCovariance(IdlStruct):
-    twist: Twist
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Odometry(IdlStruct):
-    header: Header
-    child_frame_id: str
-    pose: PoseWithCovariance
-    twist: TwistWithCovariance
-
-
 def odometry(stamp_ns: int, numbers: Sequence[float]) -> Odometry:
     """Of a base at x, y, z, qx, qy, qz, qw, as many drivers send it: with a constant covariance."""
-    pose = Pose(Point(*numbers[:3]), Quaternion(*numbers[3:]))
-    still = Twist(Point(0.0, 0.0, 0.0), Point(0.0, 0.0, 0.0))
+    pose = Pose(Vector3(*numbers[:3]), Quaternion(*numbers[3:]))
+    still = Twist(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0))
     constant = [0.1] * 36
     return Odometry(
         header(stamp_ns), "base_link", PoseWithCovariance(pose, constant),

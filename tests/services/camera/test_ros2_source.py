@@ -126,7 +126,8 @@ def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
     """The base drives ahead at 0.3 m/s, its camera looks to the right from 20 cm before its centre."""
     mount = (0.2, 0.0, 0.4, 0.0, -0.7071067811865476, 0.7071067811865476, 0.0)
 
-    def drive(*, every_ns: int = 100_000_000) -> None:
+    def drive() -> None:
+        every_ns = 100_000_000
         for k in range(-2, 400):  # 40 s from before the first frame on
             way_m = 0.3e-9 * k * every_ns
             message = odometry(FIRST_NS + k * every_ns, (way_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))

@@ -1,11 +1,21 @@
-"""Messages that we send, as pycdr2 has them: a decoder that we do not use."""
+"""Messages of ROS 2 as pycdr2 has them: an encoder and decoder that we do not use."""
 
 from dataclasses import dataclass
 
 from pycdr2 import IdlStruct
-from pycdr2.types import array, float32, float64, int8, sequence, uint8, uint32
+from pycdr2.types import array, float32, float64, int8, int32, sequence, uint8, uint32
 
-from tests.services.camera.ros_camera import Header, Time
+
+@dataclass
+class Time(IdlStruct):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct):
+    stamp: Time
+    frame_id: str
 
 
 @dataclass

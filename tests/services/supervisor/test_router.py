@@ -104,7 +104,7 @@ def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
             frames.put(frame(1))
             _until(lambda: heard[topics.FRAME].pending())
         inside.publisher(topics.KEYFRAME).put(keyframe(0))
-        _until(lambda: looking.pending())
+        _until(lambda: looking.pending() and heard[topics.KEYFRAME].pending())
         taken = {topic.name for topic, subscription in heard.items() if subscription.received}
         assert taken == {"in/frame", "out/keyframe"}
         assert {live.process for live in inside.live_processes()} == {"supervisor"}

@@ -1,0 +1,56 @@
+"""The keyframe that frames are aligned to, with what their alignments have shown of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.acceptance import needs_replacing, reference_overlap
+from hsslam_node.tracking.alignment import Alignment, Exposure
+from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe
+from hsslam_node.tracking.tracked_frame import orthonormal
+
+_SAME = Exposure()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A keyframe, and what the frames since it became the reference have shown."""
+
+    keyframe: ReferenceKeyframe
+    exposure: Exposure = _SAME  # of the last good frame against the keyframe
+    coverage: float = 0.0  # of frames' depth points by the keyframe's surface, the most so far
+
+    def needs_replacing(
+        self, alignment: Alignment, T: np.ndarray, frame: Frame, store: KeyframeStore, config: TrackerConfig
+    ) -> bool:  # fmt: skip
+        """Whether another keyframe would show more of a frame that was aligned to T [4, 4]."""
+        T_cam_ref = inverse(T) @ store.pose(self.keyframe.id)
+        overlap = reference_overlap(self.keyframe, T_cam_ref, frame.camera)
+        return needs_replacing(alignment, overlap, self.coverage, config)
+
+
+@dataclass(frozen=True)
+class AlignedAt:
+    """The reference's pose in an alignment; bundle adjustment may correct it meanwhile."""
+
+    keyframe: int
+    T_world_ref: np.ndarray  # [4, 4]
+    pose_version: int
+
+    @classmethod
+    def now(cls, keyframe: int, store: KeyframeStore) -> "AlignedAt":
+        """As the store has it; the version comes first, so that a correction in between is seen."""
+        version = store.pose_version
+        return cls(keyframe, store.pose(keyframe), version)
+
+    def followed(self, T: np.ndarray, store: KeyframeStore) -> tuple[np.ndarray, int]:
+        """An aligned pose [4, 4], and the pose version that it is of: now, if the reference was corrected."""
+        newest = store.pose_version
+        if newest == self.pose_version:
+            return T, newest
+        now, then = store.pose(self.keyframe), self.T_world_ref
+        return (T if (now == then).all() else orthonormal(now @ inverse(then) @ T)), newest
