@@ -14,18 +14,18 @@ from hsslam_node.map.pose_log import Status
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
 from hsslam_node.place_recognition.still_camera import StillCamera
-from hsslam_node.tracking.acceptance import (
+from hsslam_node.tracking.aligned.acceptance import (
     is_acceptable,
     is_confirmed,
     is_left_behind,
     quality,
 )
+from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
 from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
-from hsslam_node.tracking.keyframes.reference import AlignedAt, Reference
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
     ReferenceKeyframe,

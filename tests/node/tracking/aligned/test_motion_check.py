@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hsslam_node.tracking.acceptance import is_confirmed
+from hsslam_node.tracking.aligned.acceptance import is_confirmed
 from hsslam_node.tracking.tracked_frame import TrackedFrame
 from tests.small_room import displaced, room_frames, room_poses, with_black
 

@@ -1,0 +1,1 @@
+"""An aligned frame: whether its pose is believed, and the keyframe that it is aligned to."""
