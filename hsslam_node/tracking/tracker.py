@@ -305,7 +305,8 @@ class Tracker:
             )
         elif self._localise_only:
             self._refer_to_saved(frame, T, needs_another())
-        self._before_last = self._last
+        # a camera that was lost may have been carried: that is no motion to expect more of
+        self._before_last = self._last if self._lost_frames == 0 else None
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
         covariance = in_world(own, of_reference, lever_m)
         is_back = self._reckoned.is_on and self._lost_frames == 0

@@ -14,6 +14,7 @@ from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
+from hsslam_node.tracking.alignment import align
 from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
@@ -106,6 +107,27 @@ def test_a_lost_camera_is_found_again_at_a_keyframe():
         for k in range(4)
     ]
     assert all(map(_is_right, back))
+
+
+def test_being_carried_while_lost_is_no_motion_to_go_on_with(monkeypatch):
+    """Frame 29, black, frame 5: frame 6 is not expected as far beyond frame 5 as that is from 29."""
+    frames = room_frames()
+    tracker, _ = _tracked(_store(), frames[:30])
+    shown = with_black(frames[29]), frames[5], frames[6]
+    tried = []
+    monkeypatch.setattr(
+        "hsslam_node.tracking.tracker.align",
+        lambda *arguments: (tried.append(arguments[2]), align(*arguments))[1],
+    )
+    results = []
+    for k, frame in enumerate(shown, 1):
+        tried.clear()
+        stamp_ns = frames[29].stamp_ns + k * 33_000_000
+        results.append(tracker.track(replace(frame, stamp_ns=stamp_ns), None))
+    assert results[0].status == "lost"
+    assert _is_right(results[1])
+    assert _is_right(results[2])
+    assert np.linalg.norm(tried[0][:3, 3] - results[2].T_world_cam[:3, 3]) < 0.02
 
 
 def test_a_frame_of_another_place_is_lost_and_changes_nothing():
