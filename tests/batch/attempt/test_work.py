@@ -89,7 +89,8 @@ def test_a_batch_in_a_store_has_the_same_results(tmp_path: Path, monkeypatch: py
             assert isinstance(row, StoredOutcome) and here
             assert (row.attempt, row.frames, row.mesh_faces) == (1, here.frames, here.mesh_faces)
             files = {p.relative_to(local.run_dir(log.id)).as_posix() for p in _files(local, log.id)}
-            assert {*row.files} == files - {"_DONE.json"}
+            # the first run may have to compile kernels
+            assert {*row.files} == files - {"_DONE.json", "logs/warm_up.log"}
             for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt", "mesh.ply"):
                 key = f"out/runs/{log.id}/{row.folder}/{name}"
                 made = client.get_object(Bucket=BUCKET, Key=key)["Body"].read()

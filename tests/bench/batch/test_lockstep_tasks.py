@@ -39,6 +39,7 @@ def test_rows_that_become_tasks_are_of_lockstep_runs_alone(tmp_path: Path):
 
 @pytest.mark.e2e
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 def test_figures_are_those_of_one_run_after_the_other(tmp_path: Path):
     def measured(name: str, *options: str) -> list[Row]:
         out = tmp_path / f"{name}.json"
