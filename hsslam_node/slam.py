@@ -39,7 +39,7 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.map_view import MapView, MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -107,7 +107,11 @@ class Slam:
             yield self.process(frame)
 
     def finish(self) -> None:
-        """The last iterations, when no more frames come."""
+        """The last iterations, when no more frames come; a fragment that is about to join the map does."""
+        before = self.store.count if self.store else 0
+        if self._tracker is not None and (joined := self._tracker.finish()) is not None:
+            self._join(joined)
+            self._map_new(before)
         if self._mapper and self.store and self.parameters and not self.localise_only:
             for _ in range(self._mapper.last_iterations(self.store)):
                 self._mapper.refine_sparse(self.store)
@@ -121,7 +125,7 @@ class Slam:
         self._path.add(row, self.store, result.T_expected)
         self.pose_log.append(row)
         if (joined := result.joined) is not None:
-            self.pose_log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+            self._join(joined)
         return result
 
     @property
@@ -176,6 +180,9 @@ class Slam:
         checkpoint = map_snapshot(self.store, self.parameters, self.config.sampling)
         save_checkpoint(Path(path), checkpoint)
 
+    def _join(self, joined: JoinedFragment) -> None:
+        self.pose_log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+
     def _process(self, frame: Frame) -> TrackResult:
         if self._tracker is None:
             self.store = KeyframeStore.create(
@@ -194,13 +201,18 @@ class Slam:
                 self._mapper.initialise(self.store)
             self._mapper.publish()
         elif result.is_keyframe or result.joined:
-            for _ in range(self.store.count - before):
-                self._map_keyframe(self._mapper, self.store)
+            self._map_new(before)
             if self._ba and self._ba.is_due(self.store):
                 report = self._ba.round(self.store)
                 if report.moved:
                     self.store.correct_poses(report.keyframes, report.T_world_cam, report.known)
         return result
+
+    def _map_new(self, before: int) -> None:
+        """The iterations of the keyframes that came since there were `before`."""
+        if self._mapper and self.store:
+            for _ in range(self.store.count - before):
+                self._map_keyframe(self._mapper, self.store)
 
     def _map_keyframe(self, mapper: Mapper, store: KeyframeStore) -> None:
         """The iterations that a keyframe brings with it."""

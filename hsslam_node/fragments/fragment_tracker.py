@@ -2,20 +2,18 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
-from hsslam_node.errors import UserError
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.join_search import JoinSearch
+from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
 from hsslam_node.map.pose_log import MOST_FRAGMENTS
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.image_features import image_features
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
 _SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
@@ -49,7 +47,7 @@ class FragmentTracker:
     """Tracks in the map; a camera that is lost for long and sees again is tracked in a fragment.
 
     Poses in a fragment are lost to the map: their status says so, and `fragment` in which they are. When
-    the fragment joins the map, its keyframes are appended to the map's, and the camera goes on there.
+    the fragment joins the map, its keyframes are copied to the map's, and the camera goes on there.
     """
 
     def __init__(
@@ -63,6 +61,7 @@ class FragmentTracker:
         self._map = tracker
         self._fragment: Fragment | None = None
         self._search: JoinSearch | None = None
+        self._joining: Joining | None = None
         self._begun = fragments
         self._lost_ns: int | None = None  # stamp of the first frame that was lost, of those before
         self._seeing_ns: int | None = None  # of the first that showed something, of those
@@ -91,19 +90,29 @@ class FragmentTracker:
             return result
         return self._after(frame, result)
 
+    def finish(self) -> JoinedFragment | None:
+        """No frame comes any more: a fragment that is being copied joins the map now."""
+        joined = self._joining.finish() if self._joining is not None else None
+        self._fragment = self._search = self._joining = None
+        return joined
+
     def _in_fragment(self, fragment: Fragment, frame: Frame, view: MapView | None) -> TrackResult:
         assert self._search is not None
         result = fragment.track(frame)
         if result.status == "lost":
             self._search.collect()  # the places of the map are asked in turn
+            self._give_up_joining()
             found = self._map.track(frame, view)
             if found.status != "lost":
                 self._leave()
             return self._after(frame, found)
         self._lost_ns = None
-        T_map_fragment = self._search.step()
-        joined = None if T_map_fragment is None else self._join(fragment, T_map_fragment, result)
-        return joined or _of_fragment(result, fragment.number)
+        if self._joining is None:
+            self._joining = self._begin_joining(fragment, self._search)
+        joined = self._joining.step() if self._joining else None
+        if joined is None:
+            return _of_fragment(result, fragment.number)
+        return self._go_on_in_map(fragment, joined, result)
 
     def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
         """The result of a frame; where it is lost, and has been for long, a fragment begins with it."""
@@ -134,20 +143,21 @@ class FragmentTracker:
         self._search = JoinSearch(self._store, self._map.places, fragment)
         return _of_fragment(first, fragment.number)
 
-    def _join(
-        self, fragment: Fragment, T_map_fragment: np.ndarray, result: TrackResult
-    ) -> TrackResult | None:
-        """The result in the map; None, and the fragment goes on, while there is no room for it."""
+    def _begin_joining(self, fragment: Fragment, search: JoinSearch) -> Joining | None:
+        """If it is known now where the fragment lies, and the map has room for it."""
+        T_map_fragment = search.step()
         kept = len(self._store.kept())
         room = min(self._store.most_kept, self._store.capacity) - kept - _SPARE_KEYFRAMES
-        try:
-            joined = fragment.join(self._store, T_map_fragment, room)
-        except UserError:
+        if T_map_fragment is None or room < _SPARE_KEYFRAMES:
             return None
-        if joined is None:
-            return None
+        return Joining(fragment, self._store, T_map_fragment, room)
+
+    def _go_on_in_map(
+        self, fragment: Fragment, joined: JoinedFragment, result: TrackResult
+    ) -> TrackResult:
+        """The result in the map."""
         self._map.take_over(fragment.tracker, joined)
-        self._fragment = self._search = None
+        self._fragment = self._search = self._joining = None
         k = int(joined.keyframes[result.keyframe])
         T_keyframe_cam = joined.T_keyframe_own[result.keyframe] @ result.T_keyframe_cam
         return replace(
@@ -160,7 +170,14 @@ class FragmentTracker:
         """The camera is in the map again: what it saw in between stays a fragment."""
         if self._search is not None:
             self._search.collect()
+        self._give_up_joining()
         self._fragment = self._search = None
+
+    def _give_up_joining(self) -> None:
+        """Before the map gets keyframes otherwise."""
+        if self._joining is not None:
+            self._joining.give_up()
+        self._joining = None
 
 
 def _of_fragment(result: TrackResult, number: int) -> TrackResult:

@@ -11,8 +11,9 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import ArrayAllocator
-from hsslam_node.map.keyframe_rows import KeyframeRows
-from hsslam_node.map.keyframe_slots import KeyframeSlots
+from hsslam_node.map.keyframes.rows import KeyframeRows
+from hsslam_node.map.keyframes.slots import KeyframeSlots
+from hsslam_node.map.keyframes.staged import StagedKeyframes
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
 
@@ -166,6 +167,32 @@ class KeyframeStore:
         store_ordered(self._header, _COUNT, k + 1)
         self._slots.drop(k + 1, self.most_kept)
         return k
+
+    def staging(self) -> StagedKeyframes:
+        """The tracker only: for keyframes that come at once; none is appended otherwise until they have."""
+        return StagedKeyframes(self._slots, self._rows, self.count, self.most_kept)
+
+    def append_staged(
+        self, staged: StagedKeyframes, T_world_cam: np.ndarray, covariances: np.ndarray,
+        gap_covariances: np.ndarray, fragment: int,
+    ) -> np.ndarray:  # fmt: skip
+        """The tracker only: show n staged keyframes to all processes; returns their ids [n] int64.
+
+        T_world_cam [n, 4, 4], covariances [n, 6, 6], gap_covariances [n, 6, 6]: as in `append`.
+        """
+        first, n = self.count, len(staged.staged)
+        version = self.pose_version
+        for k, keyframe in enumerate(staged.staged):
+            self._rows.write(
+                first + k, keyframe.frame_index, keyframe.stamp_ns, keyframe.slot, version,
+                T_world_cam[k], covariances[k], gap_covariances[k], fragment,
+            )  # fmt: skip
+        store_ordered(self._header, _COUNT, first + n)
+        return np.arange(first, first + n)
+
+    def forget_incomplete(self) -> None:
+        """The tracker only: free what a former tracker of this run, which died, did not complete."""
+        self._slots.forget_incomplete(self.count)
 
     def expect_like(self, frame: Frame) -> None:
         """UserError where the frame is not of the store's camera."""

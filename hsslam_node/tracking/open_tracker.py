@@ -7,7 +7,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
-from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
 
@@ -26,6 +26,10 @@ class FrameTracker(Protocol):
 
     def prepare_next(self) -> None:
         """What can be done before the next frame comes; `track` does it if the caller does not call this."""
+        ...
+
+    def finish(self) -> JoinedFragment | None:
+        """No frame comes any more: a fragment that joins the map with that, if any."""
         ...
 
 

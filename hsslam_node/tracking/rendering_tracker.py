@@ -123,6 +123,9 @@ class RenderingTracker:
                     return self._accept(frame, orthonormal(T), fit, view.version)
         return self._lose(frame, prediction, view.version if view else 0)
 
+    def finish(self) -> None:
+        """Nothing is left to do if no frame comes any more: it has no fragments."""
+
     def prepare_next(self) -> None:
         """Nothing is left to do."""
 

@@ -87,6 +87,7 @@ class Tracker:
         `anywhere`: it may be at any place of the map, so all keyframes are taken in first (15 ms for
         each that shows something new).
         """
+        self._store.forget_incomplete()
         newest = self._store.count - 1
         self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
         self._before_last = None
@@ -175,6 +176,9 @@ class Tracker:
         if self._reckoned.unaligned_frames >= _ANEW_FRAMES and self._may_begin_anew(points):
             return self._begin_anew(frame, levels, reckoning, view)
         return self._reckon(frame, reckoning, view, sees=True)
+
+    def finish(self) -> None:
+        """Nothing is left to do if no frame comes any more: it has no fragments."""
 
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""

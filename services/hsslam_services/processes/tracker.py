@@ -74,6 +74,7 @@ def _run(worker: Worker) -> None:
         received = frames.wait_received(_POLL_S)
         if received is not None and (place := inlet.admit(received)) is not None:
             loop.take(received.message, received.arrival_ns, place)
+    loop.finish()
 
 
 class _TrackerLoop:
@@ -165,6 +166,11 @@ class _TrackerLoop:
         if self._tracker is not None:
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
+
+    def finish(self) -> None:
+        """No frame comes any more: a fragment that is about to join the map does."""
+        if self._tracker is not None and (joined := self._tracker.finish()) is not None:
+            self._join(joined)
 
     def _track(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

@@ -12,13 +12,14 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import TrackResult
-from tests.small_room import SMALL, pose_error
+from tests.small_room import SMALL, pose_error, with_black
 
 _DARK = range(30, 48)  # 3 s
 _DRIFT_M, _DRIFT_DEG = 0.15, 3.0  # of a fragment, before bundle adjustment
 _OPTIONS = SourceOptions(
-    stride=5, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=220,
+    stride=5, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=246,
     synth=SynthOptions(width_px=160, height_px=120),
 )  # fmt: skip
 
@@ -32,23 +33,25 @@ def _walk() -> tuple[tuple[Frame, ...], np.ndarray]:
     return frames, inverse(truth.T_world_cam[0]) @ truth.T_world_cam
 
 
-def _tracked(
-    new_map_after_s: float, most: int | None = None
-) -> tuple[list[TrackResult], KeyframeStore]:
-    frames = _walk()[0][:most]
-    first = frames[0]
+def _opened(new_map_after_s: float) -> tuple[FrameTracker, KeyframeStore]:
+    first = _walk()[0][0]
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 256)
-    tracker = open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s)
-    return [tracker.track(frame, None) for frame in frames], store
+    return open_fragment_tracker(SMALL, store, 0, new_map_after_s=new_map_after_s), store
 
 
 @cache
-def _lost_and_joined() -> tuple[list[TrackResult], KeyframeStore]:
-    return _tracked(3.0)
+def _lost_and_joined() -> tuple[list[TrackResult], KeyframeStore, list[int]]:
+    """Results, the store, and how many keyframes it had after each frame."""
+    tracker, store = _opened(3.0)
+    results, counts = [], []
+    for frame in _walk()[0]:
+        results.append(tracker.track(frame, None))
+        counts.append(store.count)
+    return results, store, counts
 
 
 def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
-    results, store = _lost_and_joined()
+    results, store, counts = _lost_and_joined()
     _, truth = _walk()
     states = [(r.status, r.fragment) for r in results]
     begun = states.index(("lost", 1))
@@ -56,6 +59,7 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
     assert results[begun].frame_index >= _DARK.stop
     assert set(states[begun:joined]) == {("lost", 1)}
     assert set(states[joined:]) == {("tracked", 0)}
+    assert len(set(counts[begun:joined])) == 1 < counts[joined] - counts[joined - 1]  # all at once
     for r in results[joined:]:
         off_m, off_deg = pose_error(results[0].T_world_cam @ truth[r.frame_index], r.T_world_cam)
         assert off_m < 0.02 and off_deg < 0.5
@@ -66,7 +70,7 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
 
 
 def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
-    results, store = _lost_and_joined()
+    results, store, _ = _lost_and_joined()
     _, truth = _walk()
     (joined,) = (r.joined for r in results if r.joined)
     for r in results:
@@ -79,6 +83,35 @@ def test_frames_of_a_fragment_follow_the_keyframes_that_it_brought():
 
 
 def test_without_the_option_the_camera_stays_lost_until_it_is_found():
-    results, _ = _tracked(0.0, 80)
+    tracker, _ = _opened(0.0)
+    results = [tracker.track(frame, None) for frame in _walk()[0][:80]]
     assert {r.fragment for r in results} == {0}
     assert results[-1].status == "lost"
+
+
+def _until_it_is_copied() -> tuple[FrameTracker, KeyframeStore, int]:
+    """Three frames before the fragment joins the map, and the frame after them."""
+    results, _, _ = _lost_and_joined()
+    end = next(k for k, r in enumerate(results) if r.joined) - 3
+    tracker, store = _opened(3.0)
+    for frame in _walk()[0][:end]:
+        tracker.track(frame, None)
+    return tracker, store, end
+
+
+def test_a_fragment_that_is_being_copied_when_the_camera_ends_joins_the_map():
+    tracker, store, _ = _until_it_is_copied()
+    before = store.count
+    joined = tracker.finish()
+    assert joined is not None and joined.fragment == 1
+    assert sorted({*joined.keyframes.tolist()}) == list(range(before, store.count))
+
+
+def test_a_fragment_that_is_lost_while_it_is_copied_leaves_the_map_as_it_was():
+    tracker, store, end = _until_it_is_copied()
+    before, frame = store.count, _walk()[0][end]
+    assert tracker.track(with_black(frame), None).status == "lost"
+    assert tracker.finish() is None
+    assert store.append(frame, np.eye(4)) == before
+    assert store.kept().tolist() == list(range(before + 1))
+    np.testing.assert_array_equal(store.frame(before).color, frame.color)

@@ -13,7 +13,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.keyframe_slots import SLAB_KEYFRAMES
+from hsslam_node.map.keyframes.slots import SLAB_KEYFRAMES
 from hsslam_node.map.store import KeyframeStore
 
 CAMERA = Camera(8, 6, 7.0, 7.5, 3.5, 2.5)

@@ -100,6 +100,15 @@ class KeyframeSlots:
         """The slot may be used again; `count`: keyframes now, 1 or more."""
         store_ordered(self._table, slot, -count)
 
+    def free(self, slot: int) -> None:
+        """The tracker only: the slot holds no keyframe that any process has seen."""
+        store_ordered(self._table, slot, 0)
+
+    def forget_incomplete(self, count: int) -> None:
+        """The tracker only: free the slots of keyframes that were never complete; `count` are."""
+        for slot in np.flatnonzero(self._table > count).tolist():
+            self.free(slot)
+
     def drop(self, count: int, most: int) -> None:
         """The tracker only: give the memory of slots that have rested back to the system.
 

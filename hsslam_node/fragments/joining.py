@@ -1,0 +1,75 @@
+"""A fragment becomes part of the map: its pixels go there a few keyframes a frame, then all show at once."""
+
+import numpy as np
+
+from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.tracked_frame import JoinedFragment
+
+_AT_ONCE = 2  # keyframes with a frame, 7 ms each at 640x480
+# covariances, m and rad: of the pose that a join gives, and of the motion between map and fragment until
+# bundle adjustment has aligned the two
+_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))
+_GAP = np.diag(np.repeat([0.1**2, 0.05**2], 3))
+
+
+class Joining:
+    """Copies the keyframes of a fragment into the map's store while the camera is tracked in the fragment."""
+
+    def __init__(
+        self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray, room: int
+    ) -> None:
+        """`room`: for so many keyframes; of more, some are left out evenly."""
+        self._fragment = fragment
+        self._store = store
+        self._T_map_fragment = T_map_fragment
+        self._every = -(-fragment.store.count // max(room, 1))
+        self._staging = store.staging()
+        self._ids: list[int] = []  # in the fragment, of those that are staged
+        self._next = 0
+
+    def step(self) -> JoinedFragment | None:
+        """Copy a few more; if all are there, show them: what has become of the fragment's keyframes."""
+        for _ in range(_AT_ONCE):
+            if self._next >= self._fragment.store.count:
+                return self._show()
+            self._copy_next()
+        return None
+
+    def finish(self) -> JoinedFragment:
+        """Copy all that are left, and show them."""
+        while self._next < self._fragment.store.count:
+            self._copy_next()
+        return self._show()
+
+    def give_up(self) -> None:
+        """The map does not get the fragment."""
+        self._staging.give_up()
+
+    def _copy_next(self) -> None:
+        # without room for it, the keyframe before stands for it
+        if self._staging.add(self._fragment.store.frame(self._next)):
+            self._ids.append(self._next)
+        self._next += self._every
+
+    def _show(self) -> JoinedFragment:
+        own, ids = self._fragment.store, self._ids
+        poses = own.poses()
+        gaps = [_GAP, *(own.gap_covariance(k) for k in ids[1:])]
+        with self._store.appending():
+            shown = self._store.append_staged(
+                self._staging, self._T_map_fragment @ poses[ids],
+                np.stack([own.covariance(k) + _UNSURE for k in ids]), np.stack(gaps),
+                self._fragment.number,
+            )  # fmt: skip
+        return _joined(self._fragment.number, np.array(ids), shown, poses)
+
+
+def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray) -> JoinedFragment:
+    """Keyframes that are not among `ids` [m], which the map shows as `shown` [m], move with the last one
+    before them that is; poses [n, 4, 4] of all."""
+    at = np.searchsorted(ids, np.arange(len(poses)), side="right") - 1
+    at = np.clip(at, 0, None)
+    T_keyframe_own = np.linalg.inv(poses[ids[at]]) @ poses
+    T_keyframe_own[ids] = np.eye(4)
+    return JoinedFragment(fragment, shown[at], T_keyframe_own)
