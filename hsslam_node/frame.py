@@ -6,6 +6,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
 
@@ -24,6 +25,7 @@ class Frame:
     depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement
     depth_units_per_m: float  # depth in metres = depth_raw / depth_units_per_m
     odometry: OdometryReading | None = None  # of the robot's wheels, at the stamp
+    imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
         size = (self.camera.height_px, self.camera.width_px)

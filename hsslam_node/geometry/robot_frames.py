@@ -38,17 +38,7 @@ class RobotFrames:
         Raises:
             UserError: not 7 finite numbers, or no unit quaternion.
         """
-        if not numbers:
-            return cls()
-        text = " ".join(f"{number:g}" for number in numbers)
-        if len(numbers) != 7 or not np.isfinite(numbers).all():
-            raise UserError(f"--base-T-camera {text}: expected 7 numbers: x y z qx qy qz qw")
-        norm = float(np.linalg.norm(numbers[3:]))
-        if abs(norm - 1) > _UNIT:
-            raise UserError(
-                f"--base-T-camera {text}: qx qy qz qw has norm {norm:.4g}: expected a unit quaternion"
-            )
-        return cls(transform(np.array(numbers[:3]), np.array(numbers[3:])))
+        return cls(mounting("--base-T-camera", numbers)) if numbers else cls()
 
     def base_pose(self, T_world_cam: np.ndarray) -> np.ndarray:
         """`base_link` in `map` [4, 4], or in `odom` if the pose is that of the odometry."""
@@ -61,6 +51,25 @@ class RobotFrames:
         """
         lever_m = T_world_cam[:3, :3] @ inverse(self.T_base_cam)[:3, 3]  # to base_link, in world
         return turned(carried(covariance, lever_m), self.T_base_cam[:3, :3])
+
+
+def mounting(option: str, numbers: Sequence[float]) -> np.ndarray:
+    """The transform [4, 4] that an option gives as x y z (m) and qx qy qz qw; none: the identity.
+
+    Raises:
+        UserError: not 7 finite numbers, or no unit quaternion.
+    """
+    if not numbers:
+        return np.eye(4)
+    text = " ".join(f"{number:g}" for number in numbers)
+    if len(numbers) != 7 or not np.isfinite(numbers).all():
+        raise UserError(f"{option} {text}: expected 7 numbers: x y z qx qy qz qw")
+    norm = float(np.linalg.norm(numbers[3:]))
+    if abs(norm - 1) > _UNIT:
+        raise UserError(
+            f"{option} {text}: qx qy qz qw has norm {norm:.4g}: expected a unit quaternion"
+        )
+    return transform(np.array(numbers[:3]), np.array(numbers[3:]))
 
 
 def velocity(T_then: np.ndarray, T_now: np.ndarray, seconds: float) -> np.ndarray:

@@ -85,13 +85,15 @@ class Ros2Options:
     """Zenoh router of the ROS nodes, or of this service."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
+    imu: str = ""
+    """IMU of the camera, sensor_msgs/Imu, as /camera/imu (empty: none)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
     """Longest wait for the first images, s."""
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "info", "odometry"):
+        for name in ("color", "depth", "info", "odometry", "imu"):
             topic = getattr(self, name)
             if topic or name in ("color", "depth"):
                 _expect_topic(f"--ros2.{name}", topic)
@@ -119,6 +121,10 @@ class Ros2Options:
         """The topic of odometry of the camera of this name; empty if there is none."""
         return _below(name, self.odometry) if self.odometry else ""
 
+    def topic_of_imu(self, name: str) -> str:
+        """The topic of the IMU of the camera of this name; empty if there is none."""
+        return _below(name, self.imu) if self.imu else ""
+
 
 @dataclass(frozen=True)
 class BagOptions:
@@ -132,11 +138,13 @@ class BagOptions:
     """Intrinsics (empty: camera_info beside the colour images)."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry (empty: none is used)."""
+    imu: str = ""
+    """IMU, sensor_msgs/Imu (empty: with --camera-T-imu the only topic with some, else none is used)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "info", "odometry"):
+        for name in ("color", "depth", "info", "odometry", "imu"):
             topic = getattr(self, name)
             if topic:
                 _expect_topic(f"--bag.{name}", topic)
@@ -201,6 +209,8 @@ class SynthOptions:
     """Frame rate, Hz."""
     odometry_noise: float | None = None
     """Simulated odometry with this error, as a share of each motion (none: frames carry no odometry)."""
+    imu_noise: float | None = None
+    """Simulated IMU with this multiple of the errors of a cheap one (none: frames carry no IMU)."""
 
     def __post_init__(self) -> None:
         limits = ((4.0, 16.0), (4.0, 16.0), (2.4, 4.0))
@@ -217,6 +227,8 @@ class SynthOptions:
         _expect_range("synth.rate-hz", self.rate_hz, 1.0, 240.0)
         if self.odometry_noise is not None:
             _expect_range("synth.odometry-noise", self.odometry_noise, 0.0, 1.0)
+        if self.imu_noise is not None:
+            _expect_range("synth.imu-noise", self.imu_noise, 0.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -249,6 +261,8 @@ class SourceOptions:
     """Camera in base_link, whose odometry it is: x y z qx qy qz qw, m (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
     """Standard deviation of odometry after 1 m, m, and after 1 rad, rad."""
+    camera_T_imu: tuple[float, ...] = ()
+    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: in its centre, with its axes)."""
     mask: str = ""
     """Image file; where it is black, frames have no depth (empty: none)."""
     downscale: int = 1

@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.options import SourceOptions, SynthOptions
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _UNITS_PER_M = 5000.0
+_UP = np.array([0.0, 0.0, 1.0])  # of the scenes' world
 _FOCAL_PER_WIDTH = 525.0 / 640.0  # the field of view of a Kinect
 
 
@@ -32,6 +34,12 @@ class SynthSource:
         if synth.odometry_noise is not None:
             noise, seed = synth.odometry_noise, options.seed
             self._odometry = simulated_odometry(self._poses, noise, seed)
+        self._imu: Sequence[ImuReading | None] = [None] * len(self._rows)
+        if synth.imu_noise is not None:
+            from hsslam_node.inertial.simulated import simulated_imu  # imports SciPy
+
+            rate_hz = synth.rate_hz / options.stride
+            self._imu = simulated_imu(self._poses, rate_hz, _UP, synth.imu_noise, options.seed)
         self._scene = SCENES[name].build(synth)
         self._seed = synth.seed
         self.name = f"synth:{name}"
@@ -49,8 +57,8 @@ class SynthSource:
         for index in range(first, len(self._rows)):
             color, depth = renderer.render(self._poses[index], self._rows[index])
             stamp_ns = int(self._stamps_ns[index])
-            odometry = self._odometry[index]
-            yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M, odometry)
+            sensors = self._odometry[index], self._imu[index]
+            yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M, *sensors)
 
 
 def synth_truth(

@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.image_header import image_header
+from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_proto import messages
 from hsslam_proto.pose_codec import covariance_matrix, wire_covariance
@@ -20,7 +21,7 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
 
     `publisher`: number of the camera, from `new_publisher`; 0: it has none.
     """
-    camera, reading = frame.camera, frame.odometry
+    camera, reading, imu = frame.camera, frame.odometry, frame.imu
     covariance = None if reading is None else reading.covariance
     return messages.Frame(
         index=frame.index,
@@ -38,6 +39,8 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
         publisher=publisher,
         odometry=[] if reading is None else reading.numbers.tolist(),
         odometry_covariance=[] if covariance is None else wire_covariance(covariance),
+        imu=[] if imu is None else imu.numbers.tolist(),
+        imu_series=0 if imu is None else imu.series,
     )
 
 
@@ -58,6 +61,7 @@ def frame_from_message(message: messages.Frame) -> Frame:
         depth_raw=_owned(depth_image(message)),
         depth_units_per_m=message.depth_units_per_m,
         odometry=_odometry_reading(message),
+        imu=ImuReading(np.array(message.imu), message.imu_series) if message.imu else None,
     )
 
 

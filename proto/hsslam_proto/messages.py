@@ -22,6 +22,10 @@ Ratio = Annotated[float, Meta(ge=0, le=1)]
 Counters = Annotated[dict[Name, Index], Meta(max_length=256)]
 Covariance = Annotated[list[Real], Meta(max_length=21)]
 Odometry = Annotated[list[Real], Meta(max_length=7)]
+Inertial = Annotated[list[Real], Meta(max_length=8)]
+Direction = Annotated[list[Real], Meta(max_length=3)]
+Stamps = Annotated[list[StampNs], Meta(max_length=1024)]
+Vectors = Annotated[list[Vector], Meta(max_length=1024)]
 StageTimes = Annotated[dict[Name, Real], Meta(max_length=256)]
 Level = Literal["info", "warning", "error"]
 
@@ -52,6 +56,11 @@ class Frame(Message, frozen=True, kw_only=True):
     `covariance` of `Pose`, but along the axes of the odometry's own frame. It grows along the path: its
     growth between two frames is the covariance of the motion between them. Empty with `odometry`: 2 cm
     after 1 m and 0.02 rad after 1 rad, standard deviations.
+
+    `imu`: what an IMU has integrated up to the stamp, in the camera's axes (x right, y down, z forward) and
+    those that it had when the series began: qx, qy, qz, qw of the camera, the integral of its specific force
+    vx, vy, vz (m/s; at rest it grows upwards), and the time since then (s). `imu_series` names the series:
+    its first stamp. Only differences between frames of one series count. Empty: not known.
     """
 
     index: FrameIndex
@@ -71,10 +80,13 @@ class Frame(Message, frozen=True, kw_only=True):
     publisher: Index = 0
     odometry: Odometry = []
     odometry_covariance: Covariance = []
+    imu: Inertial = []
+    imu_series: StampNs = 0
 
     def __post_init__(self) -> None:
         _expect_odometry(self, self.odometry)
         _expect_count(self, "odometry_covariance", 21)
+        _expect_inertial(self)
         _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
         for name in ("fx", "fy", "depth_units_per_m"):
             if getattr(self, name) <= 0:
@@ -105,6 +117,26 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
         _expect_count(self, "covariance", 21)
 
 
+class ImuSamples(Message, frozen=True, kw_only=True):
+    """Samples of an IMU, one or more, in the order of their stamps.
+
+    `stamps_ns` are the wall clock of the measurements, `angular_velocity` rad/s, `acceleration` m/s^2 as
+    accelerometers have it: at rest 9.81, upwards. Axes are those of the IMU: `--camera-T-imu` is its pose in
+    the camera's optical frame.
+    """
+
+    stamps_ns: Stamps
+    angular_velocity: Vectors
+    acceleration: Vectors
+
+    def __post_init__(self) -> None:
+        counts = [len(self.stamps_ns), len(self.angular_velocity), len(self.acceleration)]
+        if len(set(counts)) > 1:
+            raise ValueError(
+                f"{counts} stamps, angular velocities, accelerations: expected as many of each"
+            )
+
+
 class SourceEnd(Message, frozen=True, kw_only=True):
     """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say)."""
 
@@ -127,6 +159,8 @@ class Pose(Message, frozen=True, kw_only=True):
     numbers. 95 % of the true errors against the first frame's pose, or against a saved map, lie inside its
     95 % ellipsoid. Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
     the jumps of corrections; it begins with the run and drifts. Empty: not known.
+
+    `up`: direction against gravity in the world, as an IMU tells it. Empty: not known.
 
     `is_dead_reckoned`: the frame could not be aligned, and its pose is by the odometry of `Frame` alone. Its
     `quality` is 0; `covariance` says how sure the pose is.
@@ -154,12 +188,14 @@ class Pose(Message, frozen=True, kw_only=True):
     pose_version: Index = 0
     covariance: Covariance = []
     odometry: Odometry = []
+    up: Direction = []
     is_dead_reckoned: bool = False
     fragment: Index = 0
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
         _expect_count(self, "covariance", 21)
+        _expect_count(self, "up", 3)
         _expect_odometry(self, self.odometry)
 
 
@@ -330,6 +366,15 @@ def _expect_count(message: Message, name: str, count: int) -> None:
         raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
     if not all(map(math.isfinite, values)):
         raise ValueError(f"{name} = {values}: expected finite numbers")
+
+
+def _expect_inertial(frame: Frame) -> None:
+    _expect_count(frame, "imu", 8)
+    norm = math.hypot(*frame.imu[:4])
+    if frame.imu and abs(norm - 1) > 1e-3:
+        raise ValueError(
+            f"imu has a quaternion of norm {norm:.4f}: expected a unit quaternion xyzw"
+        )
 
 
 def _expect_odometry(message: Message, odometry: list[float]) -> None:

@@ -51,6 +51,9 @@ FRAME = Topic("in/frame", m.Frame, "camera", "30 Hz", "latest", 64 * _MIB, drawn
 ODOMETRY = Topic(
     *("in/odometry", m.RobotOdometry, "outside", "10 to 200 Hz", "latest", 8 * _KIB), logged=False
 )
+IMU = Topic(
+    *("in/imu", m.ImuSamples, "outside", "30 to 1000 Hz", "latest", 128 * _KIB), logged=False
+)
 SOURCE_END = Topic("in/end", m.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
 POSE = Topic("out/pose", m.Pose, "tracker", "30 Hz", "latest", 64 * _KIB, history=600, drawn=True)
 KEYFRAME = Topic(
@@ -84,6 +87,7 @@ STOP = Topic("sys/stop", m.Stop, "supervisor", "once", "keep", 8 * _KIB, history
 TOPICS: tuple[Topic, ...] = (
     FRAME,
     ODOMETRY,
+    IMU,
     SOURCE_END,
     POSE,
     KEYFRAME,

@@ -45,8 +45,12 @@ _ALL: tuple[m.Message, ...] = (
         depth=_zeros(2 * _WIDTH * _HEIGHT),
         depth_units_per_m=5000.0,
         odometry=[*_T, *_Q],
+        up=[0.0, 0.0, 1.0],
         odometry_covariance=[0.0] * 21,
+        imu=[*_Q, *_T, 0.1],
+        imu_series=_STAMP,
     ),
+    m.ImuSamples(stamps_ns=[_STAMP], angular_velocity=[_T], acceleration=[_T]),
     m.RobotOdometry(stamp_ns=_STAMP, t=_T, q=_Q, covariance=[0.1] * 21),
     m.SourceEnd(frame_count=7, reason="end of source"),
     m.Pose(

@@ -1,7 +1,8 @@
 """A ROS bag as a source: `--source bag:FOLDER`, `--source bag:FILE`."""
 
 import contextlib
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
+from types import MappingProxyType
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -11,8 +12,9 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.camera.bag_file import BagFile, BagMessage
-from hsslam_services.camera.bag_topics import find_camera, odometry_topic
+from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_topic
 from hsslam_services.camera.ros_frames import RosFrames
+from hsslam_services.ros2.imu_in import RosImu
 from hsslam_services.ros2.odometry_in import RosOdometry
 
 
@@ -31,6 +33,7 @@ class BagSource:
         found = find_camera(self._bag, options.bag)
         self._color, self._depth = found.color, found.depth
         self._odometry_topic = odometry_topic(self._bag, options.bag)
+        self._imu_topic = imu_topic(self._bag, options.bag, bool(options.camera_T_imu))
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
         self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
@@ -59,13 +62,13 @@ class BagSource:
         rows = self._rows[first:]
         if not rows:
             return
-        odometry = RosOdometry(self._options) if self._odometry_topic else None
-        with contextlib.closing(self._paired(self._new_pairs(), odometry)) as pairs:
+        sensors = self._sensors()
+        with contextlib.closing(self._paired(self._new_pairs(), sensors)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
                     frame = self._frame(first + rows.index(row), color, depth)
-                    if odometry is not None and isinstance(frame, Frame):
-                        frame = odometry.given(frame)
+                    for sensor in sensors.values():
+                        frame = sensor.given(frame) if isinstance(frame, Frame) else frame
                     yield frame
                 if row == rows[-1]:
                     return
@@ -73,23 +76,35 @@ class BagSource:
     def _new_pairs(self) -> StampPairs[BagMessage]:
         return StampPairs(round(1e6 * self._max_dt_ms))
 
+    def _sensors(self) -> dict[str, RosOdometry | RosImu]:
+        """Those beside the camera, by topic."""
+        sensors: dict[str, RosOdometry | RosImu] = {}
+        if self._odometry_topic:
+            sensors[self._odometry_topic] = RosOdometry(self._options)
+        if self._imu_topic:
+            sensors[self._imu_topic] = RosImu(self._options)
+        return sensors
+
     def _paired(
-        self, pairs: StampPairs[BagMessage], odometry: RosOdometry | None = None
+        self,
+        pairs: StampPairs[BagMessage],
+        sensors: Mapping[str, RosOdometry | RosImu] = MappingProxyType({}),
     ) -> Generator[tuple[BagMessage, BagMessage], None, None]:
-        """(colour, depth) in the order of the bag; `odometry` takes the messages that come before."""
-        topics = (self._color, self._depth, *([self._odometry_topic] if odometry else []))
-        for message in self._bag.messages(topics):
-            if odometry is not None and message.topic == self._odometry_topic:
-                self._take(message, odometry)
+        """(colour, depth) in the order of the bag; `sensors` take the messages that come before."""
+        for message in self._bag.messages((self._color, self._depth, *sensors)):
+            if message.topic in sensors:
+                self._take(message, sensors[message.topic])
                 continue
             is_color = message.topic == self._color
             pair = pairs.add_color(message) if is_color else pairs.add_depth(message)
             if pair is not None:
                 yield pair
 
-    def _take(self, message: BagMessage, odometry: RosOdometry) -> None:
+    def _take(self, message: BagMessage, sensor: RosOdometry | RosImu) -> None:
+        decode = self._bag.decode
+        of_kind = decode.imu if isinstance(sensor, RosImu) else decode.odometry
         try:
-            odometry.take(self._bag.decode.odometry(message.payload, message.type_name))
+            sensor.take(of_kind(message.payload, message.type_name))
         except (BadImageError, UserError) as error:
             raise UserError(f"source {self._bag.name}: {message.topic}: {error}") from None
 

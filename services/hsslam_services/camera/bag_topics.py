@@ -14,6 +14,7 @@ from hsslam_node.sources.options import BagOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO
+from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
 
 _REGISTERED = re.compile("aligned|registered")
@@ -66,6 +67,19 @@ def odometry_topic(bag: BagFile, options: BagOptions) -> str:
         return ""
     of_kind = [topic.name for topic in bag.topics if topic.type_name == ODOMETRY]
     return _chosen(bag, "odometry", options.odometry, (), of_kind)
+
+
+def imu_topic(bag: BagFile, options: BagOptions, is_mounted: bool) -> str:
+    """The topic that the options name; empty if they name none, unless it is known how the IMU is mounted:
+    then the only one that the bag has.
+
+    Raises:
+        UserError: the bag has no such topic of an IMU, or several; names all topics.
+    """
+    of_kind = [topic.name for topic in bag.topics if topic.type_name == IMU and topic.message_count]
+    if options.imu or (is_mounted and of_kind):
+        return _chosen(bag, "imu", options.imu, of_kind, of_kind)
+    return ""
 
 
 def _first_messages(bag: BagFile) -> dict[str, BagMessage]:

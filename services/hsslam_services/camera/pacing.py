@@ -9,8 +9,8 @@ from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.messages import Step
 from hsslam_services.bus.bus import Publisher
 from hsslam_services.bus.log_lag import LogLag
-from hsslam_services.bus.odometry_inlet import OdometryInlet
 from hsslam_services.bus.peers import Peers
+from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera.realtime import NEEDED, OTHERS
 from hsslam_services.launch.worker import Worker
 
@@ -83,9 +83,9 @@ class Live:
     """Sends the frames of a live camera at once, with the time at which they came."""
 
     def __init__(
-        self, worker: Worker, frames: Publisher, publisher: int, odometry: OdometryInlet
+        self, worker: Worker, frames: Publisher, publisher: int, sensors: RobotSensors
     ) -> None:
-        self._odometry = odometry
+        self._sensors = sensors
         self._worker = worker
         self._frames = frames
         self._publisher = publisher
@@ -104,5 +104,5 @@ class Live:
     def send(self, frame: Frame) -> None:
         """Publish; the tracker takes the newest."""
         stamp_ns = time.time_ns()
-        frame = self._odometry.given(frame, stamp_ns)
+        frame = self._sensors.given(frame, stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns, self._publisher))

@@ -6,8 +6,8 @@ from hsslam_node.frame import Frame
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_services.bus.bus import Publisher
-from hsslam_services.bus.odometry_inlet import OdometryInlet
 from hsslam_services.bus.peers import Peers
+from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera.wall_clock import WallClock
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
@@ -32,14 +32,14 @@ class Realtime:
         frames: Publisher,
         progress: CameraProgress,
         clock_scale: float,
-        odometry: OdometryInlet,
+        sensors: RobotSensors,
         period_s: float = 1 / 30,
     ) -> None:
         self._worker = worker
         self._frames = frames
         self._progress = progress
         self._scale = clock_scale
-        self._odometry = odometry
+        self._sensors = sensors
         self._longest_wait_ns = max(_LONGEST_WAIT_NS, round(3e9 * period_s))
         self._wall = WallClock()
         self._maps = worker.bus.subscribe(topics.MAP, 1)
@@ -60,7 +60,7 @@ class Realtime:
         due_ns = self._due_ns(frame)
         self._sleep_until(due_ns)
         stamp_ns = self._stamp_ns(due_ns)
-        frame = self._odometry.given(frame, stamp_ns)
+        frame = self._sensors.given(frame, stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher))
 
     def held(self, seconds: float) -> None:
@@ -77,7 +77,7 @@ class Realtime:
     def _send_until_answered(self, frame: Frame) -> None:
         publisher = self._progress.publisher
         stamp_ns = time.time_ns()
-        message = frame_message(self._odometry.given(frame, stamp_ns), stamp_ns, publisher)
+        message = frame_message(self._sensors.given(frame, stamp_ns), stamp_ns, publisher)
         before = self._peers.frames_received("tracker")
         self._frames.put(message)
         sent_s = time.monotonic()

@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
 from hsslam_services.ros2.type_store import open_type_store
 
@@ -90,8 +91,19 @@ class CdrMessages:
         Raises:
             BadImageError: another type, or not such a message.
         """
-        if type_name != ODOMETRY:
-            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {ODOMETRY}")
+        return self._of_type(payload, type_name, ODOMETRY)
+
+    def imu(self, payload: bytes, type_name: str) -> Any:
+        """An `Imu` as rosbags decodes it.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+        """
+        return self._of_type(payload, type_name, IMU)
+
+    def _of_type(self, payload: bytes, type_name: str, expected: str) -> Any:
+        if type_name != expected:
+            raise BadImageError(f"message of type {type_name or 'unknown'}: expected {expected}")
         return self._decoded(payload, type_name)
 
     def _decoded(self, payload: bytes, type_name: str) -> Any:

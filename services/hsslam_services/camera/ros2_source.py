@@ -22,10 +22,9 @@ from hsslam_services.camera.ros2_messages import (
     topic_of,
     type_of,
 )
+from hsslam_services.camera.ros2_sensors import Ros2Sensors
 from hsslam_services.camera.ros_frames import RosFrames
-from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
 
-_WHEELS_RING = 256  # messages of odometry: more than come between two frames
 _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
 _LARGEST_BYTES = 2**26  # of a message
@@ -53,7 +52,6 @@ class Ros2Source:
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
-        self._odometry = RosOdometry(options) if options.ros2.odometry else None
         self._session = open_client(options.ros2.connect)
         domain = options.ros2.domain
         self._color, self._depth, self._info = (
@@ -62,11 +60,7 @@ class Ros2Source:
             )
             for topic in self._topics
         )
-        self._odometry_topic = options.ros2.topic_of_odometry(name)
-        if self._odometry is not None:
-            self._wheels = self._session.declare_subscriber(
-                topic_keys(domain, self._odometry_topic), zenoh.handlers.RingChannel(_WHEELS_RING)
-            )
+        self._sensors = Ros2Sensors(name, options, self._session, self._cdr)
         try:
             camera, first = self._wait(name)
             depth_scale = options.camera.depth_scale
@@ -101,7 +95,7 @@ class Ros2Source:
                 continue
             if pair is not None:
                 heard_s, silences = time.monotonic(), 0
-                yield self._with_odometry(self._frames.frame(0, *pair))
+                yield self._with_sensors(self._frames.frame(0, *pair))
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
@@ -112,20 +106,14 @@ class Ros2Source:
             else:
                 time.sleep(_POLL_S)
 
-    def _with_odometry(self, frame: Frame | BadFrame) -> Frame | BadFrame:
-        """The frame with the odometry at its stamp; a bad message of odometry is reported in its place."""
-        if self._odometry is None or isinstance(frame, BadFrame):
+    def _with_sensors(self, frame: Frame | BadFrame) -> Frame | BadFrame:
+        """The frame with what other sensors say at its stamp; reports a bad message of one in its place."""
+        if isinstance(frame, BadFrame):
             return frame
         try:
-            self._hear_odometry(self._odometry)
-        except (BadImageError, UserError) as error:
-            return BadFrame(0, frame.stamp_ns, f"{self._odometry_topic}: {error}")
-        return self._odometry.given(frame)
-
-    def _hear_odometry(self, odometry: RosOdometry) -> None:
-        while (sample := self._wheels.try_recv()) is not None:
-            kind = type_of(str(sample.key_expr))
-            odometry.take(self._cdr.odometry(sample.payload.to_bytes(), kind))
+            return self._sensors.given(frame)
+        except UserError as error:
+            return BadFrame(0, frame.stamp_ns, str(error))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """A pair of what has come, None if there is none yet; raises BadImageError."""
@@ -149,9 +137,8 @@ class Ros2Source:
         camera, pair, problem = None, None, ""
         is_rectified = "rect" in self._topics[0]
         deadline = time.monotonic() + self._options.ros2.timeout_s
-        wheels = self._odometry
         while (
-            camera is None or pair is None or (wheels is not None and not wheels.has_any)
+            camera is None or pair is None or self._sensors.silent
         ) and time.monotonic() < deadline:
             if self._should_stop():
                 raise UserError(f"source ros2:{name}: stopped before the first frame")
@@ -160,8 +147,7 @@ class Ros2Source:
                     kind = type_of(str(sample.key_expr))
                     camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
                 pair = self._next_pair() or pair
-                if wheels is not None:
-                    self._hear_odometry(wheels)
+                self._sensors.hear()
             except (BadImageError, UserError) as error:
                 problem = f"; {error}"
             time.sleep(_POLL_S)
@@ -172,10 +158,10 @@ class Ros2Source:
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
                 f"{problem or self._why_none()}; heard: {self._heard()}"
             )
-        if wheels is not None and not wheels.has_any:
+        if silent := self._sensors.silent:
             raise UserError(
-                f"source ros2:{name}: no odometry within {self._options.ros2.timeout_s:g} s on "
-                f"{self._odometry_topic}{problem}: expected {ODOMETRY}, or no --ros2.odometry"
+                f"source ros2:{name}: no {silent.name} within {self._options.ros2.timeout_s:g} s on "
+                f"{silent.topic}{problem}: expected {silent.type_name}, or no --ros2.{silent.name}"
             )
         return camera, pair
 

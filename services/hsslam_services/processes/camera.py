@@ -1,6 +1,6 @@
 """The camera process: publishes a source's frames, on the sensor's clock or in lockstep.
 
-Subscribes: in/odometry, out/map, out/pose, sys/health, sys/hold, sys/step
+Subscribes: in/odometry, in/imu, out/map, out/pose, sys/health, sys/hold, sys/step
 Publishes: in/frame, in/end
 Arena: reads map_state
 """
@@ -15,7 +15,7 @@ from hsslam_node.sources.source import BadFrame, Source
 from hsslam_proto import topics
 from hsslam_proto.messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
-from hsslam_services.bus.odometry_inlet import OdometryInlet
+from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera.last_frame import LastFrame
 from hsslam_services.camera.pacing import Live, Lockstep, Pace
 from hsslam_services.camera.prefetch import Prefetch
@@ -27,7 +27,6 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
-_ODOMETRY_RING = 256  # messages: more than come between two frames
 _AHEAD = 15  # frames decoded in advance: rides out half a second of other load
 
 
@@ -72,11 +71,15 @@ def _run(worker: Worker) -> None:
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic, progress.publisher)
     elif is_live(options.source):
-        pace = Live(worker, frames_topic, progress.publisher, _odometry(worker))
+        pace = Live(
+            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options)
+        )
     else:
         scale = _clock_scale(options.rate_hz, source.rate_hz)
         period_s = 1 / (options.rate_hz or source.rate_hz)
-        pace = Realtime(worker, frames_topic, progress, scale, _odometry(worker), period_s)
+        pace = Realtime(
+            worker, frames_topic, progress, scale, RobotSensors.heard(worker.bus, options), period_s
+        )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
     last_frame, last_sent = LastFrame(worker), -1
     map_epoch = mode.map_epoch
@@ -122,11 +125,6 @@ def _items(
     if is_live(worker.options.source):
         return live_frames(worker, source, first)
     return Prefetch(source.frames(first), _AHEAD, worker.should_stop)
-
-
-def _odometry(worker: Worker) -> OdometryInlet:
-    messages = worker.bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
-    return OdometryInlet(messages, worker.options.base_T_camera, worker.options.odometry_noise)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

@@ -10,7 +10,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.robot_frames import RobotFrames, mounting
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.sources.options import (
     BagOptions,
@@ -79,11 +79,13 @@ class ServeOptions:
         "ros2.depth": "TOPIC",
         "ros2.info": "TOPIC",
         "ros2.odometry": "TOPIC",
+        "ros2.imu": "TOPIC",
         "ros2.connect": "ENDPOINT",
         "bag.color": "TOPIC",
         "bag.depth": "TOPIC",
         "bag.info": "TOPIC",
         "bag.odometry": "TOPIC",
+        "bag.imu": "TOPIC",
         "ros2_out": "NAMESPACE",
         "realsense.serial": "NUMBER",
     }
@@ -155,6 +157,8 @@ class ServeOptions:
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
     """Standard deviation of the robot's odometry after 1 m, m, and after 1 rad, rad."""
+    camera_T_imu: tuple[float, ...] = ()
+    """IMU in the camera's optical frame, x y z qx qy qz qw, m (none: in its centre, with its axes)."""
     grid: bool = False
     """Publish free cells and distances about the camera, ten times a second."""
     grid_from_height_m: float = 0.15
@@ -215,6 +219,7 @@ class ServeOptions:
         if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
             raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
         RobotFrames.mounted(self.base_T_camera)
+        mounting("--camera-T-imu", self.camera_T_imu)
         if not 0 <= self.grid_from_height_m < self.grid_to_height_m <= _MOST_HEIGHT_M:
             raise UserError(
                 f"--grid-from-height-m {self.grid_from_height_m:g} --grid-to-height-m "

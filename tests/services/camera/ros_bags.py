@@ -82,6 +82,22 @@ class BagWriter:
             twist=self._new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=none),
         )  # fmt: skip
 
+    def imu(
+        self, topic: str, stamp_ns: int, rates: Sequence[float], forces: Sequence[float]
+    ) -> None:
+        """An `Imu` without orientation."""
+        vector = lambda numbers: self._new(  # noqa: E731
+            "geometry_msgs/msg/Vector3", **dict(zip("xyz", numbers, strict=True))
+        )
+        unknown, none = np.full(9, -1.0), np.zeros(9)
+        self.put(
+            topic, stamp_ns, "Imu",
+            orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+            orientation_covariance=unknown, angular_velocity=vector(rates),
+            angular_velocity_covariance=none, linear_acceleration=vector(forces),
+            linear_acceleration_covariance=none,
+        )  # fmt: skip
+
     def frame(self, frame: Frame, depth_lag_ns: int = 0) -> None:
         """Colour, depth and intrinsics of a frame, on the topics of a RealSense with aligned depth."""
         self.info(INFO, frame.stamp_ns, frame.camera)

@@ -80,6 +80,28 @@ def odometry(stamp_ns: int, numbers: Sequence[float]) -> Odometry:
     )  # fmt: skip
 
 
+@dataclass
+class Imu(IdlStruct):
+    header: Header
+    orientation: Quaternion
+    orientation_covariance: array[float64, 9]
+    angular_velocity: Vector3
+    angular_velocity_covariance: array[float64, 9]
+    linear_acceleration: Vector3
+    linear_acceleration_covariance: array[float64, 9]
+
+
+def imu(
+    stamp_ns: int, rates: Sequence[float], forces: Sequence[float], of_rates: float = 0.0
+) -> Imu:
+    """Without orientation, as drivers of plain IMUs send it."""
+    unknown, none = [-1.0] + [0.0] * 8, [0.0] * 9
+    return Imu(
+        header(stamp_ns), Quaternion(0.0, 0.0, 0.0, 1.0), unknown,
+        Vector3(*rates), [of_rates, *none[1:]], Vector3(*forces), none,
+    )  # fmt: skip
+
+
 def header(stamp_ns: int) -> Header:
     return Header(Time(stamp_ns // 10**9, stamp_ns % 10**9), "camera_color_optical_frame")
 

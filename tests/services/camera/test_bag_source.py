@@ -9,6 +9,8 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import so3_exp
+from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import BagOptions, CameraOptions, SourceOptions, SynthOptions
 from hsslam_node.sources.source import BadFrame, Source
@@ -238,3 +240,32 @@ def test_odometry_of_a_bag_comes_with_its_frames(kind: str, room: list[Frame], t
     assert all(frame.odometry is None for frame in whole_frames(opened(path)))
     with pytest.raises(UserError, match=r"--bag\.odometry /wheels: no such topic.*/odom \(Odom"):
         opened(path, bag=BagOptions(odometry="/wheels"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_imu_of_a_bag_is_used_if_its_mounting_is_known(
+    kind: str, room: list[Frame], tmp_path: Path
+):
+    """A camera that turns about its y at 0.3 rad/s; the IMU stands on its head."""
+    rooms = [replace(frame, stamp_ns=frame.stamp_ns + 1_000_000_000) for frame in room]
+
+    def turn(bag: BagWriter) -> None:
+        for k in range(80):
+            bag.imu("/imu/data", 900_000_000 + 5_000_000 * k, (0.0, -0.3, 0.0), (0.0, 9.81, 0.0))
+
+    path = written(tmp_path, kind, rooms, turn)
+    on_its_head = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    for source in (
+        opened(path, camera_T_imu=on_its_head),
+        opened(path, camera_T_imu=on_its_head, bag=BagOptions(imu="/imu/data")),
+    ):
+        frames = whole_frames(source)
+        motion = motion_between(frames[0].imu, frames[4].imu)
+        assert motion is not None
+        seconds = 1e-9 * (frames[4].stamp_ns - frames[0].stamp_ns)
+        turned = so3_exp(np.array([0.0, 0.3 * seconds, 0.0]))
+        np.testing.assert_allclose(motion.rotation, turned, atol=1e-7)
+        assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
+    assert all(frame.imu is None for frame in whole_frames(opened(path)))
+    with pytest.raises(UserError, match=r"--bag\.imu /imu: no such topic.*/imu/data \(Imu"):
+        opened(path, bag=BagOptions(imu="/imu"))

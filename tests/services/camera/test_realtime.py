@@ -11,15 +11,15 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame as FrameMessage
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
-from hsslam_services.bus.odometry_inlet import OdometryInlet
+from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera import wall_clock
 from hsslam_services.camera.realtime import Realtime
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.options import ServeOptions
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
 _PIXELS = np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16)
@@ -60,9 +60,9 @@ def paced() -> Iterator[Callable[[list[float]], tuple[list[FrameMessage], list[s
             should_stop=stop.is_set,
         )
         progress = CameraProgress(pinned_source_ns=0, pinned_ns=time.monotonic_ns())
-        odometry = OdometryInlet(bus.subscribe(topics.ODOMETRY, 4), (), USUAL_NOISE)
+        sensors = RobotSensors.heard(bus, ServeOptions())
         frames = bus.publisher(topics.FRAME)
-        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, odometry)
+        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors)
 
         def send(stamps_s: list[float]) -> Any:
             progress.pinned_ns = time.monotonic_ns() - round(stamps_s[0] * 1e9)

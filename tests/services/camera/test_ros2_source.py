@@ -10,7 +10,9 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
 from hsslam_node.sources.source import BadFrame
@@ -18,7 +20,7 @@ from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
-from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image, odometry
+from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image, imu, odometry
 
 ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
 
@@ -151,6 +153,53 @@ def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
         T_odom_cam = frame.odometry.T_odom_cam
         np.testing.assert_allclose(T_odom_cam[:3, 3], [0.2 + 0.3 * seconds, 0.0, 0.4], atol=1e-6)
         np.testing.assert_allclose(T_odom_cam[:3, 2], [0.0, -1.0, 0.0], atol=1e-6)
+
+
+def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
+    endpoint, ros_camera, room
+):
+    """The camera turns about its y at 0.2 rad/s; the IMU has its axes, and sends 100 samples a second."""
+    rates, forces = (0.0, 0.2, 0.0), (0.0, -9.81, 0.0)
+    ended = threading.Event()
+
+    def turn(of_rates: float) -> threading.Thread:
+        def run() -> None:
+            for k in range(-10, 4000):
+                message = imu(FIRST_NS + k * 10_000_000, rates, forces, of_rates)
+                ros_camera.put("/camera/imu", message, "Imu")
+                if k > 200 and ended.wait(0.01):  # two seconds at once, then as they come
+                    return
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        return thread
+
+    ros_camera.start(room)
+    asked = options(endpoint, 200, timeout_s=1.0, imu="imu")
+    halves = threading.Timer(0.3, lambda: turn(-1.0))
+    halves.start()
+    with pytest.raises(
+        UserError, match=r"no imu .* /camera/imu; .*no angular velocity.*expected se"
+    ):
+        open_any_source("ros2:/camera", asked)
+    ended.set()
+    halves.join()
+    ended.clear()
+    turning = threading.Timer(0.3, lambda: turn(0.0))
+    turning.start()
+    try:
+        asked = replace(asked, ros2=replace(asked.ros2, timeout_s=10.0))
+        frames = open_any_source("ros2:/camera", asked).frames()
+        given = (f for f in frames if isinstance(f, Frame) and f.imu is not None)
+        first, *_, last = itertools.islice(given, 5)
+    finally:
+        ended.set()
+    motion = motion_between(first.imu, last.imu)
+    assert motion is not None
+    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
+    turned = so3_exp(np.array([0.0, 0.2 * seconds, 0.0]))
+    np.testing.assert_allclose(motion.rotation, turned, atol=1e-6)
+    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
 
 
 def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):

@@ -3,7 +3,7 @@
 import zenoh
 
 from hsslam_proto.requests import REQUESTS
-from hsslam_proto.topics import FRAME, ODOMETRY, POSE, SOURCE_END, TOPICS
+from hsslam_proto.topics import FRAME, IMU, ODOMETRY, POSE, SOURCE_END, TOPICS
 from hsslam_services.security.access import ROLES, access_control
 from tests.repository import ROOT
 
@@ -19,6 +19,7 @@ def test_who_looks_on_hears_every_topic_and_only_a_camera_publishes():
     assert [topic for topic in TOPICS if _includes(camera.publishes, topic.name)] == [
         FRAME,
         ODOMETRY,
+        IMU,
         SOURCE_END,
     ]
     assert not viewer.publishes and not operator.publishes

@@ -78,7 +78,7 @@ def test_without_a_service_step_gives_up(tmp_path):
 
 
 def test_keys_choose_topics():
-    assert wanted_names(["in/**"]) == {"in/frame", "in/odometry", "in/end"}
+    assert wanted_names(["in/**"]) == {"in/frame", "in/odometry", "in/imu", "in/end"}
     assert wanted_names(["out/pose", "out/mesh"]) == {"out/pose", "out/mesh"}
     assert wanted_names(["**"]) == {topic.name for topic in topics.TOPICS}
 

@@ -23,7 +23,8 @@ def test_a_replayed_lockstep_run_has_the_same_poses_bit_for_bit(serve):
     options = ("--pace", "lockstep", "--seed", "3", *_SMALL)
     room = ("--source", "synth:room", "--frames", "20", "--noise", "kinect")
     covered = ("--synth.odometry-noise", "0.01", "--cover-at", "9", "--cover-frames", "2")
-    logged = serve(*options, *room, *covered, "--log-color", "png", "--log-part-mb", "1")
+    imu = ("--synth.imu-noise", "1")
+    logged = serve(*options, *room, *covered, *imu, "--log-color", "png", "--log-part-mb", "1")
     assert logged.finish(timeout_s=280) == 0, logged.stderr
     frames = logged.summary()["frames"]
     assert (frames["tracked"], frames["lost"], frames["dead_reckoned"]) == (20, 0, 2)

@@ -1,0 +1,82 @@
+"""What an IMU has integrated up to the stamp of a frame, and the motion between two such readings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import quaternion_from_rotation, rotation_from_quaternion
+
+_UNIT = 1e-3  # that the norm of a quaternion may be off
+
+
+@dataclass(frozen=True)
+class ImuReading:
+    """Rotation and velocity by the IMU alone since it began, in the axes that the camera had then.
+
+    Both drift, and gravity counts as an acceleration upwards: only the motion between two readings of one
+    series is of use, also if readings in between are missing. `numbers`, [8], are the same as on the wire, so
+    that a replay computes with the same bits: the unit quaternion xyzw of the camera, the integral of its
+    specific force (m/s), and the time since the series began (s). `series` names the series: its first
+    stamp, ns.
+
+    Raises:
+        UserError: other numbers, or some that are not finite.
+    """
+
+    numbers: np.ndarray
+    series: int
+
+    def __post_init__(self) -> None:
+        numbers = self.numbers
+        is_whole = numbers.shape == (8,) and np.isfinite(numbers).all()
+        if not is_whole or abs(np.linalg.norm(numbers[:4]) - 1) > _UNIT:
+            text = " ".join(f"{number:g}" for number in numbers.ravel())
+            raise UserError(
+                f"imu {text}: expected 8 finite numbers: qx qy qz qw, vx vy vz, seconds"
+            )
+
+    @classmethod
+    def at(cls, R: np.ndarray, velocity: np.ndarray, seconds: float, series: int) -> "ImuReading":
+        """The reading of a rotation [3, 3], a velocity [3] m/s and a time."""
+        q = quaternion_from_rotation(R)
+        return cls(np.concatenate([q, velocity, [seconds]]), series)
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """[3, 3] from the axes of the camera to those of the series."""
+        return rotation_from_quaternion(self.numbers[:4])
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """[3] m/s, axes of the series; at rest it grows by 9.81 m/s each second, upwards."""
+        return self.numbers[4:7]
+
+    @property
+    def seconds(self) -> float:
+        """Since the series began."""
+        return float(self.numbers[7])
+
+
+@dataclass(frozen=True)
+class InertialMotion:
+    """The motion of a camera between two frames by its IMU, without any correction."""
+
+    rotation: np.ndarray  # [3, 3] from the later camera's axes to the earlier one's
+    velocity_change: np.ndarray  # [3] m/s, integral of the specific force; later camera's axes
+    seconds: float
+
+
+def motion_between(before: ImuReading | None, after: ImuReading | None) -> InertialMotion | None:
+    """The motion between two readings; None without one of them, or if they are of different series.
+
+    One and the same reading is no motion, in no time.
+    """
+    if before is None or after is None or before.series != after.series:
+        return None
+    seconds = after.seconds - before.seconds
+    if seconds < 0:
+        return None
+    R = after.rotation
+    change = R.T @ (after.velocity - before.velocity)
+    return InertialMotion(before.rotation.T @ R, change, seconds)

@@ -1,0 +1,91 @@
+"""Samples of an IMU by their own stamps, integrated and read at the stamps of frames."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.geometry.se3 import so3_exp
+from hsslam_node.inertial.reading import ImuReading
+
+_KEPT = 2048  # samples: 2 s at 1 kHz
+_LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
+_AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
+
+
+@dataclass(frozen=True)
+class _State:
+    """A sample, and what was integrated up to it."""
+
+    stamp_ns: int
+    turn_rate: np.ndarray  # [3] rad/s, axes of the camera
+    force: np.ndarray  # [3] m/s^2, likewise
+    rotation: np.ndarray  # [3, 3] camera to series
+    velocity: np.ndarray  # [3] m/s of the IMU, axes of the series
+    series: int
+
+
+class ImuTrack:
+    """Integrates angular velocity and specific force, and reads both at any stamp near the samples.
+
+    Between two samples the angular velocity is their mean, and so is the force, in axes that do not turn
+    (trapezoid). After a gap of more than 0.1 s it begins anew. The newest sample holds for at most 0.03 s.
+
+    Args:
+        T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
+    """
+
+    def __init__(self, T_cam_imu: np.ndarray | None = None) -> None:
+        T = np.eye(4) if T_cam_imu is None else T_cam_imu
+        self._R_cam_imu = T[:3, :3]
+        self._lever_m = T[:3, 3]
+        self._states: deque[_State] = deque(maxlen=_KEPT)
+
+    def add(self, stamp_ns: int, angular_velocity: np.ndarray, acceleration: np.ndarray) -> bool:
+        """Take a sample; False if it is not later than the newest.
+
+        angular_velocity: [3] rad/s, axes of the IMU.
+        acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
+        """
+        newest = self._states[-1] if self._states else None
+        if newest is not None and stamp_ns <= newest.stamp_ns:
+            return False
+        turn_rate, force = self._R_cam_imu @ angular_velocity, self._R_cam_imu @ acceleration
+        if newest is None or stamp_ns - newest.stamp_ns > _LONGEST_NS:
+            begin = (np.eye(3), np.zeros(3), stamp_ns)
+            self._states.append(_State(stamp_ns, turn_rate, force, *begin))
+        else:
+            self._states.append(_integrated(newest, stamp_ns, turn_rate, force))
+        return True
+
+    def at(self, stamp_ns: int) -> ImuReading | None:
+        """What is integrated up to this stamp, of the camera's centre; None without samples near it."""
+        after = None
+        for state in reversed(self._states):
+            if state.stamp_ns <= stamp_ns:
+                return self._from(state, after, stamp_ns)
+            after = state
+        return None
+
+    def _from(self, before: _State, after: _State | None, stamp_ns: int) -> ImuReading | None:
+        if after is None and stamp_ns - before.stamp_ns > _AHEAD_NS:
+            return None
+        turn_rate, force = before.turn_rate, before.force
+        if after is not None:
+            if after.series != before.series:
+                return None
+            share = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
+            turn_rate = turn_rate + share * (after.turn_rate - turn_rate)
+            force = force + share * (after.force - force)
+        here = _integrated(before, stamp_ns, turn_rate, force)
+        of_lever = here.rotation @ np.cross(turn_rate, self._lever_m)
+        seconds = 1e-9 * (stamp_ns - here.series)
+        return ImuReading.at(here.rotation, here.velocity - of_lever, seconds, here.series)
+
+
+def _integrated(before: _State, stamp_ns: int, turn_rate: np.ndarray, force: np.ndarray) -> _State:
+    seconds = 1e-9 * (stamp_ns - before.stamp_ns)
+    R = before.rotation @ so3_exp(0.5 * seconds * (before.turn_rate + turn_rate))
+    change = 0.5 * seconds * (before.rotation @ before.force + R @ force)
+    velocity = before.velocity + change
+    return _State(stamp_ns, turn_rate, force, R, velocity, before.series)

@@ -1,0 +1,35 @@
+"""An IMU on `in/imu` for the frames of this run's camera; a file of its own, as `odometry_inlet.py` is."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.robot_frames import mounting
+from hsslam_node.inertial.track import ImuTrack
+from hsslam_proto.messages import ImuSamples
+from hsslam_services.bus.subscription import Subscription
+
+
+class ImuInlet:
+    """Integrates the samples that have come before each frame. Stamps are wall clock, as of frames.
+
+    Args:
+        camera_T_imu: numbers of `--camera-T-imu`.
+    """
+
+    def __init__(self, messages: Subscription[ImuSamples], camera_T_imu: Sequence[float]) -> None:
+        self._messages = messages
+        self._track = ImuTrack(mounting("--camera-T-imu", camera_T_imu))
+
+    def given(self, frame: Frame, stamp_ns: int) -> Frame:
+        """The frame with the reading at this stamp; unchanged if it has one, or if there is none."""
+        for message in self._messages.drain():
+            samples = zip(
+                message.stamps_ns, message.angular_velocity, message.acceleration, strict=True
+            )
+            for sample_ns, turn_rate, force in samples:
+                self._track.add(sample_ns, np.array(turn_rate), np.array(force))
+        reading = None if frame.imu is not None else self._track.at(stamp_ns)
+        return frame if reading is None else replace(frame, imu=reading)

@@ -1,0 +1,32 @@
+"""Other sensors of the robot, on the bus; a file of its own as three paces name it."""
+
+from hsslam_node.frame import Frame
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.imu_inlet import ImuInlet
+from hsslam_services.bus.odometry_inlet import OdometryInlet
+from hsslam_services.run.options import ServeOptions
+
+_ODOMETRY_RING = 256  # messages: more than come between two frames
+_IMU_RING = 2048
+
+
+class RobotSensors:
+    """Adds odometry and IMU to frames, if other programs send them."""
+
+    def __init__(self, odometry: OdometryInlet, imu: ImuInlet) -> None:
+        self._odometry = odometry
+        self._imu = imu
+
+    @classmethod
+    def heard(cls, bus: Bus, options: ServeOptions) -> "RobotSensors":
+        """Subscribe to both."""
+        wheels = bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
+        return cls(
+            OdometryInlet(wheels, options.base_T_camera, options.odometry_noise),
+            ImuInlet(bus.subscribe(topics.IMU, _IMU_RING), options.camera_T_imu),
+        )
+
+    def given(self, frame: Frame, stamp_ns: int) -> Frame:
+        """The frame with what they say at this stamp, wall clock."""
+        return self._imu.given(self._odometry.given(frame, stamp_ns), stamp_ns)

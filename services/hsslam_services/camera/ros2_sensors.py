@@ -1,0 +1,80 @@
+"""Sensors beside a camera of ROS 2: odometry of the robot, and an IMU."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.sources.options import SourceOptions
+from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
+from hsslam_services.ros2.imu_in import IMU, RosImu
+from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
+
+_RING = 2048  # messages: more than come between two frames
+
+
+@dataclass(frozen=True)
+class _Sensor:
+    name: str  # of its option
+    topic: str
+    type_name: str
+    sensor: RosOdometry | RosImu
+    subscriber: Any
+
+
+class Ros2Sensors:
+    """Subscribes to the sensors that the options name."""
+
+    def __init__(
+        self, name: str, options: SourceOptions, session: zenoh.Session, cdr: CdrMessages
+    ) -> None:
+        self._cdr = cdr
+        ros2 = options.ros2
+        self._sensors = [
+            _Sensor(
+                *(option, topic, kind, make(options)),
+                session.declare_subscriber(
+                    topic_keys(ros2.domain, topic), zenoh.handlers.RingChannel(_RING)
+                ),
+            )
+            for option, topic, kind, make in (
+                ("odometry", ros2.topic_of_odometry(name), ODOMETRY, RosOdometry),
+                ("imu", ros2.topic_of_imu(name), IMU, RosImu),
+            )
+            if topic
+        ]
+
+    @property
+    def silent(self) -> _Sensor | None:
+        """The first from which nothing was heard; None if all have sent something."""
+        return next((s for s in self._sensors if not s.sensor.has_any), None)
+
+    def hear(self) -> None:
+        """Take what has come.
+
+        Raises:
+            UserError: a message is of another type or cannot be used; names its topic.
+        """
+        for sensor in self._sensors:
+            for payload, type_name in _received(sensor):
+                decode = self._cdr.imu if sensor.type_name == IMU else self._cdr.odometry
+                try:
+                    sensor.sensor.take(decode(payload, type_name))
+                except (BadImageError, UserError) as error:
+                    raise UserError(f"{sensor.topic}: {error}") from None
+
+    def given(self, frame: Frame) -> Frame:
+        """The frame with what they say at its stamp; raises as `hear`."""
+        self.hear()
+        for sensor in self._sensors:
+            frame = sensor.sensor.given(frame)
+        return frame
+
+
+def _received(sensor: _Sensor) -> Iterator[tuple[bytes, str]]:
+    while (sample := sensor.subscriber.try_recv()) is not None:
+        yield sample.payload.to_bytes(), type_of(str(sample.key_expr))

@@ -1,0 +1,55 @@
+"""An IMU of ROS, `sensor_msgs/Imu`, integrated for the frames of a camera."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.robot_frames import mounting
+from hsslam_node.inertial.track import ImuTrack
+from hsslam_node.sources.options import SourceOptions
+
+IMU = "sensor_msgs/msg/Imu"
+
+
+class RosImu:
+    """Takes messages as they come, and adds to frames what is integrated up to their stamps.
+
+    The messages are in the axes of the IMU; `--camera-T-imu` is its pose in the camera's optical frame.
+    """
+
+    def __init__(self, options: SourceOptions) -> None:
+        self._track = ImuTrack(mounting("--camera-T-imu", options.camera_T_imu))
+        self.has_any = False
+
+    def take(self, message: Any) -> None:
+        """Take a message, decoded by rosbags; one that is not later than the last is ignored.
+
+        Raises:
+            UserError: its numbers are not finite, or it says that it measures only one of the two.
+        """
+        turn_rate, force = (
+            np.array([v.x, v.y, v.z])
+            for v in (message.angular_velocity, message.linear_acceleration)
+        )
+        if not (np.isfinite(turn_rate).all() and np.isfinite(force).all()):
+            raise UserError(
+                f"imu: angular velocity {turn_rate}, acceleration {force}: expected finite numbers"
+            )
+        covariances = message.angular_velocity_covariance, message.linear_acceleration_covariance
+        for name, covariance in zip(("angular velocity", "acceleration"), covariances, strict=True):
+            if covariance[0] == -1:  # as REP 145 has it
+                raise UserError(
+                    f"imu: no {name}, its covariance is -1: expected both in one message, as with "
+                    "unite_imu_method of realsense2_camera"
+                )
+        stamp = message.header.stamp
+        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        self._track.add(stamp_ns, turn_rate, force)
+        self.has_any = True
+
+    def given(self, frame: Frame) -> Frame:
+        """The frame with the reading at its stamp; with none if no samples are near it."""
+        return replace(frame, imu=self._track.at(frame.stamp_ns))

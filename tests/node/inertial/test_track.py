@@ -1,0 +1,90 @@
+"""Readings at the stamps of frames, from samples of an IMU that turns and moves in known ways."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import se3_exp, so3_exp
+from hsslam_node.inertial.reading import ImuReading, motion_between
+from hsslam_node.inertial.track import ImuTrack
+
+_START_NS = 1_700_000_000_000_000_000
+_STEP_NS = 5_000_000
+_UP = np.array([0.0, -9.81, 0.0])  # at rest, camera level
+vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
+
+
+def _turning(turn_rate: np.ndarray, count: int, T_cam_imu: np.ndarray | None = None) -> ImuTrack:
+    """Of a camera that turns evenly about its centre, without gravity."""
+    T = np.eye(4) if T_cam_imu is None else T_cam_imu
+    force = np.cross(turn_rate, np.cross(turn_rate, T[:3, 3]))  # of the IMU beside the centre
+    track = ImuTrack(T)
+    for k in range(count):
+        R = T[:3, :3].T
+        assert track.add(_START_NS + k * _STEP_NS, R @ turn_rate, R @ force)
+    return track
+
+
+@settings(max_examples=30, deadline=None)
+@given(vectors, st.integers(0, 99), st.integers(100, 190))
+def test_an_even_turn_is_integrated_exactly_at_any_stamp(turn_rate, before, after):
+    track = _turning(turn_rate, 40)
+    one, two = (track.at(_START_NS + 1_000_000 * ms) for ms in (before, after))
+    motion = motion_between(one, two)
+    assert motion is not None
+    seconds = 1e-3 * (after - before)
+    assert motion.seconds == pytest.approx(seconds)
+    np.testing.assert_allclose(motion.rotation, so3_exp(seconds * turn_rate), atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(vectors, arrays(np.float64, 6, elements=st.floats(-0.5, 0.5)))
+def test_an_imu_beside_the_camera_says_the_same_of_the_camera(turn_rate, mounting):
+    """The camera turns about its own centre, which does not move, wherever the IMU is."""
+    track = _turning(turn_rate, 41, se3_exp(mounting))
+    motion = motion_between(track.at(_START_NS), track.at(_START_NS + 200_000_000))
+    assert motion is not None
+    np.testing.assert_allclose(motion.rotation, so3_exp(0.2 * turn_rate), atol=1e-9)
+    np.testing.assert_allclose(motion.velocity_change, 0.0, atol=2e-3)
+
+
+def test_readings_in_between_may_be_missing():
+    track = ImuTrack()
+    rng = np.random.default_rng(0)
+    for k in range(60):
+        track.add(_START_NS + k * _STEP_NS, rng.normal(size=3), _UP + rng.normal(size=3))
+    first, middle, last = (track.at(_START_NS + 50_000_000 * n) for n in (0, 2, 5))
+    whole, *parts = (
+        motion_between(a, b) for a, b in ((first, last), (first, middle), (middle, last))
+    )
+    assert whole is not None and parts[0] is not None and parts[1] is not None
+    np.testing.assert_allclose(whole.rotation, parts[0].rotation @ parts[1].rotation, atol=1e-12)
+    summed = parts[1].rotation.T @ parts[0].velocity_change + parts[1].velocity_change
+    np.testing.assert_allclose(whole.velocity_change, summed, atol=1e-9)
+
+
+def test_a_gap_a_late_sample_and_silence():
+    track = ImuTrack()
+    for k in (0, 1, 2, 40, 41):  # a gap of 190 ms
+        assert track.add(_START_NS + k * _STEP_NS, np.zeros(3), _UP)
+    assert not track.add(_START_NS + 20 * _STEP_NS, np.zeros(3), _UP)
+    assert track.at(_START_NS - 1) is None
+    assert track.at(_START_NS + 20 * _STEP_NS) is None  # in the gap
+    before, after = track.at(_START_NS + _STEP_NS), track.at(_START_NS + 41 * _STEP_NS)
+    assert before is not None and after is not None
+    assert motion_between(before, after) is None and motion_between(before, None) is None
+    newest_ns = _START_NS + 41 * _STEP_NS
+    ahead = track.at(newest_ns + 30_000_000)
+    assert ahead is not None and track.at(newest_ns + 30_000_001) is None
+    motion = motion_between(after, ahead)
+    assert motion is not None
+    np.testing.assert_allclose(motion.velocity_change, 0.03 * _UP, atol=1e-12)
+
+
+@pytest.mark.parametrize("numbers", [np.zeros(8), np.full(8, np.nan), np.ones(7)])
+def test_a_reading_of_other_numbers_is_refused(numbers):
+    with pytest.raises(UserError, match=r"imu .*: expected 8 finite numbers"):
+        ImuReading(numbers, 0)
