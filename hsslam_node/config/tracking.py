@@ -92,6 +92,8 @@ class TrackerConfig:
     odometry_coverage: float = 0.05
     """A frame whose pose odometry predicts needs this share of depth points on the keyframe's surface, 0 to
     1."""
+    inertial_rotation: bool = True
+    """If frames carry readings of an IMU, predict rotations by it."""
     max_step_m: float = 0.15
     """A frame that is farther from the prediction is lost, m."""
     max_step_rad: float = 0.2

@@ -57,4 +57,5 @@ def _checkpoint(
         images=images,
         second_moment=parameters.second_moment.copy(),
         step=parameters.step,
+        gravity=store.gravity,
     )

@@ -78,14 +78,18 @@ class RollingWindow:
 
     def _look_for_floor(self) -> bool:
         """Look for it each time the keyframes have doubled; whether it is elsewhere than before."""
-        count = self._store.count
-        if self.floor is not None and count < 2 * self._looked_at:
+        count, gravity = self._store.count, self._store.gravity
+        is_new = gravity is not None and self._T_level_world is None
+        is_new &= self.floor is not None and self.floor.source != "gravity"
+        if self.floor is not None and count < 2 * self._looked_at and not is_new:
             return False
         self._looked_at = count
         keyframes = keyframes_of_store(self._store)
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
-        if self._T_level_world is None:
+        if self._T_level_world is None and gravity is not None:
+            found = find_floor(views, keyframes.camera, np.array(gravity.up), "gravity")
+        elif self._T_level_world is None:
             found = find_floor(views, keyframes.camera)
         else:
             up = self._T_level_world[2, :3]
@@ -94,7 +98,8 @@ class RollingWindow:
         self.floor = found
         if before is not None:
             poses = np.stack([inverse(T) for T in (T_before, self.T_floor_world)])
-            if surface_shift_m(poses[:1], poses[1:]) <= self._voxel_m:
+            is_there = surface_shift_m(poses[:1], poses[1:]) <= self._voxel_m
+            if is_there and found.source == before.source:
                 self.floor = before
         return self.floor is not before
 

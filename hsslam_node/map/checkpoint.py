@@ -17,6 +17,7 @@ from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.rendering.ray_sampling import SamplingPattern
@@ -42,6 +43,7 @@ class MapCheckpoint:
     images: KeyframeImages | None = None  # of the keyframes, to go on in the map; None likewise
     second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
     step: int = 0  # Adam steps that the map has seen
+    gravity: Gravity | None = None  # as an IMU tells it; None: not known
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
@@ -79,6 +81,8 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     for name, part in (("camera", checkpoint.camera), ("sampling", checkpoint.sampling)):
         metadata[name] = json.dumps(dataclasses.asdict(part)) if part else "null"
     metadata["step"] = str(checkpoint.step)
+    if checkpoint.gravity is not None:
+        metadata["gravity"] = json.dumps(dataclasses.asdict(checkpoint.gravity))
     if checkpoint.second_moment is not None:
         tensors["adam/second_moment"] = _to_bfloat16(checkpoint.second_moment)
     if (images := checkpoint.images) is not None:
@@ -118,6 +122,7 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             images=_images(tensors, metadata),
             second_moment=None if moment is None else _from_bfloat16(moment),
             step=int(metadata.get("step", "0")),
+            gravity=_part(metadata, "gravity", Gravity),
         )
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         text = " ".join(str(error).split())

@@ -41,6 +41,8 @@ def restore_map(
     for frame, T_world_cam in zip(saved_frames(path, saved), saved.T_world_keyframe, strict=True):
         store.append(frame, T_world_cam)
     store.mark_inherited()
+    if saved.gravity is not None:
+        store.note_gravity(saved.gravity)
     return store, _restore_parameters(arrays, saved, moment)
 
 

@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
@@ -17,7 +18,9 @@ from hsslam_node.map.keyframes.staged import StagedKeyframes
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
 
-_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING = range(6)  # fields of the header
+_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING, _GRAVITY = range(
+    7
+)  # fields of the header
 _POLL_S = 0.0005
 _LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
 _SURE = np.zeros((6, 6))
@@ -47,6 +50,7 @@ class KeyframeStore:
         width, height, fx, fy, cx, cy, units = row
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
+        self._gravity = arrays.open("keyframe_gravity")  # [2, 4] float64, up and sigma; two banks
         self._rows = KeyframeRows(arrays)
         self._slots = KeyframeSlots(arrays, self.camera)
 
@@ -56,6 +60,7 @@ class KeyframeStore:
     ) -> "KeyframeStore":
         """Create the arrays, or attach to those that a former process of this run left."""
         arrays.create("keyframes", (16,), np.int64)
+        arrays.create("keyframe_gravity", (2, 4), np.float64)
         KeyframeSlots.create_table(arrays, capacity)
         row = arrays.create("keyframe_camera", (7,), np.float64)
         row[1:] = camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy, depth_units_per_m
@@ -293,6 +298,23 @@ class KeyframeStore:
     def gap_covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the motion by odometry alone before keyframe k, as `append` was given it."""
         return self._rows.gap_covariance(k)
+
+    @property
+    def gravity(self) -> Gravity | None:
+        """Which way is up in the world, by an IMU; None: not known."""
+        while True:
+            version = load_ordered(self._header, _GRAVITY)
+            if version == 0:
+                return None
+            x, y, z, sigma_rad = self._gravity[version % 2].tolist()
+            if load_ordered(self._header, _GRAVITY) == version:
+                return Gravity((x, y, z), sigma_rad)
+
+    def note_gravity(self, gravity: Gravity) -> None:
+        """The tracker only, and whoever makes the store of a saved map: this is up in the world."""
+        version = load_ordered(self._header, _GRAVITY) + 1
+        self._gravity[version % 2] = *gravity.up, gravity.sigma_rad
+        store_ordered(self._header, _GRAVITY, version)
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""

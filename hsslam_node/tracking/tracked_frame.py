@@ -13,7 +13,7 @@ from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.map.pose_log import STATUS, Status, pose_row
 from hsslam_node.map.store import KeyframeStore
 
-_LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
+LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def predicted_pose(
     before: TrackedFrame | None,
     store: KeyframeStore,
     stamp_ns: int,
-    longest: float = _LONGEST_EXTRAPOLATION,
+    longest: float = LONGEST_EXTRAPOLATION,
 ) -> np.ndarray:
     """T_world_cam [4, 4] at stamp_ns by constant SE(3) velocity; at rest without a frame before.
 
@@ -49,7 +49,7 @@ def predicted_pose(
 
 def is_foreseen(last: TrackedFrame, before: TrackedFrame | None, stamp_ns: int) -> bool:
     """Whether the last motion tells where the camera is at stamp_ns: not after a gap."""
-    return before is not None and _reach(last, before, stamp_ns) <= _LONGEST_EXTRAPOLATION
+    return before is not None and _reach(last, before, stamp_ns) <= LONGEST_EXTRAPOLATION
 
 
 def _reach(last: TrackedFrame, before: TrackedFrame, stamp_ns: int) -> float:
@@ -104,6 +104,7 @@ class TrackResult:
     joined: JoinedFragment | None = None  # to the map, with this frame
     # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
     T_expected: np.ndarray | None = None
+    imu_disagrees: bool = False  # it turns otherwise than the camera, and is not used
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":

@@ -24,6 +24,7 @@ from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
 from hsslam_node.tracking.alignment import Alignment, align
 from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.dynamic_mask import DynamicMask
+from hsslam_node.tracking.inertial.prior import InertialPrior
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (
@@ -37,6 +38,7 @@ from hsslam_node.tracking.map_view import MapView, TornMapError
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.relocalisation import Relocalisation
 from hsslam_node.tracking.tracked_frame import (
+    LONGEST_EXTRAPOLATION,
     JoinedFragment,
     TrackedFrame,
     TrackResult,
@@ -59,7 +61,8 @@ class Tracker:
     The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
     ones are aligned to the last pose that was good. If frames carry odometry, it predicts poses, and a frame
     that cannot be aligned gets its pose by odometry alone, up to a distance; if no keyframe shows what it
-    sees, it becomes one.
+    sees, it becomes one. If frames carry readings of an IMU, these predict rotations, and the store gets to
+    know gravity.
     """
 
     def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
@@ -79,6 +82,7 @@ class Tracker:
         self._next_reference: Callable[[], ReferenceKeyframe] | None = None
         self._localise_only = False
         self._reckoned = DeadReckoning()
+        self._inertial = InertialPrior(store, config.tracker.inertial_rotation)
         self._fragment = 0  # of the keyframes that come
 
     def resume(self, *, anywhere: bool = False) -> None:
@@ -125,6 +129,7 @@ class Tracker:
         self._since_keyframe = other._since_keyframe
         self._lost_frames, self._next_reference = 0, None
         self._reckoned = DeadReckoning()
+        self._inertial.restart(None)
         self._fragment = joined.fragment
 
     def track(
@@ -146,7 +151,8 @@ class Tracker:
         points = frame_points(frame, self._config, self._seed)
         if self._last is None:
             return self._start(frame, levels, len(points))
-        prediction = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns)
+        self._inertial.take(frame.imu)
+        prediction = self._predicted(frame)
         expected = prediction if self._is_foreseen(frame.stamp_ns) else None
         reckoning = self._reckoned.expected(self._last.pose(self._store), frame.odometry)
         before = self._reference
@@ -193,7 +199,14 @@ class Tracker:
         k = self._store.append(frame, T_world_cam)
         self._refer_to_new(k, frame, levels)
         self._reckoned.restart(frame.odometry, np.zeros((6, 6)), None)
+        self._inertial.restart(frame.imu)
         return TrackResult.first(frame.index, k, T_world_cam)
+
+    def _predicted(self, frame: Frame, longest: float = LONGEST_EXTRAPOLATION) -> np.ndarray:
+        """T_world_cam [4, 4] by constant velocity; the rotation by the IMU if there is one."""
+        assert self._last is not None
+        T = predicted_pose(self._last, self._before_last, self._store, frame.stamp_ns, longest)
+        return self._inertial.turned(T, self._last.pose(self._store))
 
     def _guesses(
         self, frame: Frame, prediction: np.ndarray, *, after_gap: bool
@@ -203,9 +216,7 @@ class Tracker:
         assert self._last is not None
         T_last = self._last.pose(self._store)
         if after_gap and self._before_last is not None:
-            yield predicted_pose(
-                self._last, self._before_last, self._store, frame.stamp_ns, longest=np.inf
-            )
+            yield self._predicted(frame, longest=np.inf)
         yield prediction
         if self._before_last is not None:
             yield T_last
@@ -309,6 +320,11 @@ class Tracker:
             )
         elif self._localise_only:
             self._refer_to_saved(frame, T, needs_another())
+        if self._lost_frames == 0:
+            T_last_cam = inverse(self._last.pose(self._store)) @ T
+            self._inertial.aligned(frame.imu, T_last_cam, k, T_keyframe_cam)
+        else:
+            self._inertial.restart(frame.imu)
         # a camera that was lost may have been carried: that is no motion to expect more of
         self._before_last = self._last if self._lost_frames == 0 else None
         self._last = TrackedFrame(frame, k, T_keyframe_cam)
@@ -324,7 +340,7 @@ class Tracker:
             T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
             residual_m=alignment.sdf_rms_m, map_version=view.version if view else 0,
             is_keyframe=is_keyframe, outside=alignment.outside, pose_version=version,
-            covariance=covariance, T_expected=T_expected,
+            covariance=covariance, T_expected=T_expected, imu_disagrees=self._inertial.disagrees,
         )  # fmt: skip
 
     def _doubt(self, alignment: Alignment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -401,6 +417,7 @@ class Tracker:
         self._refer_to_new(k, frame, levels)
         self._before_last, self._since_keyframe = None, 0
         self._reckoned.restart(frame.odometry, covariance, None)
+        self._inertial.restart(frame.imu)
         self._relocalisation.observe()
         return TrackResult(
             frame_index=frame.index, status="tracked", T_world_cam=T, keyframe=k,

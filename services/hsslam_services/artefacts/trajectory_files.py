@@ -1,5 +1,6 @@
 """The trajectory files of one map epoch, written from pose log and keyframes."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ class TrajectoryFiles:
     def __init__(
         self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
     ) -> None:
+        self._gravity = None if store is None else store.gravity
         log = PoseLog(arena)
         rows = log.rows()
         published = of_map_epoch(rows, map_epoch)
@@ -53,6 +55,9 @@ class TrajectoryFiles:
     def section(self) -> dict[str, Any]:
         """Pose statistics of the run for the summary; with several epochs, also those of this one."""
         section = pose_section(self._rows)
+        if (gravity := self._gravity) is not None:
+            sigma_deg = math.degrees(gravity.sigma_rad)
+            section["up"] = {"direction": list(gravity.up), "by": "gravity", "sigma_deg": sigma_deg}
         if self._fragments:
             section["fragments"] = {
                 str(n): self._fragment_section(n, joined) for n, joined in self._fragments.items()

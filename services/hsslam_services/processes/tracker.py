@@ -104,6 +104,7 @@ class _TrackerLoop:
             order.resume(int(row["publisher"]), int(row["index"]), int(row["stamp_ns"]))
         self._last_status: Status = "initial"
         self._fragment = 0  # the newest that was reported
+        self._imu_disagrees = self._knows_up = False  # reported
         store = self._link.store()
         if store is not None and store.count > 0:
             self._tracker = self._open_tracker(store)
@@ -153,13 +154,14 @@ class _TrackerLoop:
             stage: (end - begin) / 1e6
             for stage, (begin, end) in zip(_STAGES, pairwise(stamps_ns), strict=True)
         }
-        self._poses.put(_pose_message(row, result.residual_m, stages_ms))
+        self._poses.put(_pose_message(row, result.residual_m, stages_ms, self._up()))
         if result.joined is not None:
             self._join(result.joined)
         elif result.is_keyframe:
             self._announce_keyframe(result, message)
         self._account(result)
         self._tell_of_room()
+        self._tell_of_imu(result)
         if self._is_realtime:
             self._governor.frame(time.monotonic(), message.index, message.stamp_ns, publish_ns)
             self._worker.counters["load_level"] = self._governor.level
@@ -268,13 +270,33 @@ class _TrackerLoop:
         if refused:
             self._worker.counters["keyframes without room"] = refused
 
+    def _tell_of_imu(self, result: TrackResult) -> None:
+        """Once: which way is up, or that the IMU cannot be used."""
+        if result.imu_disagrees and not self._imu_disagrees:
+            text = "the IMU turns otherwise than the camera and is not used: see --camera-T-imu"
+            self._worker.event("warning", text)
+        self._imu_disagrees |= result.imu_disagrees
+        store = self._link.store()
+        gravity = store.gravity if store is not None and not self._knows_up else None
+        if gravity is not None:
+            self._knows_up = True
+            up = " ".join(f"{part + 0.0:.3f}" for part in gravity.up)
+            doubt = f"standard deviation {math.degrees(gravity.sigma_rad):.2f} degrees"
+            self._worker.event("info", f"up is {up} by gravity, {doubt}")
+
+    def _up(self) -> list[float]:
+        """Against gravity, in the world; empty: not known."""
+        store = self._link.store()
+        gravity = None if store is None else store.gravity
+        return [] if gravity is None else list(gravity.up)
+
     def _answer_again(self, place: Place) -> None:
         """Nothing if the frame itself was never tracked: it comes late."""
         row = self._log.find(place.publisher, place.index)
         if row is None:
             self._worker.count("late frames")
         else:
-            self._poses.put(_pose_message(row, float("nan"), {}))
+            self._poses.put(_pose_message(row, float("nan"), {}, self._up()))
 
     def _pose_version(self) -> int:
         """Of the keyframes' poses that the next frame is aligned to."""
@@ -283,7 +305,7 @@ class _TrackerLoop:
 
 
 def _pose_message(
-    row: np.ndarray | np.void, residual_m: float, stages_ms: dict[str, float]
+    row: np.ndarray | np.void, residual_m: float, stages_ms: dict[str, float], up: list[float]
 ) -> messages.Pose:
     t, q = wire_pose(row["T_world_cam"])
     return messages.Pose(
@@ -305,6 +327,7 @@ def _pose_message(
         pose_version=int(row["pose_version"]),
         covariance=wire_covariance(row["covariance"]),
         odometry=wire_odometry(row["T_odom_cam"]),
+        up=up,
         is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),
         stage_ms=stages_ms,
     )

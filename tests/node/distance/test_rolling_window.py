@@ -9,6 +9,7 @@ from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from tests.node.distance.conftest import wall
@@ -60,6 +61,19 @@ def test_it_has_the_axes_that_it_is_given_and_its_lowest_voxels_below_the_floor(
     np.testing.assert_allclose(known.T_grid_world[:3, :3], _UPRIGHT[:3, :3])
     assert known.grid.shape == (200, 200, 50)
     assert known.grid.low[2] == pytest.approx(-0.125, abs=0.03)
+
+
+def test_up_is_against_gravity_once_that_is_known(store, camera):
+    window = RollingWindow(store)
+    window.take(wall(2.02), camera, np.eye(4), 0)
+    assert window.floor is not None and window.floor.source == "camera poses"
+    store.note_gravity(Gravity((0.0, -0.96, -0.28), 0.001))
+    known = window.take(wall(2.02), camera, np.eye(4), 0)
+    found = window.floor
+    assert found.source == "gravity"
+    np.testing.assert_allclose(known.T_grid_world[2, :3], [0.0, -0.96, -0.28], atol=1e-9)
+    window.take(wall(2.02), camera, np.eye(4), 0)
+    assert window.floor is found
 
 
 def test_a_chair_that_is_carried_away_is_gone_within_a_second_of_updates(window, camera):

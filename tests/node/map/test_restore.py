@@ -9,6 +9,7 @@ import pytest
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
@@ -24,7 +25,9 @@ def _saved(path: Path, room: MappedRoom) -> Path:
 
 @pytest.fixture(scope="module")
 def room():
-    return mapped_room()
+    room = mapped_room()
+    room.store.note_gravity(Gravity((0.0, -0.6, -0.8), 0.002))
+    return room
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +40,7 @@ def test_whoever_attaches_finds_the_map_as_it_was(room, path):
     restore_map(arrays, path, SMALL)
     store, parameters = KeyframeStore(arrays), FieldParameters(arrays, SMALL.field)
     assert store.count == store.inherited == room.store.count
+    assert store.gravity == Gravity((0.0, -0.6, -0.8), 0.002)
     np.testing.assert_array_equal(store.poses(), room.store.poses())
     np.testing.assert_array_equal(store.stamps_ns(), room.store.stamps_ns())
     np.testing.assert_array_equal(store.pixels(2)[1], room.store.pixels(2)[1])

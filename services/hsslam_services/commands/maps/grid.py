@@ -27,8 +27,9 @@ class GridOptions:
 
     A cell is occupied if a keyframe measured a surface over it, between the two heights above the floor.
     A cell is free if no keyframe measured a surface there and keyframes saw a third of that height or more.
-    All other cells are unknown. The frame of the map has z up and the floor at z = 0. Up is the normal of
-    the floor that the keyframes saw, else the mean up of their images. The command says which.
+    All other cells are unknown. The frame of the map has z up and the floor at z = 0. Up is against
+    gravity if the run had an IMU, else the normal of the floor that the keyframes saw, else the mean up of
+    their images. The command says which.
 
     Raises:
         UserError: an option has a value that cannot be used.

@@ -51,9 +51,18 @@ def expect_out(path: Path, suffix: str) -> None:
 def floor_and_distances(
     saved: SavedMap, up: tuple[float, ...], voxel_m: float
 ) -> tuple[FloorPlane, DistanceMap]:
-    """The floor, and the distances in voxels whose frame has z up and the floor at z = 0."""
+    """The floor, and the distances in voxels whose frame has z up and the floor at z = 0.
+
+    Up is `up` if it is given, else against gravity if the map knows it, else that of the floor that was seen.
+    """
     views, camera = saved.keyframes.views, saved.keyframes.camera
-    floor = find_floor(views, camera, np.array(up) if up else None)
+    gravity = saved.checkpoint.gravity
+    if up:
+        floor = find_floor(views, camera, np.array(up))
+    elif gravity is not None:
+        floor = find_floor(views, camera, np.array(gravity.up), "gravity")
+    else:
+        floor = find_floor(views, camera)
     return floor, DistanceMeter().measure(whole_map(views, camera, floor, voxel_m))
 
 

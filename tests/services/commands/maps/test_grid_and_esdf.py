@@ -1,5 +1,6 @@
 """`hsslam-map grid` and `esdf` on a map of the small room, against what its keyframes saw."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,8 @@ from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.distance.esdf_file import read_esdf
 from hsslam_node.evaluation.ground_truth import open_ground_truth
-from hsslam_node.map.checkpoint import save_checkpoint
+from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_services.commands.maps.command import main
 from tests.small_room import OPTIONS, SMALL, mapped_room
 
@@ -28,6 +30,17 @@ def _true_up() -> np.ndarray:
     truth = open_ground_truth("synth:room", OPTIONS)
     assert truth
     return truth.T_world_cam[0, :3, :3].T @ [0.0, 0.0, 1.0]
+
+
+def test_up_is_against_gravity_if_the_map_knows_it(run_folder, tmp_path, capsys):
+    x, y, z = _true_up().tolist()
+    known = replace(
+        load_checkpoint(run_folder / "map.safetensors"), gravity=Gravity((x, y, z), 0.001)
+    )
+    save_checkpoint(tmp_path / "known.safetensors", known)
+    out = str(tmp_path / "map.yaml")
+    assert main(["grid", str(tmp_path / "known.safetensors"), "-o", out]) == 0
+    assert f"up is {x:.3f} {y:.3f} {z:.3f} by its gravity, the floor at " in capsys.readouterr().out
 
 
 def test_the_grid_is_free_where_distances_say_so(run_folder, tmp_path, capsys):

@@ -1,0 +1,97 @@
+"""What the IMU tells the tracker: the turn since the last aligned frame; and the map: which way is up."""
+
+import numpy as np
+
+from hsslam_node.inertial.gravity import GravityWindows
+from hsslam_node.inertial.gyro_bias import GyroBias
+from hsslam_node.inertial.reading import ImuReading, motion_between
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.inertial.turn_agreement import TurnAgreement
+
+
+class InertialPrior:
+    """Learns the bias of the gyroscope and gravity from aligned frames, and turns predictions as the IMU did.
+
+    Nothing is used of an IMU that turns otherwise than the camera.
+
+    Args:
+        turns_predictions: False leaves predictions as they are; gravity is learnt nevertheless.
+    """
+
+    def __init__(self, store: KeyframeStore, turns_predictions: bool) -> None:
+        self._store = store
+        self._turns_predictions = turns_predictions
+        self._bias = GyroBias()
+        self._windows = GravityWindows()
+        self._agreement = TurnAgreement()
+        self._of_last: ImuReading | None = None  # of the last aligned frame
+        self._newest: ImuReading | None = None
+        self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
+        self._has_noted = False  # gravity, in the store
+        self._is_current = False  # whether the frame that is tracked now has a reading
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the IMU turns otherwise than the camera."""
+        return self._agreement.is_known and not self._agreement.holds
+
+    def take(self, reading: ImuReading | None) -> None:
+        """The reading of the frame that is to be tracked; it may be repeated."""
+        self._is_current = reading is not None
+        if reading is None:
+            return
+        motion = motion_between(self._newest, reading)
+        if motion is None:
+            self._turn = None
+        elif self._turn is not None:
+            self._turn = self._turn @ self._bias.removed(motion)
+        self._newest = reading
+
+    def turned(self, T_world_cam: np.ndarray, T_world_last: np.ndarray) -> np.ndarray:
+        """A prediction [4, 4] with the rotation that the IMU saw since the last aligned frame; as it is
+        without one."""
+        if self._turn is None or not (self._is_current and self._turns_predictions):
+            return T_world_cam
+        if not (self._agreement.is_known and self._agreement.holds):
+            return T_world_cam
+        out = T_world_cam.copy()
+        out[:3, :3] = T_world_last[:3, :3] @ self._turn
+        return out
+
+    def aligned(
+        self, reading: ImuReading | None, T_last_cam: np.ndarray, keyframe: int,
+        T_keyframe_cam: np.ndarray,
+    ) -> None:  # fmt: skip
+        """The frame was aligned: its motion [4, 4] since the last aligned one, and its place at a
+        keyframe."""
+        motion = motion_between(self._of_last, reading)
+        if motion is not None and motion.seconds > 0:
+            R = T_last_cam[:3, :3]
+            self._agreement.compare(self._bias.removed(motion), R, motion.seconds)
+            self._bias.learn(motion, R)
+            is_full = self._windows.add(motion, T_last_cam, keyframe, T_keyframe_cam[:3, :3])
+            if is_full and not self.disagrees:
+                self._learn_gravity()
+        else:
+            self._windows.break_off()
+        self._begin(reading)
+
+    def restart(self, reading: ImuReading | None) -> None:
+        """Measure turns from this frame on; how the camera came here is not known."""
+        self._windows.break_off()
+        self._begin(reading)
+
+    def _begin(self, reading: ImuReading | None) -> None:
+        self._of_last = self._newest = reading
+        self._turn = None if reading is None else np.eye(3)
+
+    def _learn_gravity(self) -> None:
+        R_world_keyframe = self._store.poses_of(self._windows.keyframes)[:, :3, :3]
+        fit = self._windows.fit(R_world_keyframe)
+        gravity = None if fit is None else fit.gravity
+        if gravity is None:
+            return
+        known = self._store.gravity
+        if self._has_noted or known is None or gravity.sigma_rad < known.sigma_rad:
+            self._store.note_gravity(gravity)
+            self._has_noted = True

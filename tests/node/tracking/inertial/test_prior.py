@@ -1,0 +1,93 @@
+"""Frames with readings of an IMU: the tracker turns predictions by them, and learns which way is up."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse, so3_exp
+from hsslam_node.inertial.reading import ImuReading
+from hsslam_node.inertial.simulated import simulated_imu
+from hsslam_node.map.allocator import MemoryAllocator
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.sources.synth import synth_truth
+from hsslam_node.tracking.inertial.prior import InertialPrior
+from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_node.tracking.tracker import Tracker
+from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
+
+_RATE_HZ = 5.0  # as if it moved so slowly: eight seconds, in which the camera turns
+_NOT_TURNED = replace(SMALL, tracker=replace(SMALL.tracker, inertial_rotation=False))
+
+
+def _up() -> np.ndarray:
+    """[3] in the world of the tracker, the first camera's."""
+    return synth_truth("room", OPTIONS)[0].T_world_cam[0, 2, :3]
+
+
+def _readings(noise: float = 1.0) -> list[ImuReading | None]:
+    return simulated_imu(room_poses(), _RATE_HZ, _up(), noise, seed=1)
+
+
+def _tracked(frames: Sequence[Frame], config=SMALL) -> tuple[KeyframeStore, list[TrackResult]]:
+    first = frames[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 64)
+    tracker = Tracker(config, store, 0)
+    return store, [tracker.track(frame, None) for frame in frames]
+
+
+def _with(readings: Sequence[ImuReading | None]) -> list[Frame]:
+    return [replace(f, imu=r) for f, r in zip(room_frames(), readings, strict=True)]
+
+
+def test_gravity_is_learnt_and_unused_readings_change_no_bit_of_a_pose():
+    store, results = _tracked(_with(_readings()), _NOT_TURNED)
+    assert store.gravity is not None
+    off_deg = np.degrees(np.arccos(np.clip(_up() @ store.gravity.up, -1, 1)))
+    assert off_deg < 0.5 and not any(r.imu_disagrees for r in results)
+    without, alone = _tracked(room_frames(), _NOT_TURNED)
+    assert without.gravity is None
+    for one, other in zip(results, alone, strict=True):
+        np.testing.assert_array_equal(one.T_world_cam, other.T_world_cam)
+    _, turned = _tracked(_with(_readings()))
+    assert any((a.T_world_cam != b.T_world_cam).any() for a, b in zip(turned, alone, strict=True))
+    off_m = [pose_error(r.T_world_cam, room_poses()[r.frame_index])[0] for r in turned]
+    assert max(off_m) < 0.006
+
+
+def test_an_imu_with_other_axes_is_found_out_and_not_used():
+    T = room_poses().copy()
+    T[:, :3, :3] = T[:, :3, :3] @ so3_exp(np.array([0.0, 0.0, 1.6]))  # not said to the tracker
+    _, results = _tracked(_with(simulated_imu(T, 30.0, _up(), 1.0, seed=1)))
+    assert results[-1].imu_disagrees
+    assert {r.status for r in results[1:]} == {"tracked"}
+
+
+def test_a_camera_that_turned_in_the_dark_is_expected_where_it_looks():
+    """The lens is covered while the camera turns by 4 degrees: the prediction has that turn."""
+    covered = range(20, 32)
+    frames = [with_black(f) if f.index in covered else f for f in _with(_readings())]
+    _, results = _tracked(frames)
+    assert {r.status for r in results[20:32]} == {"lost"}
+    last = results[31]
+    T = room_poses()
+    turned_rad = pose_error(T[19], T[31])[1]
+    off_rad = pose_error(last.T_world_cam, T[31])[1]
+    assert turned_rad > 0.05 and off_rad < 0.1 * turned_rad
+    assert results[32].status == "tracked"
+
+
+def test_a_prediction_is_turned_by_what_the_imu_saw_since():
+    store = KeyframeStore.create(MemoryAllocator(), room_frames()[0].camera, 5000.0, 4)
+    prior, readings, T = InertialPrior(store, True), _readings(noise=0.0), room_poses()
+    store.append(room_frames()[0], T[0])
+    prior.restart(readings[0])
+    for k in range(1, 20):
+        prior.take(readings[k])
+        prior.aligned(readings[k], inverse(T[k - 1]) @ T[k], 0, T[k])
+    for k in (20, 21, 21):  # two frames that are not aligned; one is tried again
+        prior.take(readings[k])
+    np.testing.assert_allclose(prior.turned(T[19], T[19])[:3, :3], T[21, :3, :3], atol=1e-6)
+    prior.take(None)
+    np.testing.assert_array_equal(prior.turned(T[19], T[19]), T[19])
