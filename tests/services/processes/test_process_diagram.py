@@ -22,7 +22,7 @@ _LOGGED = {topic.name for topic in TOPICS if topic.logged}
 _HEADERS = {header.name: header for header in process_headers()}
 # besides its own file, a process opens topics in the folders that serve it alone
 _ROOMS = {
-    "camera": ("camera/*.py", "bus/peers.py"),
+    "camera": ("camera/*.py", "bus/peers.py", "bus/robot_sensors.py"),
     "ros2_out": ("ros2/floor_out.py",),
     "supervisor": ("supervisor/*.py", "health/*.py", "requests/*.py"),
 }
