@@ -1,6 +1,7 @@
 """Which way is up in the map, from what an accelerometer measured along tracked poses."""
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ _SCALE = 0.1  # m/s^2, of the length of gravity: scale of the sensor, and the pl
 _LEAST_NOISE = 0.02  # m/s^2, of the mean of a window
 _TAIL = 3.0  # standard deviations, from which windows lose weight
 _ROUNDS = 6
-_FEWEST = 3  # windows
+_FEWEST, _MOST = 3, 1000  # windows; the newest
 _KNOWN_RAD = 0.01  # standard deviation of the direction: 0.6 degrees
 _PLAUSIBLE = (8.8, 10.8)  # m/s^2, length of gravity that was measured
 
@@ -62,7 +63,7 @@ class GravityWindows:
     """
 
     def __init__(self) -> None:
-        self._rows: list[tuple[int, np.ndarray, np.ndarray]] = []
+        self._rows: deque[tuple[int, np.ndarray, np.ndarray]] = deque(maxlen=_MOST)
         self._open: _Window | None = None
 
     def __len__(self) -> int:

@@ -18,9 +18,8 @@ from hsslam_node.map.keyframes.staged import StagedKeyframes
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
 
-_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING, _GRAVITY = range(
-    7
-)  # fields of the header
+# fields of the header
+_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING, _GRAVITY = range(7)
 _POLL_S = 0.0005
 _LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
 _SURE = np.zeros((6, 6))
