@@ -13,6 +13,7 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.image_features import image_features
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.open_tracker import FrameTracker, open_tracker
+from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
@@ -95,6 +96,21 @@ class FragmentTracker:
         joined = self._joining.finish() if self._joining is not None else None
         self._fragment = self._search = self._joining = None
         return joined
+
+    def find_near(
+        self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
+    ) -> TrackResult | None:
+        """As the tracker of the map; a camera that is found there leaves its fragment, unless that is joining
+        the map just now."""
+        if self._joining is not None and not localise_only:
+            return None
+        if self._search is not None:
+            self._search.collect()  # the places of the map are asked in turn
+        found = self._map.find_near(frame, view, near, localise_only=localise_only)
+        if found is not None:
+            self._leave()
+            self._lost_ns = None
+        return found
 
     def _in_fragment(self, fragment: Fragment, frame: Frame, view: MapView | None) -> TrackResult:
         assert self._search is not None

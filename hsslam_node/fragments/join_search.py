@@ -8,7 +8,7 @@ from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.join_decision import CheckedMeeting, T_map_fragment, agreed_meetings
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.relocalisation import Relocalisation, SeenAgain
+from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 
 _FRAMES = 8  # that a comparison has, 120 ms of one core; it ends at the same frame in every run
 _MOST_MEETINGS = 300  # the newest

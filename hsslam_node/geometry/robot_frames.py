@@ -72,6 +72,14 @@ def mounting(option: str, numbers: Sequence[float]) -> np.ndarray:
     return transform(np.array(numbers[:3]), np.array(numbers[3:]))
 
 
+def level_frame(base_T_camera: Sequence[float], *, in_ros: bool) -> np.ndarray | None:
+    """The frame `map` of the robot, [4, 4] from the world, if the camera's place on the robot is given or
+    ROS uses the frame; else None, and the floor that the camera sees says what is level."""
+    if not (base_T_camera or in_ros):
+        return None
+    return RobotFrames.mounted(base_T_camera).T_base_cam
+
+
 def velocity(T_then: np.ndarray, T_now: np.ndarray, seconds: float) -> np.ndarray:
     """[6] m/s and rad/s between two poses [4, 4], in the axes of what moves."""
     return se3_log(inverse(T_then) @ T_now) / seconds

@@ -68,6 +68,14 @@ class KeyframeIndex:
             taken += 1
         return taken
 
+    def take_in(self, keyframes: np.ndarray, most: int) -> None:
+        """Take in those of these [n] that show something new, the first ones first, at most `most`."""
+        for k in keyframes.tolist():
+            if most and k not in self._features and self._is_new(k):
+                with contextlib.suppress(RetiredKeyframeError):  # just now
+                    self.take(k, image_features(self._store.frame(k)))
+                    most -= 1
+
     def next_new(self, *, newest_first: bool = False) -> int | None:
         """The next keyframe that shows something new, by the poses as they are now; for `take`."""
         kept = self._store.kept()

@@ -6,6 +6,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.rendering_tracker import RenderingTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
@@ -22,6 +23,12 @@ class FrameTracker(Protocol):
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
     ) -> TrackResult:
         """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
+        ...
+
+    def find_near(
+        self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
+    ) -> TrackResult | None:
+        """Pose of the frame near a place that a person names; None if it is not there: track it."""
         ...
 
     def prepare_next(self) -> None:

@@ -14,6 +14,7 @@ from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
 from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.rendering_objective import PoseObjective, RenderingObjective, descend
 from hsslam_node.tracking.tracked_frame import (
     TrackedFrame,
@@ -125,6 +126,11 @@ class RenderingTracker:
 
     def finish(self) -> None:
         """Nothing is left to do if no frame comes any more: it has no fragments."""
+
+    def find_near(
+        self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
+    ) -> TrackResult | None:
+        """None: this tracker knows no places."""
 
     def prepare_next(self) -> None:
         """Nothing is left to do."""

@@ -36,7 +36,8 @@ from hsslam_node.tracking.keyframes.reference_keyframe import (
 )
 from hsslam_node.tracking.map_view import MapView, TornMapError
 from hsslam_node.tracking.odometry import rgbd_odometry
-from hsslam_node.tracking.relocalisation import Relocalisation
+from hsslam_node.tracking.places.place_near import Whereabouts
+from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.tracked_frame import (
     LONGEST_EXTRAPOLATION,
     JoinedFragment,
@@ -185,6 +186,44 @@ class Tracker:
 
     def finish(self) -> None:
         """Nothing is left to do if no frame comes any more: it has no fragments."""
+
+    def find_near(
+        self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
+    ) -> TrackResult | None:
+        """Pose of the frame near a place that a person names; None if it does not show that place, and
+        nothing has changed: track the frame.
+
+        A camera that is tracked while the map grows is not looked for.
+
+        Raises:
+            TornMapError: as by `track`.
+        """
+        self.prepare_next()
+        if self._last is None or not (localise_only or self._lost_frames):
+            return None
+        self._store.expect_like(frame)
+        place = self._relocalisation.place_near(frame, near)
+        if place is None:
+            return None
+        levels, points = grey_pyramid(frame), frame_points(frame, self._config, self._seed)
+        view = None if self._reckoned.is_open and not localise_only else view
+        before, self._reference = self._reference, Reference(place.reference)
+        self._localise_only = localise_only
+        is_found = False
+        try:
+            best = self._try(points, levels, place.T_world_cam, view)
+            is_found = is_acceptable(
+                best, place.T_world_cam, after_gap=True, localise_only=localise_only,
+                config=self._config,
+            )  # fmt: skip
+        finally:
+            if not is_found:
+                self._reference = before
+        if not is_found:
+            return None
+        result = self._accept(frame, levels, best, view, None)
+        self._before_last = None  # it says nothing of the camera's motion
+        return result
 
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""

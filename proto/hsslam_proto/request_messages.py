@@ -4,10 +4,21 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from hsslam_proto.messages import Counters, Index, Message, Name, Real, Text, expect_bytes
+from hsslam_proto.messages import (
+    Counters,
+    FrameIndex,
+    Index,
+    Message,
+    Name,
+    Real,
+    Text,
+    expect_bytes,
+)
 
 Mode = Literal["mapping", "localise-only"]
 MOST_POINTS, POINT_BYTES = 100_000, 12  # of a query
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Degrees = Annotated[float, Meta(ge=-1e4, le=1e4)]
 MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
@@ -46,6 +57,18 @@ class QueryMap(RequestMessage, frozen=True, kw_only=True):
             raise ValueError(
                 f"points has {size} bytes: expected {POINT_BYTES} a point, of at most {MOST_POINTS}"
             )
+
+
+class Locate(RequestMessage, frozen=True, kw_only=True):
+    """Look for the camera near a pose in the frame of the map's floor, whose z is up: `x` and `y` in m,
+    `yaw_deg` 0 along x and positive to the left.
+
+    It is that of `base_link` if the service knows the camera on it (`--base-T-camera`), else that of the
+    camera."""
+
+    x: Coordinate
+    y: Coordinate
+    yaw_deg: Degrees
 
 
 class Status(Message, frozen=True, kw_only=True):
@@ -127,6 +150,19 @@ class PointAnswers(Message, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         for name, width in (("distance_m", 4), ("gradient", 12), ("known", 1), ("certainty", 4)):
             expect_bytes(self, name, width * self.count)
+
+
+class Located(Message, frozen=True, kw_only=True):
+    """The camera is there: frame `index` was tracked at this pose, in the frame of the question.
+
+    `up_by`: what tells which way is up in that frame."""
+
+    index: FrameIndex
+    x: Real
+    y: Real
+    yaw_deg: Real
+    up_by: Name
+    map_epoch: Index = 0
 
 
 class Done(Message, frozen=True, kw_only=True):

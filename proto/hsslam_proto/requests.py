@@ -59,6 +59,7 @@ QUERY = _row(
     *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),
     *("distance, gradient, certainty of places in the map", 15.0, 2 * _MIB),
 )
+LOCATE = _row("locate", r.Locate, r.Located, 8 * _KIB, "look for the camera near a pose", 15.0)
 SAVE = _row("save", r.SaveMap, r.SavedMap, 8 * _KIB, "keep the map under a name", 60.0)
 PAUSE = _row("pause", r.Ask, r.Done, 8 * _KIB, "hold the camera")
 RESUME = _row("resume", r.Ask, r.Done, 8 * _KIB, "let the camera go on")
@@ -71,6 +72,7 @@ REQUESTS: tuple[Request, ...] = (
     MESH,
     TRAJECTORY,
     QUERY,
+    LOCATE,
     SAVE,
     PAUSE,
     RESUME,

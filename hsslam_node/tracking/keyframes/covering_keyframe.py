@@ -31,16 +31,16 @@ def covering_keyframe(
     cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
     away = np.linalg.norm(relative[:, :3, 3], axis=1)
     away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
-    best, most = current, _shown(store, current, store.pose(current), points) + _CLEARLY
+    best, most = current, share_shown(store, current, store.pose(current), points) + _CLEARLY
     for i in np.argsort(away, kind="stable")[:_CANDIDATES]:
         k = int(ids[i])
-        share = _shown(store, k, poses[i], points)
+        share = share_shown(store, k, poses[i], points)
         if k != current and share > most:
             best, most = k, share
     return best
 
 
-def _shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
+def share_shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:
     """Share of the points [N, 3] that lie on the surface that keyframe k shows."""
     camera = store.camera
     u, v, z = project(points, camera, inverse(T_world_key))

@@ -141,5 +141,6 @@ _ALL: tuple[m.Message, ...] = (
     r.SaveMap(name="room"),
     r.SetMode(mode="mapping"),
     r.QueryMap(points=_zeros(24)),
+    r.Locate(x=1.5, y=-0.5, yaw_deg=90.0),
 )
 SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}

@@ -23,7 +23,7 @@ from hsslam_node.merging.meetings import places_apart
 from hsslam_node.presets import REALTIME
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_node.synth.scenes.lookalike import ROOM_M, ROOMS_A_ROW, lookalike_poses
-from hsslam_node.tracking.relocalisation import Relocalisation
+from hsslam_node.tracking.places.relocalisation import Relocalisation
 
 _KEYFRAMES = 12  # of the map's room, and of the fragment
 _CONTROLS = 5

@@ -18,6 +18,8 @@ from hsslam_proto.point_codec import answers_of, question_message
 from hsslam_proto.request_messages import (
     Ask,
     Done,
+    Locate,
+    Located,
     PointAnswers,
     SavedMap,
     SaveMap,
@@ -104,7 +106,10 @@ def _ask(options: CtlOptions) -> None:
     if request is rpc.SAVE:
         message = SaveMap(name=options.name, replace=options.replace)
     if request is rpc.QUERY:
-        message = question_message(np.array([options.point()]))
+        message = question_message(np.array([options.numbers()]))
+    if request is rpc.LOCATE:
+        x, y, yaw_deg = options.numbers()
+        message = Locate(x=x, y=y, yaw_deg=yaw_deg)
     if request is rpc.SET_MODE:
         message = msgspec.convert({"mode": options.name}, SetMode)
     answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
@@ -130,7 +135,7 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
 
 def _show(answer: Message, options: CtlOptions) -> None:
     match answer:
-        case Status() if options.json:
+        case Status() | Located() if options.json:
             print(msgspec.json.format(msgspec.json.encode(answer)).decode())
         case Status():
             print_status(answer)
@@ -142,7 +147,11 @@ def _show(answer: Message, options: CtlOptions) -> None:
             _write(options.out, tum_text(trajectory_of(answer)).encode())
             print(f"{options.out}: {answer.count} poses")
         case PointAnswers():
-            print_answers(np.array([options.point()]), answers_of(answer), as_json=options.json)
+            print_answers(np.array([options.numbers()]), answers_of(answer), as_json=options.json)
+        case Located():
+            print(
+                f"found at {answer.x:.2f} {answer.y:.2f} {answer.yaw_deg:.0f}, up by {answer.up_by}"
+            )
         case SavedMap():
             size_mb = answer.nbytes / 2**20
             print(f"{answer.path}: {answer.keyframes} keyframes, {size_mb:.1f} MiB")

@@ -12,7 +12,8 @@ from hsslam_proto.requests import REQUESTS
 from hsslam_services.run.maps_folder import expect_map_name
 
 _MODES: tuple[str, ...] = get_args(Mode)
-_ARGUMENTS = {"save": "NAME", "set-mode": "|".join(_MODES), "query": "X Y Z"}
+_ARGUMENTS = {"save": "NAME", "set-mode": "|".join(_MODES), "query": "X Y Z", "locate": "X Y YAW"}
+_NUMBERS = {"query": "query X Y Z in metres", "locate": "locate X Y YAW in metres and degrees"}
 _ENDPOINT = r"(tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 
 
@@ -25,6 +26,7 @@ class CtlOptions:
       mesh                               the newest mesh as a PLY file (m, world frame)
       trajectory                         refined poses in TUM format (s, m, unit quaternion; camera to world)
       query X Y Z                        distance, gradient, certainty of a place (m, world frame of the map)
+      locate X Y YAW                     look for the camera near a pose on the floor of the map (m, degrees)
       save NAME                          save the map in the maps folder of the service
       pause, resume                      stop and restart the camera
       set-mode mapping|localise-only     change the map, or only track the camera in it
@@ -35,6 +37,7 @@ class CtlOptions:
       hsslam-ctl status
       hsslam-ctl mesh --out room.ply
       hsslam-ctl query 0.5 -0.2 2
+      hsslam-ctl locate 1.5 -0.3 90
       hsslam-ctl stop --connect tcp/10.0.0.7:7447 --robot r2
       hsslam-ctl pause --connect tls/10.0.0.7:7447 --security certs/operator
 
@@ -62,7 +65,7 @@ class CtlOptions:
     request: str = ""
     """One of the requests above."""
     arguments: tuple[str, ...] = ()
-    """Name of the map for save (letters, digits, _ and -), mode for set-mode, or X Y Z for query, m."""
+    """Name of a map for save (letters, digits, _ and -), mode for set-mode, numbers for query and locate."""
     connect: str = ""
     """Router of the service, as tcp/10.0.0.7:7447 (empty: the run on this machine)."""
     security: str = ""
@@ -78,7 +81,7 @@ class CtlOptions:
     timeout_s: float | None = None
     """Longest wait for the answer, s (none: 5 to 60, by request)."""
     json: bool = False
-    """Print status or query as JSON."""
+    """Print status, query or locate as JSON."""
 
     def __post_init__(self) -> None:
         if self.connect and not re.fullmatch(_ENDPOINT, self.connect):
@@ -99,14 +102,15 @@ class CtlOptions:
         """Of the map, or the mode."""
         return self.arguments[0]
 
-    def point(self) -> tuple[float, ...]:
-        """X Y Z of a query, m; UserError if they are not three finite numbers."""
+    def numbers(self) -> tuple[float, ...]:
+        """X Y Z of a query, m, or X Y YAW of locate, m and degrees; UserError if they are not finite."""
         try:
             found = tuple(map(float, self.arguments))
         except ValueError:
             found = (math.nan,)
         if not all(map(math.isfinite, found)):
-            raise UserError(f"query {' '.join(self.arguments)}: expected query X Y Z in metres")
+            given = " ".join([self.request, *self.arguments])
+            raise UserError(f"{given}: expected {_NUMBERS[self.request]}")
         return found
 
     def expect_request(self) -> None:
@@ -126,8 +130,8 @@ class CtlOptions:
         if self.request == "set-mode" and self.name not in _MODES:
             expected = f"expected {' or '.join(_MODES)}{did_you_mean(self.name, _MODES)}"
             raise UserError(f"set-mode {self.name}: {expected}")
-        if self.request == "query":
-            self.point()
+        if self.request in _NUMBERS:
+            self.numbers()
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
         if self.out is not None and not self.out.absolute().parent.is_dir():

@@ -20,7 +20,7 @@ from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.robot_frames import level_frame
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
@@ -113,7 +113,9 @@ class _DistancesLoop:
         self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose
     ) -> None:
         if self._window is None:
-            self._window = RollingWindow(store, _level_frame(self._worker))
+            options = self._worker.options
+            level = level_frame(options.base_T_camera, in_ros=bool(options.ros2_out))
+            self._window = RollingWindow(store, level)
         depth_m = depth_raw * np.float32(1 / image.depth_units_per_m)
         camera = Camera(image.width_px, image.height_px, image.fx, image.fy, image.cx, image.cy)
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
@@ -188,14 +190,6 @@ class _PublishedBlocks:
             blocks_message(Blocks(*(array[part] for array in blocks)), lattice, pose)
             for part in parts
         ]
-
-
-def _level_frame(worker: Worker) -> np.ndarray | None:
-    """The frame `map` of the robot, [4, 4] from the world, if it is known or ROS 2 uses it; else None."""
-    options = worker.options
-    if not (options.base_T_camera or options.ros2_out):
-        return None
-    return RobotFrames.mounted(options.base_T_camera).T_base_cam
 
 
 if __name__ == "__main__":

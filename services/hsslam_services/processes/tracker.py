@@ -1,5 +1,7 @@
 """The tracker process: frames in, poses and keyframes out.
 
+Answers the request `locate`, which the supervisor passes on.
+
 Subscribes: in/frame
 Publishes: out/pose, out/keyframe
 Arena: reads map_state, map; writes keyframes, pose_log, load_level
@@ -27,7 +29,7 @@ from hsslam_node.map.pose_log import (
 )
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
-from hsslam_node.tracking.map_view import MapViews, TornMapError
+from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.warm_start import warm_start
@@ -35,6 +37,8 @@ from hsslam_proto import messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder, Place
 from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
+from hsslam_proto.requests import LOCATE
+from hsslam_services.arena.asked_place import AskedPlace
 from hsslam_services.arena.full_arrays import FullArrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
@@ -91,6 +95,12 @@ class _TrackerLoop:
         self._keyframes = worker.bus.publisher(topics.KEYFRAME)
         self._tracker: FrameTracker | None = None
         self._mode = MapState(worker.run.arena_dir)
+        options = worker.options
+        self._asked = AskedPlace(
+            worker.arena, options.slam, self._mode, options.base_T_camera,
+            in_ros=bool(options.ros2_out),
+        )  # fmt: skip
+        worker.bus.answer(LOCATE, self._asked.answer)
         self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for all
         self._governor = LatencyGovernor(
             SharedLevel(worker.run.arena_dir),
@@ -160,6 +170,7 @@ class _TrackerLoop:
         elif result.is_keyframe:
             self._announce_keyframe(result, message)
         self._account(result)
+        self._asked.take(result)
         self._tell_of_room()
         self._tell_of_imu(result)
         if self._is_realtime:
@@ -184,16 +195,24 @@ class _TrackerLoop:
                 options.slam.keyframes.capacity,
             )
             self._tracker = self._open_tracker(store)
-        localise_only = self._mode.localise_only
         views = self._map_views()
         with self._worker.timed("track"):
             try:
-                view = views.newest() if views else None
-                return self._tracker.track(frame, view, localise_only=localise_only)
+                return self._tracked(self._tracker, frame, views.newest() if views else None)
             except TornMapError:  # it took as long as two publications
                 self._worker.count("tracked again")
-                view = views.copied() if views else None
-                return self._tracker.track(frame, view, localise_only=localise_only)
+                return self._tracked(self._tracker, frame, views.copied() if views else None)
+
+    def _tracked(self, tracker: FrameTracker, frame: Frame, view: MapView | None) -> TrackResult:
+        """Near the place that a client names, if one does, else from where the camera was."""
+        localise_only = self._mode.localise_only
+        if (near := self._asked.near) is not None:
+            found = tracker.find_near(frame, view, near, localise_only=localise_only)
+            if found is not None:
+                text = f"found at frame {frame.index} near the pose that a client gave"
+                self._worker.event("info", text)
+                return found
+        return tracker.track(frame, view, localise_only=localise_only)
 
     def _map_views(self) -> MapViews | None:
         """None before there is a map."""

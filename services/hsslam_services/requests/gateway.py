@@ -14,10 +14,10 @@ from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status import rejected_messages, run_status
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.spawn import Spawn
-from hsslam_services.requests.map_query import PassedOnQueries
 from hsslam_services.requests.map_reset import MapReset
 from hsslam_services.requests.map_save import MapSaving
 from hsslam_services.requests.mesh_and_trajectory import NewestMesh, rows_of, trajectory_so_far
+from hsslam_services.requests.passed_on import PassedOn
 from hsslam_services.requests.pause_and_mode import CameraPause, ModeSetting
 from hsslam_services.run.run_info import RunInfo
 
@@ -39,7 +39,8 @@ class Gateway:
         self._pause = CameraPause(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
-        self._queries = PassedOnQueries(bus)
+        self._queries = PassedOn(bus, rpc.QUERY)
+        self._places = PassedOn(bus, rpc.LOCATE)
         self._saving = MapSaving(run, spawn)
         self._reset = MapReset(bus, run, spawn, self._pause)
 
@@ -120,6 +121,8 @@ class Gateway:
                 asked.refuse("not_now", f"{asked.request.name}: the run is ending")
             case _ if self._reset.is_busy and asked.request is not rpc.RESET:
                 asked.refuse("busy", f"{asked.request.name}: the map is being thrown away")
+            case rpc.LOCATE:
+                self._places.ask(asked)
             case rpc.SAVE:
                 self._saving.ask(asked)
             case rpc.PAUSE:

@@ -40,6 +40,8 @@ _OF_RUN = ("camera", "recorder")
         (("query", "1", "2", "east"), "query 1 2 east: expected query X Y Z in metres"),
         (("query", "1", "-2", "nan"), "query 1 -2 nan: expected query X Y Z in metres"),
         (("query", "-x", "2", "1"), "-x: unknown option"),
+        (("locate", "1", "2"), "locate 1 2: expected locate X Y YAW"),
+        (("locate", "1", "2", "n"), "locate 1 2 n: expected locate X Y YAW in metres and degrees"),
         (("save", "../x"), "map '../x': expected a name of letters"),
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
@@ -153,6 +155,7 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     run.wait_until(lambda: _frames(me) > held["frames_tracked"] + 8, 60)
     now = _status(me)
     assert now["mode"] == "localise-only"
+    _expect_to_be_located(me)
     assert (now["keyframes"], now["map_version"]) == (held["keyframes"], held["map_version"])
     assert _expect("set-mode", "mapping", *me) == "mapping\n"
     assert _status(me)["mode"] == "mapping"
@@ -167,6 +170,21 @@ def test_a_run_is_steered_from_outside(serve, tmp_path):
     assert summary["processes"]["recorder"]["restarts"] == 0
     _expect_two_trajectories(run, summary)
     assert _ctl("status", *me).stderr.startswith("no service: ")
+
+
+def _expect_to_be_located(me: tuple[str, ...]) -> None:
+    """The camera has hardly left the place where it began, which looks along x from the origin."""
+    found = json.loads(_expect("locate", "--json", "0.3", "-0.2", "10", *me))
+    assert abs(found["x"]) < 1 and abs(found["y"]) < 1 and abs(found["yaw_deg"]) < 50
+    assert found["up_by"] in ("floor plane", "camera poses")
+    assert _expect("locate", "0", "0", "0", *me).startswith("found at ")
+    for place, why in (
+        (("50", "0", "0"), "no keyframe near 50.00 0.00 0 looks that way: keyframes stand at x "),
+        (("0", "0", "180"), "no keyframe near 0.00 0.00 180 looks that way"),
+        (("1.8", "0", "0"), "not found at 1.80 0.00 0: the camera is tracked at "),
+    ):
+        refused = _ctl("locate", *place, *me)
+        assert refused.returncode == 1 and f"refused: locate: {why}" in refused.stderr
 
 
 def _expect_new_epoch(run, me: tuple[str, ...]) -> None:

@@ -18,6 +18,7 @@ from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement, picture_agreement
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe, stored_reference
+from hsslam_node.tracking.places.place_near import Whereabouts, place_near
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
 _INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
@@ -93,12 +94,23 @@ class Relocalisation:
         T_world_cam = [self._store.pose(m.keyframe) @ m.T_keyframe_cam for m in matches]
         if not matches or not _is_clear(matches, T_world_cam):
             return
-        k = self._nearest(T_world_cam[0])
+        if (place := self._place(T_world_cam[0])) is not None:
+            yield place
+
+    def place_near(self, frame: Frame, near: Whereabouts) -> Place | None:
+        """The place of a frame near one that a person names; see `place_near`."""
+        self._join()
+        T_world_cam = place_near(
+            self._store, self._index, frame, near, self._config, _LIMITS, self._seed
+        )
+        return None if T_world_cam is None else self._place(T_world_cam)
+
+    def _place(self, T_world_cam: np.ndarray) -> Place | None:
         try:
-            reference = stored_reference(self._store, k, self._config)
+            k = self._nearest(T_world_cam)
+            return Place(T_world_cam, stored_reference(self._store, k, self._config))
         except RetiredKeyframeError:  # just now: the next frame finds another
-            return
-        yield Place(T_world_cam[0], reference)
+            return None
 
     def compare(self, frame: Frame) -> Future[list[SeenAgain]]:
         """Begin to compare a frame with what the camera has seen, in the thread; nothing else may be asked

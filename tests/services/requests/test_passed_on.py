@@ -14,7 +14,7 @@ from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
 from hsslam_proto.requests import QUERY
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
-from hsslam_services.requests.map_query import PassedOnQueries
+from hsslam_services.requests.passed_on import PassedOn
 from tests.repository import ROOT
 
 POINTS = np.arange(12, dtype=np.float32).reshape(4, 3)
@@ -34,7 +34,7 @@ def _answer(question: QueryMap) -> PointAnswers:
 def gateway(endpoint) -> Iterator[str]:
     """A gateway that takes requests until the test ends; returns where."""
     with Bus(endpoint, "r", "supervisor") as bus:
-        requests, queries = bus.requests(), PassedOnQueries(bus)
+        requests, queries = bus.requests(), PassedOn(bus, QUERY)
         is_over = threading.Event()
 
         def turn() -> None:

@@ -11,7 +11,7 @@ from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.tracking.relocalisation import Relocalisation
+from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
 

@@ -1,0 +1,163 @@
+"""Where a frame was taken near a place that a person names: by features of keyframes there, else by depth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.projection import camera_points
+from hsslam_node.geometry.se3 import inverse, so3_exp, so3_log, transformed
+from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
+from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
+from hsslam_node.place_recognition.picture_agreement import picture_agreement
+from hsslam_node.tracking.aligned.acceptance import is_confirmed
+from hsslam_node.tracking.alignment import align
+from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
+from hsslam_node.tracking.keyframes.covering_keyframe import share_shown
+from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, stored_reference
+from hsslam_node.tracking.tracked_frame import TrackedFrame, frame_points
+
+NEAR_M, NEAR_RAD = 1.0, np.pi / 4  # of the place: the camera is believed no farther off
+_KEYFRAMES_M, _KEYFRAMES_RAD = (
+    2.5,
+    np.pi / 3,
+)  # of the place: keyframes that may show what is seen there
+_TAKEN_IN = 4  # of these into the index with a frame, 15 ms each
+_ANYWHERE, _THERE = 2, 3  # keyframes that are compared, 35 ms each
+_CLEARLY = 2.0  # times the features of a place elsewhere overrule the person
+_FEWEST_BLOCKS, _ALIKE = 20, 0.85  # of blocks of the two images, as when fragments join
+_SHIFTS_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])  # along each axis of the floor
+_TURNS_RAD = np.deg2rad([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0])
+_LOOKED_AT = 6  # keyframes whose surfaces are compared with that of the frame at all these poses
+_ALIGNED = 4  # of the poses, 15 ms each
+_STRIDE_PX = 24
+
+
+@dataclass(frozen=True)
+class Whereabouts:
+    """About where a person says that the camera is."""
+
+    T_world_cam: np.ndarray  # [4, 4]
+    up: np.ndarray  # [3] against gravity, world, unit length
+
+    def has(self, T_world_cam: np.ndarray) -> bool:
+        """Whether a camera at T_world_cam [4, 4] is there."""
+        away_m, turn_rad = _apart(self.T_world_cam, T_world_cam[None])
+        return bool(away_m[0] <= NEAR_M and turn_rad[0] <= NEAR_RAD)
+
+    def keyframes(self, store: KeyframeStore) -> np.ndarray:
+        """Ids [n] of the kept keyframes that may show what is seen there, the nearest first."""
+        ids = store.kept()
+        away_m, turn_rad = _apart(self.T_world_cam, store.poses_of(ids))
+        order = np.argsort(away_m + turn_rad, kind="stable")
+        is_near = (away_m <= _KEYFRAMES_M) & (turn_rad <= _KEYFRAMES_RAD)
+        return ids[order[is_near[order]]]
+
+
+def place_near(
+    store: KeyframeStore, index: KeyframeIndex, frame: Frame, near: Whereabouts,
+    config: TrackerConfig, limits: LoopLimits, seed: int = 0,
+) -> np.ndarray | None:  # fmt: skip
+    """T_world_cam [4, 4] of the frame near the place named, or None.
+
+    The place decides among places that look alike, and where the frame has too few features to be recognised.
+    It overrules nothing: None if another place shows clearly more of what the frame shows, or if the images
+    differ in detail.
+    """
+    keyframes = near.keyframes(store)
+    if len(keyframes) == 0:
+        return None
+    index.take_in(keyframes, _TAKEN_IN)
+    found = find_loop(store, index, frame, config, candidates=_ANYWHERE, limits=limits, seed=seed)
+    there = _of_place(store, found, near)
+    elsewhere = [m for m in found if m not in there]
+    if not there:
+        found = find_loop(
+            store, index, frame, config,
+            among=keyframes, candidates=_THERE, limits=limits, seed=seed,
+        )  # fmt: skip
+        there = _of_place(store, found, near)
+    try:
+        if not there:
+            return None if elsewhere else _by_depth(store, frame, near, keyframes, config, seed)
+        best = there[0]
+        if elsewhere and elsewhere[0].inliers > _CLEARLY * best.inliers:
+            return None
+        pictures = picture_agreement(store.frame(best.keyframe), frame, best.T_keyframe_cam)
+        differ = pictures.alike < _ALIKE * pictures.compared
+        if pictures.compared >= _FEWEST_BLOCKS and differ:
+            return None
+        return store.pose(best.keyframe) @ best.T_keyframe_cam
+    except RetiredKeyframeError:  # just now: the next frame finds another
+        return None
+
+
+def _of_place(store: KeyframeStore, found: list[LoopMatch], near: Whereabouts) -> list[LoopMatch]:
+    return [m for m in found if near.has(store.pose(m.keyframe) @ m.T_keyframe_cam)]
+
+
+def _by_depth(
+    store: KeyframeStore, frame: Frame, near: Whereabouts, keyframes: np.ndarray,
+    config: TrackerConfig, seed: int,
+) -> np.ndarray | None:  # fmt: skip
+    """The frame aligned from poses about the place at which most of its surface lies on that of a keyframe;
+    of those that whole images confirm, the one that fits best."""
+    points, levels = frame_points(frame, config, seed), grey_pyramid(frame)
+    if len(points) == 0:
+        return None
+    best, most = None, 0.0
+    for T, k in _starts(store, frame, near, keyframes):
+        reference, T_world_ref = stored_reference(store, k, config), store.pose(k)
+        aligned = align(points, levels, T, None, reference, T_world_ref, config)
+        found = aligned.T_world_cam
+        if not (np.isfinite(found).all() and near.has(found)):
+            continue
+        keyframe = TrackedFrame(store.frame(k), k, np.eye(4))
+        fits = aligned.surface_coverage * aligned.surface_inlier_ratio
+        if fits > most and is_confirmed(found, None, frame, keyframe, T_world_ref):
+            best, most = found, fits
+    return best
+
+
+def _starts(
+    store: KeyframeStore, frame: Frame, near: Whereabouts, keyframes: np.ndarray
+) -> list[tuple[np.ndarray, int]]:
+    """Poses [4, 4] about the place, each with the keyframe that shows most of what is seen from it."""
+    poses = _about(near)
+    in_camera = camera_points(frame.depth_m(), frame.camera, _STRIDE_PX)
+    if len(in_camera) == 0:
+        return []
+    chosen = keyframes[:_LOOKED_AT].tolist()
+    shown = np.array(
+        [
+            [share_shown(store, k, store.pose(k), transformed(T, in_camera)) for k in chosen]
+            for T in poses
+        ]
+    )  # [poses, keyframes]
+    order = np.argsort(-shown.max(axis=1), kind="stable")[:_ALIGNED]
+    return [(poses[i], chosen[int(shown[i].argmax())]) for i in order]
+
+
+def _about(near: Whereabouts) -> list[np.ndarray]:
+    """T_world_cam [4, 4]: moved along the floor, and turned on it; as it was given first."""
+    side = np.cross(near.up, [1.0, 0, 0] if abs(near.up[0]) < 0.9 else [0, 1.0, 0])
+    side /= np.linalg.norm(side)
+    ahead = np.cross(side, near.up)
+    poses = []
+    for turn_rad in sorted(_TURNS_RAD, key=abs):
+        R = so3_exp(turn_rad * near.up)
+        for along_m in sorted(_SHIFTS_M, key=abs):
+            for across_m in sorted(_SHIFTS_M, key=abs):
+                T = near.T_world_cam.copy()
+                T[:3, :3] = R @ T[:3, :3]
+                T[:3, 3] += along_m * ahead + across_m * side
+                poses.append(T)
+    return poses
+
+
+def _apart(T_world_cam: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance, m, and angle, rad, [n] each, from one pose [4, 4] to others [n, 4, 4]."""
+    relative = inverse(T_world_cam) @ others
+    turn_rad = np.array([np.linalg.norm(so3_log(T[:3, :3])) for T in relative])
+    return np.linalg.norm(relative[:, :3, 3], axis=1), turn_rad

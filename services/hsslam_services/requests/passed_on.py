@@ -1,0 +1,27 @@
+"""Requests that another process answers, the one with the map or the camera; apart from the supervisor's."""
+
+from hsslam_proto.request_messages import Refusal
+from hsslam_proto.requests import Request
+from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.requests import PendingRequest
+from hsslam_services.requests.waiting_requests import WaitingRequests
+
+
+class PassedOn:
+    """Passes questions of one kind on to the process that answers them, one after the other."""
+
+    def __init__(self, bus: Bus, request: Request) -> None:
+        self._bus = bus
+        self._request = request
+        self._waiting = WaitingRequests(request.name, self._answer)
+
+    def ask(self, asked: PendingRequest) -> None:
+        """Answer as soon as that process has; never blocks."""
+        self._waiting.add(asked)
+
+    def _answer(self, asked: PendingRequest) -> None:
+        answer = self._bus.pass_on(self._request, asked.message)
+        if isinstance(answer, Refusal):
+            asked.refuse(answer.reason, answer.text)
+        else:
+            asked.answer(answer)
