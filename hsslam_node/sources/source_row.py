@@ -54,7 +54,10 @@ class SourceRow:
         kind, _, name = spec.partition(":")
         if self.fault:
             return kind == self.kind
-        return spec in self.examples if self.only_examples else kind == self.kind and bool(name)
+        if self.only_examples:
+            return spec in self.examples
+        # `orbbec` alone is an example, too: the first camera that there is
+        return kind == self.kind and (bool(name) or spec in self.examples)
 
 
 def find_row(spec: str, rows: Sequence[SourceRow]) -> SourceRow | None:

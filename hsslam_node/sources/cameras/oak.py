@@ -1,0 +1,147 @@
+"""Luxonis OAK-D cameras by depthai 3: `--source oak[:ID]`. Not tried on hardware."""
+
+import contextlib
+import importlib
+from collections.abc import Callable, Iterator
+from datetime import timedelta
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.cameras.watched import WatchedCamera
+from hsslam_node.sources.live_selection import selected_live
+from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.source import BadFrame
+
+_WAIT = timedelta(milliseconds=200)
+_SIZE_PX, _STEREO_PX, _RATE_HZ = (640, 480), (640, 400), 30.0
+_SAME = timedelta(milliseconds=10)  # stamps of colour and depth of one frame
+_DEPTH_UNITS_PER_M = 1000.0
+
+
+class OakSource:
+    """Undistorted colour, and stereo depth aligned to it on the camera, as they come.
+
+    Stamps are the camera's, on the clock of this machine since its start.
+
+    Raises:
+        UserError: the package or the camera is missing, or it has no colour camera and stereo pair.
+    """
+
+    def __init__(
+        self, name: str, options: SourceOptions, should_stop: Callable[[], bool] = lambda: False
+    ) -> None:
+        dai, info = expect_oak(name)
+        self.name = f"oak:{name}" if name else "oak"
+        self._options = options
+        try:
+            self._device = dai.Device(info)
+            self._pipeline = dai.Pipeline(self._device)
+            self._queue = _pairs(dai, self._pipeline, self._device.getPlatform())
+            self._pipeline.start()
+        except RuntimeError as error:
+            raise UserError(f"source {self.name}: {error}") from None
+        lost = (RuntimeError, dai.MessageQueue.QueueException)
+        self._watched = WatchedCamera(
+            self.name, self._next, lambda: expect_oak(name), should_stop, lost
+        )
+        first = self._watched.first()
+        self.camera, self.depth_units_per_m = first.camera, first.depth_units_per_m
+        self.rate_hz = _RATE_HZ
+        self.frame_count: int | None = options.frames
+
+    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
+        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        try:
+            yield from selected_live(self._watched.frames(), self._options)
+        finally:
+            with contextlib.suppress(Exception):  # of a camera that is unplugged
+                self._pipeline.stop()
+                self._device.close()
+
+    def _next(self) -> Frame | BadFrame | None:
+        pair = self._queue.get(_WAIT)
+        return None if pair is None else oak_frame(pair["color"], pair["depth"])
+
+
+def check_oak(name: str, options: SourceOptions) -> None:
+    """Raises UserError if the package or the camera is missing."""
+    expect_oak(name)
+
+
+def expect_oak(device_id: str) -> tuple[Any, Any]:
+    """The module depthai, and the `DeviceInfo` of the camera of this id, or of the first.
+
+    Raises:
+        UserError: which of them is missing.
+    """
+    try:
+        dai = importlib.import_module("depthai")
+    except ImportError:
+        raise UserError(
+            "source oak: package depthai is not there: pip install 'hsslam-node[oak]'"
+        ) from None
+    devices = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
+    if not devices:
+        raise UserError("source oak: no camera: expected one on USB or PoE, and rights to use it")
+    if device_id and device_id not in devices:
+        raise UserError(f"source oak:{device_id}: expected one of {', '.join(devices)}")
+    return dai, devices[device_id or next(iter(devices))]
+
+
+def oak_frame(color: Any, depth: Any) -> Frame | BadFrame:
+    """A frame of two `ImgFrame`: RGB888i without lens distortion, and depth in mm of the same pixels."""
+    stamp_ns = color.getTimestamp() // timedelta(microseconds=1) * 1000
+    K = np.array(color.getTransformation().getIntrinsicMatrix(), float)
+    try:
+        return Frame(
+            index=0,
+            stamp_ns=stamp_ns,
+            camera=Camera(
+                width_px=color.getWidth(),
+                height_px=color.getHeight(),
+                fx=float(K[0, 0]),
+                fy=float(K[1, 1]),
+                cx=float(K[0, 2]),
+                cy=float(K[1, 2]),
+            ),
+            color=np.array(color.getFrame()),
+            depth_raw=np.array(depth.getFrame()),
+            depth_units_per_m=_DEPTH_UNITS_PER_M,
+        )
+    except UserError as error:
+        return BadFrame(0, stamp_ns, str(error))
+
+
+def _pairs(dai: Any, pipeline: Any, platform: Any) -> Any:
+    """A queue of colour and depth of one time; depth is aligned by the stereo node, or by one of its own on
+    RVC4, whose stereo node cannot."""
+    sockets, node = dai.CameraBoardSocket, dai.node
+    color = pipeline.create(node.Camera).build(sockets.CAM_A)
+    left, right = (
+        pipeline.create(node.Camera)
+        .build(socket)
+        .requestOutput(_STEREO_PX, fps=_RATE_HZ)
+        for socket in (sockets.CAM_B, sockets.CAM_C)
+    )  # fmt: skip
+    image = color.requestOutput(
+        _SIZE_PX, dai.ImgFrame.Type.RGB888i, dai.ImgResizeMode.CROP, _RATE_HZ, True
+    )  # the last: without lens distortion
+    stereo = pipeline.create(node.StereoDepth).build(
+        left, right, presetMode=node.StereoDepth.PresetMode.DEFAULT
+    )
+    sync = pipeline.create(node.Sync)
+    sync.setSyncThreshold(_SAME)
+    image.link(sync.inputs["color"])
+    if platform == dai.Platform.RVC4:
+        align = pipeline.create(node.ImageAlign)
+        stereo.depth.link(align.input)
+        image.link(align.inputAlignTo)
+        align.outputAligned.link(sync.inputs["depth"])
+    else:
+        image.link(stereo.inputAlignTo)
+        stereo.depth.link(sync.inputs["depth"])
+    return sync.out.createOutputQueue(maxSize=1)

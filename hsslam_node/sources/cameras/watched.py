@@ -1,0 +1,69 @@
+"""The loop of a camera that a driver on this machine reads: frames, silence, and a camera that is gone."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from hsslam_node.errors import UserError
+from hsslam_node.frame import Frame
+from hsslam_node.sources.source import BadFrame, SourceLostError
+
+_SILENCE_S = 5.0
+_MOST_SILENCES = 3  # in a row: then the camera is opened again
+
+
+@dataclass(frozen=True)
+class WatchedCamera:
+    """Raises `SourceLostError` if the camera is gone or says nothing for 15 s, so that it is opened again.
+
+    `next_frame` waits a fraction of a second for a frame; None: there was none. `expect_there` raises
+    `UserError` if the camera is not plugged in.
+    """
+
+    name: str
+    next_frame: Callable[[], Frame | BadFrame | None]
+    expect_there: Callable[[], object]
+    should_stop: Callable[[], bool]
+    lost: tuple[type[Exception], ...] = field(default=())
+    """What the driver raises if the camera is gone."""
+
+    def frames(self) -> Iterator[Frame | BadFrame]:
+        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        heard_s, silences = time.monotonic(), 0
+        while not self.should_stop():
+            try:
+                frame = self.next_frame()
+            except self.lost as error:
+                raise SourceLostError(f"source {self.name}: {error}") from None
+            if frame is not None:
+                heard_s, silences = time.monotonic(), 0
+                yield frame
+            elif time.monotonic() - heard_s > _SILENCE_S:
+                heard_s, silences = time.monotonic(), silences + 1
+                yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s: see the cable")
+                self._expect_to_hear(silences)
+
+    def first(self, within_s: float = 10.0) -> Frame:
+        """The first frame, which tells size and lens.
+
+        Raises:
+            UserError: there is none.
+        """
+        end_s, why = time.monotonic() + within_s, ""
+        while time.monotonic() < end_s and not self.should_stop():
+            try:
+                frame = self.next_frame()
+            except self.lost as error:
+                raise UserError(f"source {self.name}: {error}") from None
+            if isinstance(frame, Frame):
+                return frame
+            why = f": {frame.reason}" if frame is not None else why
+        raise UserError(f"source {self.name}: no frame within {within_s:g} s{why}")
+
+    def _expect_to_hear(self, silences: int) -> None:
+        try:
+            self.expect_there()
+        except UserError:
+            raise SourceLostError(f"source {self.name}: the camera is unplugged") from None
+        if silences == _MOST_SILENCES:
+            raise SourceLostError(f"source {self.name}: nothing for {silences * _SILENCE_S:g} s")
