@@ -1,6 +1,8 @@
 """From the text after `--source` to a source."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from hsslam_node.errors import UserError, one_line
 from hsslam_node.sources.options import SourceOptions
@@ -37,7 +39,16 @@ def open_source(
         if guess in ("", spec):
             raise
         raise UserError(f"{error}; did you mean {guess}?") from None
-    return _with_effects(source, options)
+    has_masks = bool(options.mask) and Path(options.mask).is_dir()
+    if has_masks:
+        from hsslam_node.sources.files.image_pairs import ImagePairSource
+
+        if not isinstance(source, ImagePairSource):
+            raise UserError(
+                f"--mask {options.mask}: source {spec} has no image files that masks of frames could be "
+                "named after: expected one image"
+            )
+    return _with_effects(source, replace(options, mask="") if has_masks else options)
 
 
 def _plain_source(

@@ -264,7 +264,8 @@ class SourceOptions:
     camera_T_imu: tuple[float, ...] = ()
     """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: in its centre, with its axes)."""
     mask: str = ""
-    """Image file; where it is black, frames have no depth (empty: none)."""
+    """Image file, or folder of images named as those of colour; where it is black, frames have no depth
+    (empty: none)."""
     downscale: int = 1
     """Make images smaller by this factor along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)

@@ -10,7 +10,7 @@ from hsslam_node.sources.options import SourceOptions
 
 class RecordSource(ImagePairSource):
     """Colour from `color/` or `rgb/`, depth registered to it from `depth/`, the camera from `camera.json`
-    or the options.
+    or the options, masks of frames, if there are any, from `mask/`.
 
     Raises:
         UserError: images or camera are missing, or colour and depth do not belong together.
@@ -32,4 +32,5 @@ class RecordSource(ImagePairSource):
             )
         given = options.camera.given()
         camera, units = read_record_camera(folder.path / "camera.json", given, (width, height))
-        super().__init__(f"record:{name}", pairs, camera, units, options)
+        masks = folder.path / "mask"
+        super().__init__(f"record:{name}", pairs, camera, units, options, masks)

@@ -7,6 +7,7 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options import SourceOptions
@@ -18,7 +19,8 @@ ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 class ImagePairSource:
     """Files of colour and of the depth registered to it, both undistorted.
 
-    `camera` is that of the files, with its distortion; `pairs` come in order of their stamps.
+    `camera` is that of the files, with its distortion; `pairs` come in order of their stamps. `masks`: the
+    folder that masks of frames lie in, if it exists and `--mask` names no other.
     """
 
     def __init__(
@@ -28,8 +30,11 @@ class ImagePairSource:
         camera: Camera,
         depth_units_per_m: float,
         options: SourceOptions,
+        masks: Path | None = None,
     ) -> None:
         self._pairs = [pairs[i] for i in options.selected(len(pairs))]
+        color_files = [color_file for _, color_file, _ in self._pairs]
+        self._masks = FrameMasks.found(options.mask, masks, color_files)
         self._undistortion = Undistortion(camera)
         self.name = name
         self.camera = camera.undistorted()
@@ -44,6 +49,9 @@ class ImagePairSource:
             try:
                 color = read_color(color_file, self.camera)
                 depth = read_depth(depth_file, self.camera)
+                if self._masks is not None:
+                    hidden = self._masks.hidden(color_file, self.camera)
+                    depth = np.where(hidden, np.uint16(0), depth)
             except BadImageError as error:
                 yield BadFrame(index, stamp_ns, str(error))
                 continue

@@ -68,7 +68,7 @@ class ServeOptions:
         "config": "FILE...",
         "viewer": "auto|none|web|spawn|connect:URL",
         "out": "FOLDER",
-        "mask": "FILE",
+        "mask": "FILE|FOLDER",
         "maps": "FOLDER",
         "map": "FILE",
         "log_keep": "GB",
@@ -141,7 +141,7 @@ class ServeOptions:
     cover_frames: int = 0
     """Cover the lens for N frames: black, and without depth."""
     mask: str = ""
-    """Image file, before --downscale; frames have no depth where it is black (empty: none)."""
+    """Image before --downscale, or folder of one a frame; no depth where it is black (empty: none)."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)

@@ -1,5 +1,6 @@
 """Frames without depth where a mask is black."""
 
+import json
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.source import BadFrame
 
 SYNTH = SynthOptions(width_px=96, height_px=72)
 
@@ -57,3 +59,62 @@ def test_a_mask_that_does_not_fit_is_refused(tmp_path):
     for name, why in (("mask.txt", "not an image"), ("gone.png", "No such file")):
         with pytest.raises(UserError, match=f"--mask .*{name}: {why}"):
             _first(mask=str(tmp_path / name))
+
+
+def _recording(folder: Path, distortion: tuple[float, ...] = ()) -> Path:
+    """Four frames with depth everywhere, and masks that hide column after column, of eight pixels each."""
+    for name in ("color", "depth", "mask"):
+        (folder / name).mkdir(parents=True)
+    for n in range(4):
+        mask = np.full((72, 96), 255, np.uint8)
+        mask[:, 8 * n : 8 * (n + 1)] = 0
+        images = np.full((72, 96, 3), 99, np.uint8), np.full((72, 96), 5000, np.uint16), mask
+        for name, image in zip(("color", "depth", "mask"), images, strict=True):
+            cv2.imwrite(str(folder / name / f"{n:03d}.png"), image)
+    camera = {"fx": 80.0, "depth_scale": 5000.0, "distortion": list(distortion)}
+    (folder / "camera.json").write_text(json.dumps(camera))
+    return folder
+
+
+def _hidden_columns(source) -> list[list[int]]:
+    frames = list(source.frames())
+    assert all(isinstance(frame, Frame) for frame in frames), frames
+    return [np.flatnonzero((frame.depth_raw == 0).all(axis=0)).tolist() for frame in frames]
+
+
+def test_each_frame_of_a_recording_has_its_own_mask(tmp_path):
+    folder = _recording(tmp_path / "recording")
+    every = [list(range(8 * n, 8 * (n + 1))) for n in range(4)]
+    assert _hidden_columns(open_source(f"record:{folder}")) == every
+    part = SourceOptions(start=1, stride=2)
+    assert _hidden_columns(open_source(f"record:{folder}", part)) == every[1::2]
+    moved = folder.with_name("people")
+    (folder / "mask").rename(moved)
+    assert _hidden_columns(open_source(f"record:{folder}")) == [[]] * 4
+    named = SourceOptions(mask=str(moved))
+    assert _hidden_columns(open_source(f"record:{folder}", named)) == every
+
+
+def test_a_mask_of_a_frame_has_the_distortion_of_its_image(tmp_path):
+    folder, k1 = _recording(tmp_path, (1.0, 0, 0, 0)), 1.0
+    frame = list(open_source(f"record:{folder}").frames())[3]
+    assert isinstance(frame, Frame)
+    x = (np.arange(96) - 47.5) / 80.0  # the middle row of an image without distortion
+    in_file = np.rint(47.5 + 80.0 * x * (1 + k1 * x**2))
+    hidden = (in_file >= 24) & (in_file < 32)
+    inside = (in_file >= 0) & (in_file < 96)
+    np.testing.assert_array_equal((frame.depth_raw[36] == 0)[inside], hidden[inside])
+    assert not hidden[24] and hidden[32]
+
+
+def test_masks_of_frames_that_do_not_fit_are_told(tmp_path):
+    folder = _recording(tmp_path / "recording")
+    options = SourceOptions(frames=1, synth=SYNTH, mask=str(folder / "mask"))
+    with pytest.raises(UserError, match=r"--mask .*mask: source synth:room has no image files"):
+        open_source("synth:room", options)
+    (folder / "mask" / "001.png").write_text("no image")
+    frames = list(open_source(f"record:{folder}").frames())
+    assert isinstance(frames[1], BadFrame) and "001.png" in frames[1].reason
+    (folder / "mask" / "002.png").unlink()
+    with pytest.raises(UserError, match=r"1 of 4 images have no mask: expected .*mask/002.png for"):
+        open_source(f"record:{folder}")
