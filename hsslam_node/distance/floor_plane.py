@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.view_from_above import mean_up
+from hsslam_node.inertial.gravity import Gravity
 
 UpSource = Literal["gravity", "--up", "--base-T-camera", "floor plane", "camera poses"]
 _MOST_VIEWS = 40
@@ -59,6 +60,15 @@ class FloorPlane:
         T[:3, :3] = np.stack([x, np.cross(up, x), up])
         T[2, 3] = -self.height_m
         return T
+
+
+def floor_by(
+    gravity: Gravity | None, views: Sequence[tuple[np.ndarray, np.ndarray]], camera: Camera
+) -> FloorPlane:
+    """The floor, with up against gravity if the map knows it; see `find_floor`."""
+    if gravity is None:
+        return find_floor(views, camera)
+    return find_floor(views, camera, np.array(gravity.up), "gravity")
 
 
 def find_floor(

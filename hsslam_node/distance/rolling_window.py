@@ -5,7 +5,7 @@ from collections import OrderedDict
 import numpy as np
 
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
-from hsslam_node.distance.floor_plane import FloorPlane, find_floor
+from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.distance.whole_map import VOXEL_M
@@ -87,10 +87,8 @@ class RollingWindow:
         keyframes = keyframes_of_store(self._store)
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
-        if self._T_level_world is None and gravity is not None:
-            found = find_floor(views, keyframes.camera, np.array(gravity.up), "gravity")
-        elif self._T_level_world is None:
-            found = find_floor(views, keyframes.camera)
+        if self._T_level_world is None:
+            found = floor_by(gravity, views, keyframes.camera)
         else:
             up = self._T_level_world[2, :3]
             found = find_floor(views, keyframes.camera, up, "--base-T-camera")

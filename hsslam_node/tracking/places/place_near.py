@@ -19,10 +19,8 @@ from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, stor
 from hsslam_node.tracking.tracked_frame import TrackedFrame, frame_points
 
 NEAR_M, NEAR_RAD = 1.0, np.pi / 4  # of the place: the camera is believed no farther off
-_KEYFRAMES_M, _KEYFRAMES_RAD = (
-    2.5,
-    np.pi / 3,
-)  # of the place: keyframes that may show what is seen there
+# of the place: keyframes that may show what is seen there
+_KEYFRAMES_M, _KEYFRAMES_RAD = 2.5, np.pi / 3
 _TAKEN_IN = 4  # of these into the index with a frame, 15 ms each
 _ANYWHERE, _THERE = 2, 3  # keyframes that are compared, 35 ms each
 _CLEARLY = 2.0  # times the features of a place elsewhere overrule the person

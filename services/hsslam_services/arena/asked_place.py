@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.keyframes import keyframes_of_store
-from hsslam_node.distance.floor_plane import UpSource, find_floor
+from hsslam_node.distance.floor_plane import UpSource, floor_by
 from hsslam_node.geometry.floor_pose import FloorFrames, FloorPose
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
 from hsslam_node.map.allocator import ArrayAllocator
@@ -83,7 +83,7 @@ class AskedPlace:
         if self._T_level_world is not None:
             return FloorFrames(self._T_level_world, self._T_base_cam), "--base-T-camera"
         keyframes = keyframes_of_store(store)
-        floor = find_floor(keyframes.views, keyframes.camera)
+        floor = floor_by(store.gravity, keyframes.views, keyframes.camera)
         return FloorFrames(floor.T_floor_world, self._T_base_cam), floor.source
 
     def _looked_for(

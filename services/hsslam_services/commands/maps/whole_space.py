@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
-from hsslam_node.distance.floor_plane import FloorPlane, find_floor
+from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 
@@ -56,13 +56,10 @@ def floor_and_distances(
     Up is `up` if it is given, else against gravity if the map knows it, else that of the floor that was seen.
     """
     views, camera = saved.keyframes.views, saved.keyframes.camera
-    gravity = saved.checkpoint.gravity
     if up:
         floor = find_floor(views, camera, np.array(up))
-    elif gravity is not None:
-        floor = find_floor(views, camera, np.array(gravity.up), "gravity")
     else:
-        floor = find_floor(views, camera)
+        floor = floor_by(saved.checkpoint.gravity, views, camera)
     return floor, DistanceMeter().measure(whole_map(views, camera, floor, voxel_m))
 
 
