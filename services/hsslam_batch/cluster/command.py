@@ -23,6 +23,7 @@ from hsslam_batch.results.tally import Tally
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 
+_RAY_MESSAGES = "ray.log"
 _LOCK = ".lock"
 _INTERRUPTED, _FAILED = 1, 3
 
@@ -78,7 +79,10 @@ def _run(
     from hsslam_batch.cluster.connect import connected  # Ray takes a second, and may be missing
     from hsslam_batch.cluster.ray_pool import RayPool, Share
 
-    with connected(options.address), BatchProgress(batch, tally, options.metrics_file) as progress:
+    with (
+        connected(options.address, batch.out / _RAY_MESSAGES),
+        BatchProgress(batch, tally, options.metrics_file) as progress,
+    ):
         share = Share(options.cpus, options.memory_gb)
         words = partial(work_words, batch, options)
         pool = RayPool(perform, words, share, options.parallel)

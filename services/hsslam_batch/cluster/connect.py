@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 from hsslam_node.errors import UserError
 
@@ -16,8 +17,11 @@ QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[None]:
+def connected(address: str, messages: Path | None = None) -> Iterator[None]:
     """Ray is there in the block; one of its own ends with it.
+
+    messages: file to which stdout is appended in the block, as Ray prints a page of its state on it if a node
+    dies; None: stdout stays.
 
     Raises:
         UserError: no Ray at the address, or one of another version.
@@ -34,9 +38,19 @@ def connected(address: str) -> Iterator[None]:
             "HOST:PORT or ray://HOST:PORT"
         ) from None
     try:
-        yield
+        with _stdout_in(messages):
+            yield
     finally:
         ray.shutdown()
+
+
+@contextlib.contextmanager
+def _stdout_in(path: Path | None) -> Iterator[None]:
+    if path is None:
+        yield
+        return
+    with path.open("a", buffering=1) as stream, contextlib.redirect_stdout(stream):
+        yield
 
 
 def _connect(address: str) -> None:

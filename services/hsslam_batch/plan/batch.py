@@ -6,6 +6,7 @@ OUT/manifest.parquet    a row a log
 OUT/runs/ID/            the run folder of a log; `_DONE.json`, its row, was written last
 OUT/rrd/ID.rrd          its recording for rerun
 OUT/failed/ID.json      the row of a log that has no result
+OUT/ray.log             what Ray prints while the batch runs
 OUT/.work/ID.N/         the N-th attempt at a log, while it goes on
 
 If OUT is in a store, the plan has a copy on each machine, and attempts lie there while they go on.

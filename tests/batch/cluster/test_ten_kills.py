@@ -99,6 +99,7 @@ def _is_zombie(process: psutil.Process) -> bool:
 def _expect_whole(batch: Batch, run: subprocess.Popen[str], expected: dict[str, bytes]) -> None:
     said = end(run)
     assert run.returncode == 0 and f"{_LOGS} done, 0 failed, 0 left" in said, said
+    assert "raylet" not in said
     assert trajectories(batch) == expected
     rows = read_runs(batch.out)
     assert sorted(row["name"] for row in rows) == sorted(expected)  # one row a log
