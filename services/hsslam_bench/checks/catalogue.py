@@ -11,6 +11,7 @@ from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
+from hsslam_bench.checks.map_worth.gravity import gravity_checks
 from hsslam_bench.checks.map_worth.lost import lost_checks
 from hsslam_bench.checks.map_worth.merge import merge_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
@@ -39,6 +40,7 @@ def catalogue() -> list[Check]:
         *robustness_checks(),
         lens_check(),
         *odometry_checks(),
+        *gravity_checks(),
         *stride_checks(),
         *map_checks(),
         *gap_checks(),

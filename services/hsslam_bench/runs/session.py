@@ -190,6 +190,12 @@ class Session:
             options = (*options, "--synth.odometry-noise", _ODOMETRY_NOISE)
         return self._run(name, (*options, "--seed", str(seed), *_POSES_ALONE))
 
+    def with_imu(self, sequence: str, seed: int) -> ServeRun:
+        """Poses of a built-in scene with a simulated IMU of the usual noise."""
+        options = (*self._source(sequence), "--pace", "lockstep", "--synth.imu-noise", "1")
+        name = f"poses-{sequence}-imu-seed{seed}"
+        return self._run(name, (*options, "--seed", str(seed), *_POSES_ALONE))
+
     def growing(self, frames: int, room_m: float | None = None) -> ServeRun:
         """This many frames of the built-in room in real time; `room_m`: length of its sides."""
         if self.quick:
