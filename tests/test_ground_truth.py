@@ -2,9 +2,11 @@
 
 import ast
 from collections.abc import Iterator
+from importlib.metadata import entry_points
 
 import pytest
 
+from hsslam_services.run import source_plugins
 from hsslam_services.run.source_table import ALL_SOURCES
 from tests.module_graph import MODULES, imports
 
@@ -28,8 +30,11 @@ def _reached(module: str) -> dict[str, str]:
 
 
 def _targets(module: str) -> Iterator[str]:
-    """What it imports by statement, or by an import path such as `hsslam_node.sources.tum:TumSource`."""
+    """What it imports by statement, or by an import path such as `hsslam_node.sources.tum:TumSource`, or as
+    the plugins that are installed."""
     yield from imports(MODULES[module])
+    if module == source_plugins.__name__:
+        yield from (point.module for point in entry_points(group=source_plugins.GROUP))
     tree = ast.parse(MODULES[module].read_text())
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     of_truth = {id(word.value) for call in calls for word in call.keywords if word.arg == _TRUTH}
