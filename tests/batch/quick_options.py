@@ -2,5 +2,5 @@
 
 QUICK = (
     *("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256"),
-    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08", "--no-evaluate"),
+    *("--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08"),
 )

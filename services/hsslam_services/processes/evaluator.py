@@ -4,13 +4,16 @@ No other process sees ground truth.
 """
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate_run import evaluate_run
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.log.source import recorded_source
 from hsslam_services.run.camera_progress import CameraProgress
+from hsslam_services.run.source_table import log_place
 
 
 def main() -> None:
@@ -24,8 +27,15 @@ def _run(worker: Worker) -> None:
         return
     until_now = replace(options.source_options, frames=read)  # an interrupted run is judged so far
     worker.event("info", "comparing with ground truth, if the source has it")
-    source = recorded_source(options.source, until_now, lambda text: worker.event("info", text))
-    found = evaluate_run(worker.run.path, source.spec, source.options)
+    try:
+        source = recorded_source(options.source, until_now, partial(worker.event, "info"))
+        found = evaluate_run(worker.run.path, source.spec, source.options)
+    except UserError as error:
+        if not log_place(options.source):
+            raise
+        # what a log was recorded from, and its truth, may be on another machine, or not known
+        worker.event("warning", f"not compared with ground truth: {error}")
+        return
     if found:
         worker.add_to_summary({"evaluation": found})
 
