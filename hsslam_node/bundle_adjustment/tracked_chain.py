@@ -19,9 +19,8 @@ class TrackedChain:
     def __init__(self, config: PoseGraphConfig) -> None:
         self._config = config
         self._to: dict[int, PoseEdge] = {}  # by its second keyframe, in their order
-        self._gaps: dict[
-            int, np.ndarray
-        ] = {}  # [6, 6] covariance of what odometry bridged, likewise
+        # [6, 6] covariance of what odometry bridged, likewise
+        self._gaps: dict[int, np.ndarray] = {}
 
     @property
     def keyframes(self) -> np.ndarray:

@@ -9,7 +9,9 @@ from hsslam_node.merging.meetings import Meeting, agreeing, places_apart
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 
 _FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
-_CLEARLY = 3.0  # the best pose needs so many times the keyframes of the second best
+_CLEARLY = (
+    3.0  # keyframes that support the best pose, divided by those of the second best, at least
+)
 _FEWEST_BLOCKS = 60  # of all meetings' images that show something
 _ALIKE = 0.85  # of these blocks: 0.95 to 0.98 of one room, 0.67 to 0.72 of rooms that look alike
 

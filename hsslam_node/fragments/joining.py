@@ -19,7 +19,7 @@ class Joining:
     def __init__(
         self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray, room: int
     ) -> None:
-        """`room`: for so many keyframes; of more, some are left out evenly."""
+        """The map has room for `room` keyframes; if the fragment has more, some are left out evenly."""
         self._fragment = fragment
         self._store = store
         self._T_map_fragment = T_map_fragment
@@ -29,15 +29,18 @@ class Joining:
         self._next = 0
 
     def step(self) -> JoinedFragment | None:
-        """Copy a few more; if all are there, show them: what has become of the fragment's keyframes."""
+        """Copy a few more; if all are there, show them: what has become of the fragment's keyframes.
+
+        None before that, and if the map has no memory for any of them: then they are copied again.
+        """
         for _ in range(_AT_ONCE):
             if self._next >= self._fragment.store.count:
                 return self._show()
             self._copy_next()
         return None
 
-    def finish(self) -> JoinedFragment:
-        """Copy all that are left, and show them."""
+    def finish(self) -> JoinedFragment | None:
+        """Copy all that are left, and show them; None if the map has no memory for any."""
         while self._next < self._fragment.store.count:
             self._copy_next()
         return self._show()
@@ -52,8 +55,11 @@ class Joining:
             self._ids.append(self._next)
         self._next += self._every
 
-    def _show(self) -> JoinedFragment:
+    def _show(self) -> JoinedFragment | None:
         own, ids = self._fragment.store, self._ids
+        if not ids:
+            self._next = 0
+            return None
         poses = own.poses()
         gaps = [_GAP, *(own.gap_covariance(k) for k in ids[1:])]
         with self._store.appending():

@@ -221,9 +221,8 @@ class Tracker:
                 self._reference = before
         if not is_found:
             return None
-        result = self._accept(frame, levels, best, view, None)
-        self._before_last = None  # it says nothing of the camera's motion
-        return result
+        self._lost_frames = max(self._lost_frames, 1)  # the way there is no motion of the camera
+        return self._accept(frame, levels, best, view, None)
 
     def prepare_next(self) -> None:
         """Prepare what the next frame is aligned to, which the pose of the last one did not need."""

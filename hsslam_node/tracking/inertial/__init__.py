@@ -1,1 +1,1 @@
-"""What an IMU tells the tracker, and what tracked frames tell of the IMU."""
+"""An IMU predicts rotations of the camera and measures gravity; tracked rotations calibrate its gyroscope."""
