@@ -174,7 +174,7 @@ class KeyframeStore:
 
     def staging(self) -> StagedKeyframes:
         """The tracker only: for keyframes that come at once; none is appended otherwise until they have."""
-        return StagedKeyframes(self._slots, self._rows, self.count, self.most_kept)
+        return StagedKeyframes(self._slots, self._rows, self.count, lambda: self.most_kept)
 
     def append_staged(
         self, staged: StagedKeyframes, T_world_cam: np.ndarray, covariances: np.ndarray,

@@ -1,5 +1,6 @@
 """Keyframes whose pixels lie in a store before any process sees them; pixels take 7 ms each, rows do not."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hsslam_node.frame import Frame
@@ -23,8 +24,10 @@ class StagedKeyframes:
     once; `give_up` frees their slots. If the tracker dies, its successor frees them (`forget_incomplete`).
     """
 
-    def __init__(self, slots: KeyframeSlots, rows: KeyframeRows, first: int, most: int) -> None:
-        """`first`: id of the first of them; `most`: keyframes that may be kept at a time."""
+    def __init__(
+        self, slots: KeyframeSlots, rows: KeyframeRows, first: int, most: Callable[[], int]
+    ) -> None:
+        """`first`: id of the first of them; `most`: keyframes that may be kept at a time, as of now."""
         self._slots = slots
         self._rows = rows
         self._first = first
@@ -34,7 +37,7 @@ class StagedKeyframes:
     def add(self, frame: Frame) -> bool:
         """Write the pixels of one more; whether there was room."""
         k = self._first + len(self.staged)
-        slot, _ = self._slots.reserve(k, self._most)
+        slot, _ = self._slots.reserve(k, self._most())
         if slot < 0 or not self._rows.reserve(k):
             return False
         self._slots.write(slot, frame.color, frame.depth_raw)
