@@ -68,10 +68,10 @@ SOURCES = (
         examples=("realsense",),
         brief="an Intel RealSense camera on USB",
         about="[an Intel RealSense](#intel-realsense) on USB",
-        opener="hsslam_node.sources.realsense:open_realsense",
+        opener="hsslam_node.sources.cameras.realsense:open_realsense",
         only_examples=True,
         is_live=True,
         only_forwards=True,
-        check="hsslam_node.sources.realsense:check_realsense",
+        check="hsslam_node.sources.cameras.realsense:check_realsense",
     ),
 )

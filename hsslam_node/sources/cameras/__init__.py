@@ -1,1 +1,1 @@
-"""Cameras as plugins: a row that the entry point `hsslam.sources` names, and a driver, imported late."""
+"""Cameras on this machine: drivers, imported late, the loop that they share, and rows of plugins."""

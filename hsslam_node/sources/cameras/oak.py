@@ -1,7 +1,5 @@
 """Luxonis OAK-D cameras by depthai 3: `--source oak[:ID]`. Not tried on hardware."""
 
-import contextlib
-import importlib
 from collections.abc import Callable, Iterator
 from datetime import timedelta
 from typing import Any
@@ -11,8 +9,8 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.cameras.driver import chosen_camera, driver
 from hsslam_node.sources.cameras.watched import WatchedCamera
-from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
@@ -55,12 +53,11 @@ class OakSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; every 5 s without one as a `BadFrame`."""
-        try:
-            yield from selected_live(self._watched.frames(), self._options)
-        finally:
-            with contextlib.suppress(Exception):  # of a camera that is unplugged
-                self._pipeline.stop()
-                self._device.close()
+        yield from self._watched.selected(self._options, self._stop)
+
+    def _stop(self) -> None:
+        self._pipeline.stop()
+        self._device.close()
 
     def _next(self) -> Frame | BadFrame | None:
         pair = self._queue.get(_WAIT)
@@ -78,18 +75,10 @@ def expect_oak(device_id: str) -> tuple[Any, Any]:
     Raises:
         UserError: which of them is missing.
     """
-    try:
-        dai = importlib.import_module("depthai")
-    except ImportError:
-        raise UserError(
-            "source oak: package depthai is not there: pip install 'hsslam-node[oak]'"
-        ) from None
+    dai = driver("oak", "depthai", "depthai")
     devices = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
-    if not devices:
-        raise UserError("source oak: no camera: expected one on USB or PoE, and rights to use it")
-    if device_id and device_id not in devices:
-        raise UserError(f"source oak:{device_id}: expected one of {', '.join(devices)}")
-    return dai, devices[device_id or next(iter(devices))]
+    asked = f"source oak:{device_id}"
+    return dai, devices[chosen_camera("oak", [*devices], device_id, asked, "USB or PoE")]
 
 
 def oak_frame(color: Any, depth: Any) -> Frame | BadFrame:

@@ -1,7 +1,5 @@
 """Orbbec cameras by pyorbbecsdk: `--source orbbec[:SERIAL]`. Not tried on hardware."""
 
-import contextlib
-import importlib
 import os
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -12,9 +10,9 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.cameras.driver import chosen_camera, driver
 from hsslam_node.sources.cameras.watched import WatchedCamera
 from hsslam_node.sources.files.undistortion import Undistortion
-from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
@@ -53,9 +51,8 @@ class OrbbecSource:
         except sdk.OBError as error:
             raise UserError(f"source {self.name}: {error}") from None
         self._align = sdk.AlignFilter(align_to_stream=sdk.OBStreamType.COLOR_STREAM)
-        self._lens: tuple[Camera, Undistortion] | None = (
-            None  # of colour, to which depth is aligned
-        )
+        # of colour, to which depth is aligned
+        self._lens: tuple[Camera, Undistortion] | None = None
         self._watched = WatchedCamera(
             self.name, self._next, lambda: expect_orbbec(name), should_stop, (sdk.OBError,)
         )
@@ -66,11 +63,7 @@ class OrbbecSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; every 5 s without one as a `BadFrame`."""
-        try:
-            yield from selected_live(self._watched.frames(), self._options)
-        finally:
-            with contextlib.suppress(Exception):  # of a camera that is unplugged
-                self._pipeline.stop()
+        yield from self._watched.selected(self._options, self._pipeline.stop)
 
     def _next(self) -> Frame | BadFrame | None:
         images = self._pipeline.wait_for_frames(_WAIT_MS)
@@ -115,21 +108,13 @@ def expect_orbbec(serial: str) -> tuple[Any, Any]:
     Raises:
         UserError: which of them is missing.
     """
-    try:
-        sdk = importlib.import_module("pyorbbecsdk")
-    except ImportError:
-        raise UserError(
-            "source orbbec: package pyorbbecsdk2 is not there: pip install 'hsslam-node[orbbec]'"
-        ) from None
+    sdk = driver("orbbec", "pyorbbecsdk", "pyorbbecsdk2")
     sdk.Context.set_logger_to_file(sdk.OBLogLevel.NONE, os.devnull)  # else into the current folder
     sdk.Context.set_logger_to_console(sdk.OBLogLevel.NONE)
     devices = sdk.Context().query_devices()
     found = [devices.get_device_serial_number_by_index(i) for i in range(devices.get_count())]
-    if not found:
-        raise UserError("source orbbec: no camera: expected one on USB 3, and rights to use it")
-    if serial and serial not in found:
-        raise UserError(f"source orbbec:{serial}: expected one of {', '.join(found)}")
-    return sdk, devices.get_device_by_serial_number(serial or found[0])
+    chosen = chosen_camera("orbbec", found, serial, f"source orbbec:{serial}", "USB 3")
+    return sdk, devices.get_device_by_serial_number(chosen)
 
 
 def orbbec_camera(intrinsic: Any, distortion: Any) -> Camera:

@@ -1,11 +1,14 @@
 """The loop of a camera that a driver on this machine reads: frames, silence, and a camera that is gone."""
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.sources.live_selection import selected_live
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame, SourceLostError
 
 _SILENCE_S = 5.0
@@ -26,6 +29,17 @@ class WatchedCamera:
     should_stop: Callable[[], bool]
     lost: tuple[type[Exception], ...] = field(default=())
     """What the driver raises if the camera is gone."""
+    cable: str = "cable"
+
+    def selected(
+        self, options: SourceOptions, stop: Callable[[], None]
+    ) -> Iterator[Frame | BadFrame]:
+        """The frames that the options select; `stop` ends the driver, also of a camera that is gone."""
+        try:
+            yield from selected_live(self.frames(), options)
+        finally:
+            with contextlib.suppress(Exception):  # of a camera that is unplugged
+                stop()
 
     def frames(self) -> Iterator[Frame | BadFrame]:
         """Frames as they come; every 5 s without one as a `BadFrame`."""
@@ -40,7 +54,8 @@ class WatchedCamera:
                 yield frame
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
-                yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s: see the cable")
+                text = f"nothing for {_SILENCE_S:g} s: see the {self.cable}"
+                yield BadFrame(0, time.time_ns(), text)
                 self._expect_to_hear(silences)
 
     def first(self, within_s: float = 10.0) -> Frame:

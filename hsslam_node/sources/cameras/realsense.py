@@ -1,8 +1,5 @@
 """Intel RealSense cameras: `--source realsense`."""
 
-import contextlib
-import importlib
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,14 +8,13 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.cameras.driver import chosen_camera, driver
+from hsslam_node.sources.cameras.watched import WatchedCamera
 from hsslam_node.sources.files.undistortion import Undistortion
-from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame, SourceLostError
+from hsslam_node.sources.source import BadFrame
 
 _WAIT_MS = 200
-_SILENCE_S = 5.0
-_MOST_SILENCES = 3  # in a row: then the camera is opened again
 
 
 class RealsenseSource:
@@ -36,7 +32,6 @@ class RealsenseSource:
         rs = expect_realsense(options.realsense.serial)
         wanted = options.realsense
         self._options = options
-        self._should_stop = should_stop
         config = rs.config()
         if wanted.serial:
             config.enable_device(wanted.serial)
@@ -57,6 +52,10 @@ class RealsenseSource:
         camera = realsense_camera(stream.get_intrinsics())
         self._undistortion = Undistortion(camera)
         self.name = "realsense"
+        self._watched = WatchedCamera(
+            self.name, self._next, lambda: expect_realsense(wanted.serial), should_stop,
+            cable="USB cable",
+        )  # fmt: skip
         self.camera = camera.undistorted()
         self.rate_hz = float(wanted.rate_hz)
         self.frame_count: int | None = options.frames
@@ -64,36 +63,11 @@ class RealsenseSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Frames as they come; every 5 s without one as a `BadFrame`."""
-        try:
-            yield from selected_live(self._live(), self._options)
-        finally:
-            with contextlib.suppress(RuntimeError):  # of a camera that is unplugged
-                self._pipeline.stop()
+        yield from self._watched.selected(self._options, self._pipeline.stop)
 
-    def _live(self) -> Iterator[Frame | BadFrame]:
-        heard_s, silences = time.monotonic(), 0
-        while not self._should_stop():
-            is_there, images = self._pipeline.try_wait_for_frames(_WAIT_MS)
-            if is_there:
-                heard_s, silences = time.monotonic(), 0
-                yield self._frame(self._align.process(images))
-            elif time.monotonic() - heard_s > _SILENCE_S:
-                heard_s, silences = time.monotonic(), silences + 1
-                text = f"nothing for {_SILENCE_S:g} s: see the USB cable"
-                yield BadFrame(0, time.time_ns(), text)
-                if not self._is_plugged_in():
-                    raise SourceLostError("source realsense: the camera is unplugged")
-                if silences == _MOST_SILENCES:
-                    raise SourceLostError(
-                        f"source realsense: nothing for {silences * _SILENCE_S:g} s"
-                    )
-
-    def _is_plugged_in(self) -> bool:
-        try:
-            expect_realsense(self._options.realsense.serial)
-        except UserError:
-            return False
-        return True
+    def _next(self) -> Frame | BadFrame | None:
+        is_there, images = self._pipeline.try_wait_for_frames(_WAIT_MS)
+        return self._frame(self._align.process(images)) if is_there else None
 
     def _frame(self, images: Any) -> Frame | BadFrame:
         color, depth = images.get_color_frame(), images.get_depth_frame()
@@ -131,18 +105,10 @@ def expect_realsense(serial: str) -> Any:
     Raises:
         UserError: which of them is missing.
     """
-    try:
-        rs = importlib.import_module("pyrealsense2")
-    except ImportError:
-        raise UserError(
-            "source realsense: package pyrealsense2 is not there: pip install 'hsslam-node[realsense]'"
-        ) from None
+    rs = driver("realsense", "pyrealsense2", "pyrealsense2")
     devices = rs.context().query_devices()
     found = [device.get_info(rs.camera_info.serial_number) for device in devices]
-    if not found:
-        raise UserError("source realsense: no camera: expected one on USB 3, and rights to use it")
-    if serial and serial not in found:
-        raise UserError(f"--realsense.serial {serial}: expected one of {', '.join(found)}")
+    chosen_camera("realsense", found, serial, f"--realsense.serial {serial}", "USB 3")
     return rs
 
 
