@@ -6,8 +6,7 @@ import numpy as np
 
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse
-
-_TURN_M_PER_RAD = 1.0  # what a turn counts when the nearest camera is looked for
+from hsslam_node.geometry.view_distance import TURN_M_PER_RAD
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class FloorFrames:
         """T_world_cam [4, 4] of a robot that stands there, with height and tilt of the camera that, of the
         `known` ones [n, 4, 4], stands and looks most like it."""
         poses = [self.pose_of(T) for T in known]
-        away = [at.distance_m(pose) + _TURN_M_PER_RAD * at.turn_rad(pose) for pose in poses]
+        away = [at.distance_m(pose) + TURN_M_PER_RAD * at.turn_rad(pose) for pose in poses]
         nearest = int(np.argmin(away))
         turn = at.yaw_rad - poses[nearest].yaw_rad
         T = self._placed(known[nearest])

@@ -10,7 +10,6 @@ from hsslam_node.inertial.reading import InertialMotion
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 _WINDOW_S = 1.0
-_LONGEST_S = 0.3  # of a motion between two frames
 _BIAS = 0.3  # m/s^2, standard deviation of an accelerometer's bias: 30 mg
 _SCALE = 0.1  # m/s^2, of the length of gravity: scale of the sensor, and the place on Earth
 _LEAST_NOISE = 0.02  # m/s^2, of the mean of a window
@@ -70,16 +69,16 @@ class GravityWindows:
         return len(self._rows)
 
     def add(
-        self, motion: InertialMotion | None, T_before_after: np.ndarray, keyframe: int,
+        self, motion: InertialMotion, T_before_after: np.ndarray, keyframe: int,
         R_keyframe_cam: np.ndarray,
     ) -> bool:  # fmt: skip
         """Take the motion between two tracked frames; whether it completes a window.
 
-        T_before_after: [4, 4] the same motion, tracked. R_keyframe_cam: [3, 3] of the later frame. Without a
-        motion what is unfinished is thrown away.
+        T_before_after: [4, 4] the same motion, tracked. R_keyframe_cam: [3, 3] of the later frame. A motion
+        over a gap breaks off.
         """
-        if motion is None or not 0 < motion.seconds < _LONGEST_S:
-            self._open = None
+        if not motion.is_short:
+            self.break_off()
             return False
         if self._open is None:
             self._open = _Window(motion, T_before_after)

@@ -8,7 +8,6 @@ from hsslam_node.inertial.reading import InertialMotion
 _MEMORY_S = 20.0  # the mean is of about so long: biases change with temperature, in minutes
 _LARGEST = 0.1  # rad/s, that one motion may be off the mean: more is an error of tracking
 _MOST = 0.1  # rad/s, of a bias: what is more is not that, but other axes
-_LONGEST_S = 0.3  # of a motion that is learnt from
 
 
 class GyroBias:
@@ -20,7 +19,7 @@ class GyroBias:
 
     def learn(self, motion: InertialMotion, R_before_after: np.ndarray) -> None:
         """From the motion between two frames and the tracked rotation [3, 3] of it."""
-        if not 0 < motion.seconds < _LONGEST_S:
+        if not motion.is_short:
             return
         excess = so3_log(R_before_after.T @ motion.rotation) / motion.seconds
         off = excess - self.value

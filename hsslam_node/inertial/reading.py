@@ -7,6 +7,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import quaternion_from_rotation, rotation_from_quaternion
 
+_LONGEST_S = 0.3  # of a motion between two frames
 _UNIT = 1e-3  # that the norm of a quaternion may be off
 
 
@@ -65,6 +66,11 @@ class InertialMotion:
     rotation: np.ndarray  # [3, 3] from the later camera's axes to the earlier one's
     velocity_change: np.ndarray  # [3] m/s, integral of the specific force; later camera's axes
     seconds: float
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it is between frames that follow each other, so that something can be learnt of it."""
+        return 0 < self.seconds < _LONGEST_S
 
 
 def motion_between(before: ImuReading | None, after: ImuReading | None) -> InertialMotion | None:

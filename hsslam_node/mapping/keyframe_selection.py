@@ -3,7 +3,7 @@
 import numpy as np
 
 from hsslam_node.config.mapping import KeyframeConfig
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.cell_counts import CellCounts
 from hsslam_node.mapping.view_cells import view_cells
@@ -12,7 +12,6 @@ _PRESSED = 0.7  # of what may be kept: from there on the bar rises
 _FULL = 0.95  # where it has risen to the top
 _LOOKED_AT = 64  # kept keyframes that are compared when one has to go
 _AT_A_TIME = 16  # keyframes whose cells are computed in one call, 2 ms each
-_TURN_M_PER_RAD = 1.0  # what a turn counts when an anchor is chosen
 
 
 class KeyframeSelection:
@@ -80,9 +79,6 @@ class KeyframeSelection:
             return 0
         if places is not None:
             self._counts.add(places, -1)
-        relative = inverse(store.pose(k)) @ store.poses_of(anchors)  # [n, 4, 4]
-        cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
-        away = np.linalg.norm(relative[:, :3, 3], axis=1)
-        away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
+        away = view_distance(store.pose(k), store.poses_of(anchors))
         store.retire(k, int(anchors[away.argmin()]))
         return 1

@@ -1,4 +1,4 @@
-"""Driver package and camera, either of which may be missing; apart, as each source of a camera asks for both."""
+"""Driver package and camera, either of which may be missing; apart, as each camera source asks for both."""
 
 import importlib
 from collections.abc import Sequence

@@ -5,11 +5,11 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 _STRIDE_PX = 24
 _CANDIDATES = 12  # that stand most like the camera
-_TURN_M_PER_RAD = 1.0  # what a turn counts when they are chosen
 _MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
 _CLEARLY = 0.1  # more of the frame's points than the current one
 
@@ -27,10 +27,7 @@ def covering_keyframe(
         return current
     ids = store.kept()
     poses = store.poses_of(ids)
-    relative = inverse(T_world_cam) @ poses  # [n, 4, 4]
-    cosine = (np.trace(relative[:, :3, :3], axis1=1, axis2=2) - 1) / 2
-    away = np.linalg.norm(relative[:, :3, 3], axis=1)
-    away += _TURN_M_PER_RAD * np.arccos(np.clip(cosine, -1, 1))
+    away = view_distance(T_world_cam, poses)
     best, most = current, share_shown(store, current, store.pose(current), points) + _CLEARLY
     for i in np.argsort(away, kind="stable")[:_CANDIDATES]:
         k = int(ids[i])

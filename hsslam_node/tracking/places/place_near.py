@@ -7,7 +7,8 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import camera_points
-from hsslam_node.geometry.se3 import inverse, so3_exp, so3_log, transformed
+from hsslam_node.geometry.se3 import so3_exp, transformed
+from hsslam_node.geometry.view_distance import TURN_M_PER_RAD, apart
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.place_recognition.picture_agreement import picture_agreement
@@ -41,14 +42,14 @@ class Whereabouts:
 
     def has(self, T_world_cam: np.ndarray) -> bool:
         """Whether a camera at T_world_cam [4, 4] is there."""
-        away_m, turn_rad = _apart(self.T_world_cam, T_world_cam[None])
+        away_m, turn_rad = apart(self.T_world_cam, T_world_cam[None])
         return bool(away_m[0] <= NEAR_M and turn_rad[0] <= NEAR_RAD)
 
     def keyframes(self, store: KeyframeStore) -> np.ndarray:
         """Ids [n] of the kept keyframes that may show what is seen there, the nearest first."""
         ids = store.kept()
-        away_m, turn_rad = _apart(self.T_world_cam, store.poses_of(ids))
-        order = np.argsort(away_m + turn_rad, kind="stable")
+        away_m, turn_rad = apart(self.T_world_cam, store.poses_of(ids))
+        order = np.argsort(away_m + TURN_M_PER_RAD * turn_rad, kind="stable")
         is_near = (away_m <= _KEYFRAMES_M) & (turn_rad <= _KEYFRAMES_RAD)
         return ids[order[is_near[order]]]
 
@@ -152,10 +153,3 @@ def _about(near: Whereabouts) -> list[np.ndarray]:
                 T[:3, 3] += along_m * ahead + across_m * side
                 poses.append(T)
     return poses
-
-
-def _apart(T_world_cam: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distance, m, and angle, rad, [n] each, from one pose [4, 4] to others [n, 4, 4]."""
-    relative = inverse(T_world_cam) @ others
-    turn_rad = np.array([np.linalg.norm(so3_log(T[:3, :3])) for T in relative])
-    return np.linalg.norm(relative[:, :3, 3], axis=1), turn_rad

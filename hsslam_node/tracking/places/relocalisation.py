@@ -12,6 +12,7 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
@@ -27,7 +28,6 @@ _OBSERVED_EVERY = 8  # frames; what was begun has long been done by then
 _LIMITS = LoopLimits(overlap=0.2)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
 _CLEARLY = 2.0  # times the inliers of another place
-_TURN_M_PER_RAD = 1.0  # what a turn counts when the nearest keyframe is looked for
 
 
 @dataclass(frozen=True)
@@ -138,10 +138,7 @@ class Relocalisation:
     def _nearest(self, T_world_cam: np.ndarray) -> int:
         """The kept keyframe that stands most like the camera, the oldest of equals."""
         ids = self._store.kept()
-        relative = inverse(T_world_cam) @ self._store.poses_of(ids)  # [n, 4, 4]
-        away = np.linalg.norm(relative[:, :3, 3], axis=1)
-        turned = np.array([np.linalg.norm(so3_log(T[:3, :3])) for T in relative])
-        return int(ids[np.argmin(away + _TURN_M_PER_RAD * turned)])
+        return int(ids[np.argmin(view_distance(T_world_cam, self._store.poses_of(ids)))])
 
 
 def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
