@@ -1,1 +1,1 @@
-"""An aligned frame: whether its pose is believed, and the keyframe that it is aligned to."""
+"""An aligned frame: whether its pose is believed, what it is aligned to, whether it is a keyframe."""

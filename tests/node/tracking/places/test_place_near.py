@@ -92,15 +92,18 @@ def test_of_two_places_with_other_pictures_the_named_one_is_not_believed():
 
 def test_the_tracker_goes_on_where_it_was_told_and_changes_nothing_elsewhere():
     store = _store(room_frames(), np.eye(4), ASIDE)
-    tracker = Tracker(SMALL, store, 0)
-    tracker.resume(anywhere=True)
+    tracker, not_asked = Tracker(SMALL, store, 0), Tracker(SMALL, store, 0)
+    for each in (tracker, not_asked):
+        each.resume(anywhere=True)
     T_last = inverse(room_poses()[0]) @ room_poses()[2]
-    before = tracker.held_keyframes
     for k in (2, 3):
         frame = room_frames()[k]
         wrong = _off(T_last, 5.0, 0, 90)
         assert tracker.find_near(frame, None, wrong, localise_only=True) is None
-        assert tracker.held_keyframes == before
+        result = tracker.track(frame, None, localise_only=True)
+        expected = not_asked.track(frame, None, localise_only=True)
+        assert result.status == expected.status
+        assert (result.T_world_cam == expected.T_world_cam).all()
     found = tracker.find_near(room_frames()[4], None, _off(T_last, 0.3, 10), localise_only=True)
     assert found is not None and found.status == "tracked" and not found.is_keyframe
     for k in range(5, 12):

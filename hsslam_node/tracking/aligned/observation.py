@@ -1,0 +1,48 @@
+"""A frame as the tracker takes it: with what is computed of it once, and what it is aligned to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, grey_pyramid
+from hsslam_node.tracking.map_view import MapView
+from hsslam_node.tracking.tracked_frame import frame_points
+
+_FEWEST_POINTS = 100
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One frame, prepared for its alignment."""
+
+    frame: Frame
+    levels: tuple[PyramidLevel, ...]  # coarse first
+    points: np.ndarray  # [N, 3] float32 m, camera frame
+    view: MapView | None  # None: there is no map, or it knows nothing of what is seen
+    localise_only: bool  # the map does not grow
+
+    @classmethod
+    def of(
+        cls,
+        frame: Frame,
+        view: MapView | None,
+        config: TrackerConfig,
+        seed: int,
+        *,
+        localise_only: bool,
+    ) -> "Observation":
+        """Build the image pyramid and choose the depth points; `seed` places them."""
+        points = frame_points(frame, config, seed)
+        return cls(frame, grey_pyramid(frame), points, view, localise_only)
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether there are enough points to align the frame, or to begin a map with it."""
+        return len(self.points) >= _FEWEST_POINTS
+
+    @property
+    def map_version(self) -> int:
+        """Of the map that the frame is aligned to; 0: none."""
+        return self.view.version if self.view else 0

@@ -1,0 +1,154 @@
+"""Alignment of frames to the reference keyframe and the map, and the choice of that keyframe."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.aligned.observation import Observation
+from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
+from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
+from hsslam_node.tracking.keyframes.other_views import views_near
+from hsslam_node.tracking.keyframes.reference_keyframe import (
+    PyramidLevel,
+    ReferenceKeyframe,
+    grey_pyramid,
+    reference_keyframe,
+    stored_reference,
+)
+from hsslam_node.tracking.tracked_frame import JoinedFragment, orthonormal
+
+
+@dataclass(frozen=True)
+class PoseDoubt:
+    """How sure an aligned pose is; covariances as in `geometry/pose_covariance.py`."""
+
+    own: np.ndarray  # [6, 6] of the pose against the reference
+    of_reference: np.ndarray  # [6, 6]
+    lever_m: np.ndarray  # [3] from the reference to the camera
+
+    def in_world(self) -> np.ndarray:
+        """[6, 6] of the pose in the world."""
+        return in_world(self.own, self.of_reference, self.lever_m)
+
+    def of_new_keyframe(self) -> np.ndarray:
+        """[6, 6] of the frame as a keyframe."""
+        return of_new_keyframe(self.own, self.of_reference, self.lever_m)
+
+
+class ReferenceAligner:
+    """Keeps the keyframe that frames are aligned to, and aligns them."""
+
+    def __init__(self, config: TrackerConfig, store: KeyframeStore) -> None:
+        self._config = config
+        self._store = store
+        self._aligned_at: AlignedAt | None = None  # of the newest alignment
+        self._next: Callable[[], ReferenceKeyframe] | None = None
+        self.reference: Reference | None = None
+
+    @property
+    def keyframe(self) -> int:
+        """Id of the reference keyframe."""
+        assert self.reference is not None
+        return self.reference.keyframe.id
+
+    def align(
+        self, seen: Observation, T: np.ndarray, doubt: np.ndarray | None = None
+    ) -> Alignment | None:
+        """The frame aligned from a guess T [4, 4]; None if it has too little depth.
+
+        `doubt`: [6, 6] of the guess, if the pose is to stay near it.
+
+        Raises:
+            TornMapError: the map was overwritten meanwhile.
+        """
+        if not seen.has_depth or self.reference is None:
+            return None
+        reference = self.reference
+        self._aligned_at = AlignedAt.now(reference.keyframe.id, self._store)
+        found = align(
+            seen.points, seen.levels, T, seen.view, reference.keyframe, self._aligned_at.T_world_ref,
+            self._config, reference.exposure, doubt,
+        )  # fmt: skip
+        if seen.view is not None:
+            seen.view.expect_intact()
+        return found
+
+    def placed(self, alignment: Alignment) -> tuple[np.ndarray, int]:
+        """The pose [4, 4] of the newest alignment, moved with its reference, and its pose version."""
+        assert self._aligned_at is not None
+        return self._aligned_at.followed(orthonormal(alignment.T_world_cam), self._store)
+
+    def doubt(self, alignment: Alignment) -> PoseDoubt:
+        """Of the newest alignment."""
+        assert alignment.evidence is not None and self._aligned_at is not None
+        lever_m = alignment.T_world_cam[:3, 3] - self._aligned_at.T_world_ref[:3, 3]
+        of_reference = self._store.covariance(self._aligned_at.keyframe)
+        return PoseDoubt(alignment.evidence.covariance(), of_reference, lever_m)
+
+    def observe(self, alignment: Alignment) -> Reference:
+        """Learn from an accepted alignment what it shows of the reference; returns that."""
+        assert self.reference is not None
+        coverage = max(self.reference.coverage, alignment.surface_coverage)
+        self.reference = Reference(self.reference.keyframe, alignment.exposure, coverage)
+        return self.reference
+
+    def needs_another(self, alignment: Alignment, T_world_cam: np.ndarray, frame: Frame) -> bool:
+        """Whether another keyframe would show more of a frame that was aligned to T_world_cam [4, 4]."""
+        assert self.reference is not None
+        return self.reference.needs_replacing(
+            alignment, T_world_cam, frame, self._store, self._config
+        )
+
+    def refer_to(self, keyframe: int) -> None:
+        """Align to a keyframe of the store."""
+        self.reference = Reference(stored_reference(self._store, keyframe, self._config))
+
+    def refer_to_new(self, k: int, frame: Frame, levels: tuple[PyramidLevel, ...]) -> None:
+        """Align to a frame that has just become keyframe k."""
+        pixels = self._config.photometric_pixels
+        self.reference = Reference(reference_keyframe(k, frame, levels, pixels))
+
+    def refer_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
+        """Align to the keyframe that shows most of a frame at about T_world_cam [4, 4]."""
+        k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
+        if k != self.keyframe:
+            self.refer_to(k)
+
+    def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
+        """Align the next frame to keyframe k, which is `frame`: what `seen` is, without what moves."""
+        levels = seen.levels if frame is seen.frame else grey_pyramid(frame)
+        views = views_near(self._store, k, frame, self._config.reference_views)
+        pixels = self._config.photometric_pixels
+        self._next = partial(reference_keyframe, k, frame, levels, pixels, views)
+
+    def refer_next_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
+        """Align the next frame to the keyframe that shows clearly more of this one, if one does."""
+        k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
+        if k != self.keyframe:
+            self._next = partial(stored_reference, self._store, k, self._config)
+
+    def prepare_next(self) -> None:
+        """Prepare the keyframe that the next frame is aligned to, which the last pose did not need."""
+        if self._next is not None:
+            self.reference = Reference(self._next())
+            self._next = None
+
+    def take_over(self, other: "ReferenceAligner", joined: JoinedFragment) -> None:
+        """Go on with the reference of a fragment that has joined the store."""
+        other.prepare_next()
+        assert other.reference is not None
+        keyframe = other.reference.keyframe
+        moved = int(joined.keyframes[keyframe.id])
+        if (joined.T_keyframe_own[keyframe.id] == np.eye(4)).all():
+            keyframe = replace(keyframe, id=moved)
+        else:
+            keyframe = stored_reference(self._store, moved, self._config)
+        self.reference = replace(other.reference, keyframe=keyframe)
+        self._next = None

@@ -1,0 +1,115 @@
+"""How the camera moves: the last two aligned frames and the IMU, and where they expect the next frame."""
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.frame import Frame
+from hsslam_node.geometry.se3 import inverse
+from hsslam_node.map.store import KeyframeStore
+from hsslam_node.tracking.inertial.prior import InertialPrior
+from hsslam_node.tracking.tracked_frame import (
+    LONGEST_EXTRAPOLATION,
+    JoinedFragment,
+    TrackedFrame,
+    is_foreseen,
+    predicted_pose,
+)
+
+
+class CameraMotion:
+    """Keeps aligned frames and predicts the pose of the next one, by constant velocity.
+
+    If frames carry readings of an IMU, these predict the rotation, and the store gets to know gravity.
+    A camera that was lost may have been carried, so its way there is no motion to expect more of.
+    """
+
+    def __init__(self, config: TrackerConfig, store: KeyframeStore) -> None:
+        self._store = store
+        self._longest_gap_s = config.longest_gap_s
+        self._inertial = InertialPrior(store, config.inertial_rotation)
+        self._last: TrackedFrame | None = None
+        self._before_last: TrackedFrame | None = None
+        self.lost_frames = 0  # since the last aligned one
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a frame was aligned, or began the map."""
+        return self._last is not None
+
+    @property
+    def last(self) -> TrackedFrame:
+        """The last aligned frame; there is one once the motion has begun."""
+        assert self._last is not None
+        return self._last
+
+    @property
+    def T_world_last(self) -> np.ndarray:
+        """Pose [4, 4] of the last aligned frame, by its keyframe's pose as it is now."""
+        return self.last.pose(self._store)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there are two frames whose motion goes on."""
+        return self._before_last is not None
+
+    @property
+    def imu_disagrees(self) -> bool:
+        """Whether the IMU turns otherwise than the camera, so that it is not used."""
+        return self._inertial.disagrees
+
+    def take(self, frame: Frame) -> None:
+        """The frame that is to be aligned now; it may be repeated."""
+        self._inertial.take(frame.imu)
+
+    def predicted(self, stamp_ns: int, longest: float = LONGEST_EXTRAPOLATION) -> np.ndarray:
+        """T_world_cam [4, 4] at stamp_ns; `longest` as for `predicted_pose`."""
+        T = predicted_pose(self.last, self._before_last, self._store, stamp_ns, longest)
+        return self._inertial.turned(T, self.T_world_last)
+
+    def is_foreseen(self, stamp_ns: int) -> bool:
+        """Whether the prediction can be trusted: the camera is neither lost nor seen after a gap."""
+        return self.lost_frames == 0 and is_foreseen(self.last, self._before_last, stamp_ns)
+
+    def is_after_gap(self, stamp_ns: int) -> bool:
+        """Whether the camera is lost, or was not seen for long."""
+        gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
+        return self.lost_frames > 0 or gap_s > self._longest_gap_s
+
+    def begin(self, frame: Frame, keyframe: int) -> None:
+        """Go on from a frame that is a keyframe and was not aligned to another."""
+        self._last, self._before_last = TrackedFrame(frame, keyframe, np.eye(4)), None
+        self._inertial.restart(frame.imu)
+
+    def resume(self, keyframe: int, lost_frames: int) -> None:
+        """Go on from a keyframe of the store as a camera that has been lost for a while."""
+        self._last = TrackedFrame(self._store.frame(keyframe), keyframe, np.eye(4))
+        self._before_last, self.lost_frames = None, lost_frames
+
+    def take_over(self, other: "CameraMotion", joined: JoinedFragment) -> None:
+        """Go on with the motion in a fragment that has joined the store."""
+        self._last = joined.placed(other.last)
+        self._before_last = other._before_last and joined.placed(other._before_last)
+        self.lost_frames = 0
+        self._inertial.restart(None)
+
+    def note_carried(self) -> None:
+        """The next frame is found where a person says, so the way there is no motion of the camera."""
+        self.lost_frames = max(self.lost_frames, 1)
+
+    def aligned(
+        self, frame: Frame, T_world_cam: np.ndarray, keyframe: int, T_keyframe_cam: np.ndarray
+    ) -> None:
+        """The frame is aligned: at T_world_cam [4, 4], which is at T_keyframe_cam [4, 4] of a keyframe."""
+        if self.lost_frames == 0:
+            T_last_cam = inverse(self.T_world_last) @ T_world_cam
+            self._inertial.aligned(frame.imu, T_last_cam, keyframe, T_keyframe_cam)
+        else:
+            self._inertial.restart(frame.imu)
+        self._before_last = self._last if self.lost_frames == 0 else None
+        self._last = TrackedFrame(frame, keyframe, T_keyframe_cam)
+        self.lost_frames = 0
+
+    def unaligned(self, *, is_lost: bool) -> None:
+        """The frame is not aligned; it is lost, or its pose is by odometry alone."""
+        self._before_last = None
+        self.lost_frames += is_lost

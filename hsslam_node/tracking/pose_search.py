@@ -1,0 +1,169 @@
+"""The search for the pose of one frame: where odometry expects it, at guesses, at places seen before."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.tracking.aligned.acceptance import is_acceptable, is_confirmed
+from hsslam_node.tracking.aligned.observation import Observation
+from hsslam_node.tracking.aligned.reference import Reference
+from hsslam_node.tracking.aligned.reference_aligner import ReferenceAligner
+from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
+from hsslam_node.tracking.motion import CameraMotion
+from hsslam_node.tracking.odometry import rgbd_odometry
+from hsslam_node.tracking.places.relocalisation import Place, Relocalisation
+
+FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
+_UNALIGNED_FRAMES = 10  # by odometry alone, though they see something: then other places are tried
+
+
+class PoseSearch:
+    """Aligns a frame from one guess after the other until an alignment is believed.
+
+    The reference of the aligner is then the keyframe that it was found with; after a search in vain, or one
+    that an error ends, it is the one from before.
+    """
+
+    def __init__(
+        self,
+        config: TrackerConfig,
+        aligner: ReferenceAligner,
+        motion: CameraMotion,
+        relocalisation: Relocalisation,
+    ) -> None:
+        self._config = config
+        self._aligner = aligner
+        self._motion = motion
+        self._relocalisation = relocalisation
+
+    def from_motion(
+        self,
+        seen: Observation,
+        prediction: np.ndarray,
+        reckoned: DeadReckoning,
+        reckoning: Reckoning | None,
+    ) -> Alignment | None:
+        """The alignment of a frame, None if none is believed.
+
+        Args:
+            prediction: T_world_cam [4, 4] by the camera's motion.
+            reckoned: frames by odometry alone before this one.
+            reckoning: where odometry expects this one; None: it does not say.
+
+        Raises:
+            TornMapError: the map was overwritten meanwhile.
+        """
+        before, found = self._aligner.reference, None
+        try:
+            if reckoning is not None:
+                found = self._by_odometry(seen, reckoned, reckoning)
+            if found is None:
+                self._aligner.reference = before
+                found = self._by_guesses(seen, prediction, reckoned, reckoning)
+        finally:
+            if found is None:
+                self._aligner.reference = before
+        return found
+
+    def at_place(self, seen: Observation, place: Place) -> Alignment | None:
+        """The alignment of a frame at a place, None if it does not fit.
+
+        Raises:
+            TornMapError: the map was overwritten meanwhile.
+        """
+        before, found = self._aligner.reference, None
+        self._aligner.reference = Reference(place.reference)
+        try:
+            best = self._aligner.align(seen, place.T_world_cam)
+            if self._is_acceptable(seen, best, place.T_world_cam, after_gap=True):
+                found = best
+        finally:
+            if found is None:
+                self._aligner.reference = before
+        return found
+
+    def _by_odometry(
+        self, seen: Observation, reckoned: DeadReckoning, reckoning: Reckoning
+    ) -> Alignment | None:
+        """Near the pose that odometry predicts, after a gap at the keyframe that shows most of the frame."""
+        T = reckoning.T_world_cam
+        if reckoned.is_on and seen.has_depth:
+            self._aligner.refer_to_covering(seen.frame, T)
+        best = self._aligner.align(seen, T, reckoning.doubt)
+        if best is None:
+            return None
+        if not reckoning.is_sure:
+            after_gap = self._motion.is_after_gap(seen.frame.stamp_ns)
+            fits = self._is_acceptable(seen, best, T, after_gap)
+            return best if fits and self._is_confirmed(seen, best, None) else None
+        fits = self._is_acceptable(seen, best, T, after_gap=False)
+        if fits and self._is_confirmed(seen, best, T):
+            return best
+        return best if reckoning.agrees(best, self._config) and not seen.localise_only else None
+
+    def _by_guesses(
+        self,
+        seen: Observation,
+        prediction: np.ndarray,
+        reckoned: DeadReckoning,
+        reckoning: Reckoning | None,
+    ) -> Alignment | None:
+        """From the first guess whose alignment is believed; without depth, odometry alone may do."""
+        is_reckoned = reckoning is not None and reckoning.is_within_reach(self._config)
+        if is_reckoned and not seen.has_depth:
+            return None
+        before, stamp_ns = self._aligner.reference, seen.frame.stamp_ns
+        expected = prediction if self._motion.is_foreseen(stamp_ns) else None
+        after_gap = self._motion.is_after_gap(stamp_ns)
+        for guess in self._guesses(seen, prediction, reckoned, is_unforeseen=expected is None):
+            best = self._aligner.align(seen, guess)
+            if best is None or not self._is_acceptable(seen, best, guess, after_gap):
+                continue
+            is_at_place = self._aligner.reference is not before  # which has been checked
+            if is_at_place or self._is_confirmed(seen, best, expected):
+                return best
+        return None
+
+    def _guesses(
+        self,
+        seen: Observation,
+        prediction: np.ndarray,
+        reckoned: DeadReckoning,
+        *,
+        is_unforeseen: bool,
+    ) -> Iterator[np.ndarray]:
+        """After a gap, as far on as it is long; as predicted; at rest; by OpenCV's RGB-D odometry from the
+        last good frame; after a gap, or when lost, at a place seen before."""
+        motion, frame = self._motion, seen.frame
+        T_last = motion.T_world_last
+        if is_unforeseen and motion.is_known:
+            yield motion.predicted(frame.stamp_ns, longest=np.inf)
+        yield prediction
+        if motion.is_known:
+            yield T_last
+        if motion.lost_frames + reckoned.unaligned_frames < FOLLOWED_FRAMES:
+            T_last_cam = rgbd_odometry(motion.last.frame, frame)
+            if T_last_cam is not None:
+                yield T_last @ T_last_cam
+        is_reckoned = reckoned.is_on and motion.lost_frames == 0
+        if not is_unforeseen or (is_reckoned and reckoned.unaligned_frames < _UNALIGNED_FRAMES):
+            return
+        for place in self._relocalisation.places(frame):
+            self._aligner.reference = Reference(place.reference)
+            yield place.T_world_cam
+
+    def _is_acceptable(
+        self, seen: Observation, alignment: Alignment | None, guess: np.ndarray, after_gap: bool
+    ) -> bool:
+        return is_acceptable(
+            alignment, guess, after_gap=after_gap, localise_only=seen.localise_only,
+            config=self._config,
+        )  # fmt: skip
+
+    def _is_confirmed(
+        self, seen: Observation, best: Alignment, expected: np.ndarray | None
+    ) -> bool:
+        last, T_world_last = self._motion.last, self._motion.T_world_last
+        return is_confirmed(best.T_world_cam, expected, seen.frame, last, T_world_last)
