@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError, read_color
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.source import BadFrame, IsLate, Source, frames_in_time, never_late
 
 
 class ChangedSource(ABC):
@@ -33,7 +33,11 @@ class ChangedSource(ABC):
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """The frames of the other source, changed."""
-        for frame in self._source.frames(first):
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`, without the late ones, if the other source can leave them out."""
+        for frame in frames_in_time(self._source, first, is_late):
             yield frame if isinstance(frame, BadFrame) else self.changed(frame)
 
     @abstractmethod

@@ -20,7 +20,7 @@ from hsslam_node.sources.files.image_files import (
 from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
 
 _CROP_PX = 10  # colour has a black border
 
@@ -49,10 +49,17 @@ class ScanNetSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Every frame from `first` on; one that cannot be read comes as a `BadFrame`."""
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`; late frames are not read."""
         with ExitStack() as stack:
             read = self._reader(stack)
             for index in range(first, len(self._rows)):
                 row, stamp_ns = self._rows[index], self._stamps_ns[index]
+                if is_late(stamp_ns):
+                    yield LateFrame(index, stamp_ns)
+                    continue
                 try:
                     color, depth = read(row)
                 except BadImageError as error:

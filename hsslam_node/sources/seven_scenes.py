@@ -15,7 +15,7 @@ from hsslam_node.sources.files.camera_file import read_record_camera
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate
 
 RATE_HZ = 30.0  # of a Kinect v1; the layout has no stamps
 _SIZE_PX = (640, 480)
@@ -44,9 +44,9 @@ class SevenScenesSource(ImagePairSource):
         super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
         self.rate_hz = RATE_HZ / options.stride
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every frame; a pixel of 65535, which means no depth here, becomes 0."""
-        for item in super().frames(first):
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """Every frame that is not late; a pixel of 65535, which means no depth here, becomes 0."""
+        for item in super().frames_in_time(first, is_late):
             if isinstance(item, Frame):
                 depth = np.where(item.depth_raw == _NO_DEPTH, np.uint16(0), item.depth_raw)
                 item = replace(item, depth_raw=depth)

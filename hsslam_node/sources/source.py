@@ -1,8 +1,8 @@
 """What every source looks like to the rest of the system; alone, as all sources import it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -25,6 +25,23 @@ class Source(Protocol):
         ...
 
 
+@runtime_checkable
+class ReadsInTime(Protocol):
+    """A recording that leaves out frames before it decodes them, if it is slower than the sensor was."""
+
+    def frames_in_time(self, first: int, is_late: "IsLate") -> "Iterator[Frame | BadFrame]":
+        """As `Source.frames`, with a `LateFrame` for each frame that is late when its turn comes."""
+        ...
+
+
+IsLate = Callable[[int], bool]  # of a stamp, ns: whether the next frame is due too
+
+
+def never_late(stamp_ns: int) -> bool:
+    """All frames are wanted, however long they take."""
+    return False
+
+
 class SourceLostError(Exception):
     """A live camera that gave frames is gone, perhaps for a while; the text is one line."""
 
@@ -36,3 +53,17 @@ class BadFrame:
     index: int
     stamp_ns: int
     reason: str
+
+
+@dataclass(frozen=True)
+class LateFrame(BadFrame):
+    """A frame that was not read, since it was late: counted, and the run goes on."""
+
+    reason: str = "late"
+
+
+def frames_in_time(source: Source, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+    """The frames of any source from `first` on; late ones are left out if the source can do that."""
+    if isinstance(source, ReadsInTime):
+        return source.frames_in_time(first, is_late)
+    return source.frames(first)

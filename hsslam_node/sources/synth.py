@@ -12,7 +12,7 @@ from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.options import SourceOptions, SynthOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
 from hsslam_node.synth.scenes.scenes import SCENES
 
 if TYPE_CHECKING:
@@ -51,12 +51,19 @@ class SynthSource:
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Every frame from `first` on; the first call builds the textures (seconds), unless they are in the
         cache."""
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`; late frames are not rendered."""
         from hsslam_node.synth.rendering.renderer import Renderer  # imports numba and OpenCV
 
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
         for index in range(first, len(self._rows)):
-            color, depth = renderer.render(self._poses[index], self._rows[index])
             stamp_ns = int(self._stamps_ns[index])
+            if is_late(stamp_ns):
+                yield LateFrame(index, stamp_ns)
+                continue
+            color, depth = renderer.render(self._poses[index], self._rows[index])
             sensors = self._odometry[index], self._imu[index]
             yield Frame(index, stamp_ns, self.camera, color, depth, _UNITS_PER_M, *sensors)
 

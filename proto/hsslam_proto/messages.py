@@ -138,10 +138,14 @@ class ImuSamples(Message, frozen=True, kw_only=True):
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
-    """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say)."""
+    """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say).
+
+    `frame_count`: frames that were sent, and those that a slow recording left out (`skipped_frame_count`).
+    """
 
     frame_count: Index
     bad_frame_count: Index = 0
+    skipped_frame_count: Index = 0
     last_index: Annotated[int, Meta(ge=-1, le=2**63 - 1)] = -1
     reason: Text = ""
 

@@ -11,7 +11,7 @@ from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 
@@ -44,8 +44,15 @@ class ImagePairSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Every pair of images from `first` on; one that cannot be read comes as a `BadFrame`."""
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`; files of late frames are not read."""
         for index in range(first, len(self._pairs)):
             stamp_ns, color_file, depth_file = self._pairs[index]
+            if is_late(stamp_ns):
+                yield LateFrame(index, stamp_ns)
+                continue
             try:
                 color = read_color(color_file, self.camera)
                 depth = read_depth(depth_file, self.camera)

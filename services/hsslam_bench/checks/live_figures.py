@@ -20,6 +20,8 @@ def tracked(run: ServeRun, least: float) -> Measured:
     share = (frames["tracked"] - 1) / after_first
     shifts = run.summary["processes"]["camera"]["counters"].get("clock_shifts", 0)
     notes = [f"{frames['tracked'] - 1} of {after_first}, {frames['lost']} lost"]
+    if skipped := frames.get("skipped", 0):
+        notes.append(f"{skipped} left out by a slow source")
     looked = _looked_share(run)
     if run.viewer_bytes is not None:
         notes.append(f"viewer took {run.viewer_bytes / 1e6:.1f} MB in {looked:.0%} of the seconds")
@@ -77,7 +79,7 @@ def messages_expected(summary: Mapping[str, Any]) -> dict[str, int]:
     """Messages that a complete log holds by the summary; a frame that was sent again is there again."""
     frames, camera = summary["frames"], summary["processes"]["camera"]["counters"]
     return {
-        "in/frame": frames["in"] + camera.get("resent", 0),
+        "in/frame": frames["in"] - frames.get("skipped", 0) + camera.get("resent", 0),
         "out/pose": frames["tracked"] + frames["lost"],
     }
 

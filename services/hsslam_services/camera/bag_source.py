@@ -10,7 +10,7 @@ from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_topic
 from hsslam_services.camera.ros_frames import RosFrames
@@ -59,6 +59,10 @@ class BagSource:
         Raises:
             UserError: the bag was damaged after it was opened.
         """
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`; images of late frames are not decoded, what other sensors know goes on to the next."""
         rows = self._rows[first:]
         if not rows:
             return
@@ -66,7 +70,11 @@ class BagSource:
         with contextlib.closing(self._paired(self._new_pairs(), sensors)) as pairs:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
-                    frame = self._frame(first + rows.index(row), color, depth)
+                    index = first + rows.index(row)
+                    if is_late(color.stamp_ns):
+                        frame = LateFrame(index, color.stamp_ns)
+                    else:
+                        frame = self._frame(index, color, depth)
                     for sensor in sensors.values():
                         frame = sensor.given(frame) if isinstance(frame, Frame) else frame
                     yield frame

@@ -19,13 +19,19 @@ _POLL_S = 0.05
 
 
 class Pace(Protocol):
-    """Decides when a frame goes out; `send` returns when the next one may be prepared."""
+    """Decides when a frame goes out; `send` returns when the next one may be prepared.
+
+    `is_late`: whether a frame of a recording, which is about to be read, comes too late; another thread may
+    ask it.
+    """
 
     def wait_for_peers(self) -> None: ...
 
     def send(self, frame: Frame) -> None: ...
 
     def held(self, seconds: float) -> None: ...
+
+    def is_late(self, source_ns: int) -> bool: ...
 
     def begin_map_epoch(self) -> None: ...
 
@@ -51,6 +57,10 @@ class Lockstep:
 
     def held(self, seconds: float) -> None:
         """Nothing to do: a step takes as long as it takes."""
+
+    def is_late(self, source_ns: int) -> bool:
+        """Never: every frame is waited for."""
+        return False
 
     def begin_map_epoch(self) -> None:
         """Nothing to do: the next frame waits for its map anyway."""
@@ -97,6 +107,10 @@ class Live:
 
     def held(self, seconds: float) -> None:
         """Nothing to do: what came meanwhile is gone."""
+
+    def is_late(self, source_ns: int) -> bool:
+        """Never: a live camera is asked for its newest frame."""
+        return False
 
     def begin_map_epoch(self) -> None:
         """Nothing to do: a live camera waits for no map."""

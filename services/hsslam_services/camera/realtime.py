@@ -15,6 +15,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 _POLL_S = 0.05
 _LARGEST_LAG_NS = 10**9
 _LONGEST_WAIT_NS = 10**9  # for the next frame of a recording with a gap
+_LATE = 0.5  # periods behind its time
 NEEDED = ("tracker", "mapper")
 OTHERS = ("recorder",)  # logs from the first frame on, if it can
 
@@ -23,7 +24,9 @@ class Realtime:
     """Sends frames when the sensor would have; the clock starts when the first map is there.
 
     `clock_scale` stretches the source's stamps to another rate, `period_s` apart. A gap in the stamps is
-    waited out for 1 s (or three frames of a slow sensor), and reported, as is a step back.
+    waited out for 1 s (or three frames of a slow sensor), and reported, as is a step back. A source that
+    cannot be read as fast as its sensor was leaves out frames, so that the others come in time; if it cannot
+    leave them out, its clock is moved once it is 1 s behind.
     """
 
     def __init__(
@@ -41,6 +44,9 @@ class Realtime:
         self._scale = clock_scale
         self._sensors = sensors
         self._longest_wait_ns = max(_LONGEST_WAIT_NS, round(3e9 * period_s))
+        self._late_ns = round(_LATE * 1e9 * period_s)
+        self._read_ns = -1  # stamp of the frame that was read last
+        self._steps_read = self._steps_sent = 0  # steps back in the stamps
         self._wall = WallClock()
         self._maps = worker.bus.subscribe(topics.MAP, 1)
         self._poses = worker.bus.subscribe(topics.POSE, 8)
@@ -62,6 +68,18 @@ class Realtime:
         stamp_ns = self._stamp_ns(due_ns)
         frame = self._sensors.given(frame, stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher))
+
+    def is_late(self, source_ns: int) -> bool:
+        """Whether the frame of this stamp, which is about to be read, is half a period late or more.
+
+        After a step back in the stamps none is late until that frame was sent, as the clock is not known.
+        """
+        self._steps_read += source_ns < self._read_ns
+        self._read_ns = source_ns
+        if not self._progress.pinned_ns or self._steps_read > self._steps_sent:
+            return False
+        lag_ns = time.monotonic_ns() - self._progress.due_ns(round(source_ns * self._scale))
+        return self._late_ns < lag_ns < _LARGEST_LAG_NS
 
     def held(self, seconds: float) -> None:
         """The sensor's clock stood still for so long."""
@@ -104,6 +122,7 @@ class Realtime:
         wait_ns = self._progress.due_ns(source_ns) - time.monotonic_ns()
         is_back = frame.stamp_ns < self._progress.last_source_ns
         if is_back:
+            self._steps_sent += 1
             self._worker.count("steps back")
             back_s = (self._progress.last_source_ns - frame.stamp_ns) / 1e9
             self._report(frame, f"its stamp is {back_s:g} s before the last one's")

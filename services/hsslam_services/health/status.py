@@ -66,7 +66,11 @@ def process_section(
     if end is not None:
         known = read_summary(run.path).get("frames", {})  # from the pose log, by the saver
         answered = known.get("tracked", state.tracked) + known.get("lost", state.lost)
-        frames = {"in": end.frame_count, "bad": end.bad_frame_count}
+        frames = {
+            "in": end.frame_count,
+            "bad": end.bad_frame_count,
+            "skipped": end.skipped_frame_count,
+        }
         frames["dropped"] = max(end.frame_count - answered, 0)
     return {
         "run_id": run.run_id,
@@ -109,9 +113,12 @@ def _sent(children: Mapping[str, Child], state: RunState) -> int:
 
 
 def frames_dropped(children: Mapping[str, Child]) -> int:
-    """Frames that the tracker missed because newer ones came, by its last heartbeat."""
-    health = children["tracker"].health if "tracker" in children else None
-    return health.topics.get(FRAME.name, TopicCounts()).dropped if health else 0
+    """Frames that the tracker missed because newer ones came, and those that a slow source left out, by the
+    last heartbeats."""
+    tracker = children["tracker"].health if "tracker" in children else None
+    missed = tracker.topics.get(FRAME.name, TopicCounts()).dropped if tracker else 0
+    camera = children["camera"].health if "camera" in children else None
+    return missed + (camera.counters.get("skipped", 0) if camera else 0)
 
 
 def load_level(children: Mapping[str, Child]) -> int:

@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder
@@ -66,12 +66,19 @@ class McapSource:
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
         """Selected frames from `first` on; one whose images cannot be decoded comes as a `BadFrame`."""
+        return self.frames_in_time(first, never_late)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`; images of late frames are not decoded."""
         rows = frozenset(sorted(self._rows)[first:])
         last = max(rows, default=-1)
         for row, message in enumerate(self._logged()):
             if row > last:
                 return
             if row in rows:
+                if is_late(message.source_stamp_ns):
+                    yield LateFrame(message.index, message.source_stamp_ns)
+                    continue
                 try:
                     yield frame_from_message(message)
                 except UserError as error:

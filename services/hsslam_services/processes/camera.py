@@ -11,7 +11,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 from hsslam_node.frame import Frame
-from hsslam_node.sources.source import BadFrame, Source
+from hsslam_node.sources.source import BadFrame, LateFrame, Source, frames_in_time
 from hsslam_proto import topics
 from hsslam_proto.messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
@@ -28,6 +28,9 @@ from hsslam_services.run.source_table import is_live
 
 _POLL_S = 0.1
 _AHEAD = 15  # frames decoded in advance: rides out half a second of other load
+_SLOW_SOURCE = (
+    "the source is slower than its sensor was: late frames are left out, and count as dropped"
+)
 
 
 class PauseListener:
@@ -83,7 +86,7 @@ def _run(worker: Worker) -> None:
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
     last_frame, last_sent = LastFrame(worker), -1
     map_epoch = mode.map_epoch
-    with contextlib.closing(_items(worker, source, progress.next_index)) as items:
+    with contextlib.closing(_items(worker, source, progress.next_index, pace)) as items:
         pace.wait_for_peers()
         worker.ready()
         progress.write(Path(worker.run.arena_dir))  # before the first frame goes out
@@ -94,7 +97,11 @@ def _run(worker: Worker) -> None:
                 pace.begin_map_epoch()
             if worker.should_stop():
                 break
-            if isinstance(item, BadFrame):
+            if isinstance(item, LateFrame):
+                progress.skipped += 1
+                if progress.skipped == 1:
+                    worker.event("warning", f"frame {item.index}: {_SLOW_SOURCE}")
+            elif isinstance(item, BadFrame):
                 progress.bad += 1
                 worker.event("warning", f"frame {item.index} skipped: {item.reason}")
             else:
@@ -104,12 +111,13 @@ def _run(worker: Worker) -> None:
                 progress.last_source_ns = item.stamp_ns
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
-            worker.counters.update(sent=progress.sent, bad=progress.bad)
+            worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
     reason = "stopped" if worker.should_stop() else "end of source"
     worker.bus.publisher(topics.SOURCE_END).put(
         SourceEnd(
-            frame_count=progress.sent,
+            frame_count=progress.sent + progress.skipped,
             bad_frame_count=progress.bad,
+            skipped_frame_count=progress.skipped,
             last_index=progress.next_index - 1,
             reason=reason,
         )
@@ -119,12 +127,12 @@ def _run(worker: Worker) -> None:
 
 
 def _items(
-    worker: Worker, source: Source, first: int
+    worker: Worker, source: Source, first: int, pace: Pace
 ) -> Prefetch[Frame | BadFrame] | Generator[Frame | BadFrame, None, None]:
     """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
     if is_live(worker.options.source):
         return live_frames(worker, source, first)
-    return Prefetch(source.frames(first), _AHEAD, worker.should_stop)
+    return Prefetch(frames_in_time(source, first, pace.is_late), _AHEAD, worker.should_stop)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

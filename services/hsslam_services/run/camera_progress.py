@@ -7,7 +7,7 @@ from pathlib import Path
 from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
-_LAYOUT = struct.Struct("<qqqqqqq")
+_LAYOUT = struct.Struct("<qqqqqqqq")
 
 
 @dataclass
@@ -24,6 +24,7 @@ class CameraProgress:
     pinned_ns: int = 0
     publisher: int = field(default_factory=new_publisher)
     last_source_ns: int = -1  # stamp of the last frame that was sent; -1: none was
+    skipped: int = 0  # late frames that were not read
 
     def due_ns(self, source_ns: int) -> int:
         """Monotonic time at which the sensor would have delivered the frame of this source stamp."""

@@ -12,6 +12,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import CameraOptions, RecordOptions, SourceOptions
 from hsslam_node.sources.source import BadFrame
+from tests.late_frames import expect_late_frames_left_out
 from tests.sequence_folders import HEIGHT, WIDTH, frame_images
 
 CAMERA = CameraOptions(fx=50.0, depth_scale=5000.0)
@@ -187,3 +188,8 @@ def test_images_that_do_not_fit(tmp_path):
 def test_wrong_options_are_named(make, words):
     with pytest.raises(UserError, match=words):
         make()
+
+
+def test_late_frames_are_not_read(tmp_path):
+    names = [f"{k}.png" for k in range(5)]
+    expect_late_frames_left_out(source_of(record(tmp_path, names, names)))

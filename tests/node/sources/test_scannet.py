@@ -13,6 +13,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.scannet import on_depth
 from hsslam_node.sources.source import BadFrame
+from tests.late_frames import expect_late_frames_left_out
 from tests.node.sources.scannet_files import (
     COLOR_K,
     DEPTH_K,
@@ -143,3 +144,7 @@ def test_a_malformed_pose_is_told(tmp_path):
 def test_a_scene_that_is_not_there_is_told(tmp_path):
     with pytest.raises(UserError, match=r"expected a \.sens file, or a folder with color/"):
         open_source(f"scannet:{tmp_path / 'none'}")
+
+
+def test_late_frames_are_not_read(scene):
+    expect_late_frames_left_out(open_source(scene))

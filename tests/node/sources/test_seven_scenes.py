@@ -13,6 +13,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import CameraOptions, SourceOptions
 from hsslam_node.sources.source import BadFrame
+from tests.late_frames import expect_late_frames_left_out
 
 
 @pytest.fixture
@@ -126,3 +127,7 @@ def test_frames_of_the_real_kitchen_come_back_as_they_were(test_data, tmp_path):
     again = open_ground_truth(f"7scenes:{tmp_path}")
     assert again is not None
     np.testing.assert_allclose(again.T_world_cam, truth.T_world_cam, atol=1e-8)
+
+
+def test_late_frames_are_not_read(sequence):
+    expect_late_frames_left_out(open_source(f"7scenes:{sequence}"))

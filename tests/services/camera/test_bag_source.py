@@ -15,6 +15,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import BagOptions, CameraOptions, SourceOptions, SynthOptions
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_services.camera.open_source import open_any_source
+from tests.late_frames import expect_late_frames_left_out
 from tests.services.camera.ros_bags import COLOR, DEPTH, INFO, KINDS, BagWriter, new_bag, written
 
 ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), frames=6)
@@ -269,3 +270,8 @@ def test_an_imu_of_a_bag_is_used_if_its_mounting_is_known(
     assert all(frame.imu is None for frame in whole_frames(opened(path)))
     with pytest.raises(UserError, match=r"--bag\.imu /imu: no such topic.*/imu/data \(Imu"):
         opened(path, bag=BagOptions(imu="/imu"))
+
+
+def test_images_of_late_frames_are_not_decoded(room: list[Frame], tmp_path: Path):
+    path = written(tmp_path, KINDS[0], room)
+    expect_late_frames_left_out(opened(path, room[0].depth_units_per_m, start=1))

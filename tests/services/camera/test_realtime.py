@@ -11,11 +11,13 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.sources.source import LateFrame
 from hsslam_proto import topics
 from hsslam_proto.messages import Frame as FrameMessage
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera import wall_clock
+from hsslam_services.camera.prefetch import Prefetch
 from hsslam_services.camera.realtime import Realtime
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
@@ -108,3 +110,74 @@ def test_a_wall_clock_that_is_set_moves_stamps_and_not_the_pace(paced, monkeypat
     assert f"the wall clock was set by {hours * 3600:+.1f} s" in told[0]
     moved_s = (after[0].stamp_ns - before[1].stamp_ns) / 1e9
     assert abs(moved_s - hours * 3600) < 30
+
+
+_RATE_HZ = 50.0
+
+
+class _SlowSource:
+    """Takes `times` as long for a frame as its sensor did, but for late ones, which it leaves out."""
+
+    def __init__(self, times: float, stamps_s: np.ndarray) -> None:
+        self._seconds = times / _RATE_HZ
+        self._stamps_ns = np.round(1e9 * stamps_s).astype(np.int64).tolist()
+
+    def frames_in_time(self, first: int, is_late: Callable[[int], bool]) -> Iterator[Any]:
+        for index, stamp_ns in enumerate(self._stamps_ns[first:], first):
+            if is_late(stamp_ns):
+                yield LateFrame(index, stamp_ns)
+                continue
+            time.sleep(self._seconds)
+            yield Frame(index, stamp_ns, _CAMERA, *_PIXELS, 5000.0)
+
+
+@pytest.fixture
+def played() -> Iterator[Callable[[_SlowSource], list[tuple[Any, float]]]]:
+    """Plays a source to its end: each item, and by how much it was sent too late, s (late frames: 0)."""
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    with Bus(endpoint, "r", "camera") as bus:
+        progress = CameraProgress(pinned_source_ns=0, pinned_ns=time.monotonic_ns())
+        sensors = RobotSensors.heard(bus, ServeOptions())
+        stop = threading.Event()
+        worker = SimpleNamespace(
+            bus=bus, counters={"clock_shifts": 0}, count=lambda name: None, stop_event=lambda: stop,
+            event=lambda level, text: None, should_stop=stop.is_set,
+        )  # fmt: skip
+        frames = bus.publisher(topics.FRAME)
+        pace = Realtime(cast(Worker, worker), frames, progress, 1.0, sensors, 1 / _RATE_HZ)
+
+        def play(source: _SlowSource) -> list[tuple[Any, float]]:
+            progress.pinned_ns, progress.last_source_ns = time.monotonic_ns(), -1
+            sent = []
+            for item in Prefetch(source.frames_in_time(0, pace.is_late), 3):
+                behind_s = 0.0
+                if isinstance(item, Frame):
+                    pace.send(item)
+                    behind_s = (time.monotonic_ns() - progress.due_ns(item.stamp_ns)) / 1e9
+                    progress.last_source_ns = item.stamp_ns
+                sent.append((item, behind_s))
+            return sent
+
+        yield play
+    router.close()
+
+
+def test_a_source_that_is_too_slow_leaves_out_frames_and_does_not_fall_behind(played):
+    sent = played(_SlowSource(2.5, np.arange(100) / _RATE_HZ))
+    assert [item.index for item, _ in sent] == list(range(100))
+    late = [item for item, _ in sent if isinstance(item, LateFrame)]
+    assert 40 <= len(late) <= 80  # 60 are too many
+    behind_s = sorted(behind for item, behind in sent if isinstance(item, Frame))
+    assert behind_s[len(behind_s) // 2] < 4 / _RATE_HZ  # reading one takes 2.5 of these
+
+
+def test_a_source_that_is_fast_enough_leaves_out_nothing(played):
+    sent = played(_SlowSource(0.2, np.arange(30) / _RATE_HZ))
+    assert sum(isinstance(item, LateFrame) for item, _ in sent) <= 2  # this machine paused
+
+
+def test_frames_after_a_step_back_are_not_late(played):
+    stamps_s = np.concatenate([0.5 + np.arange(20) / _RATE_HZ, np.arange(20) / _RATE_HZ])
+    sent = played(_SlowSource(0.2, stamps_s))
+    assert sum(isinstance(item, LateFrame) for item, _ in sent) <= 2  # this machine paused

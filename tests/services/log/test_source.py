@@ -14,6 +14,7 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
+from tests.late_frames import expect_late_frames_left_out
 from tests.services.wire_samples import frame
 
 
@@ -81,3 +82,9 @@ def _write(folder, frames, color, part_bytes=None):
         log.write(topics.FRAME, payload, message.stamp_ns, message.stamp_ns, sequence)
         log._part._writer.flush()
     log.close()
+
+
+def test_images_of_late_frames_are_not_decoded(tmp_path):
+    _write(tmp_path, [frame(index) for index in range(8)], "png")
+    options = SourceOptions(start=1, stride=2)
+    expect_late_frames_left_out(open_any_source(f"mcap:{tmp_path}", options))
