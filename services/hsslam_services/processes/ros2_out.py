@@ -1,10 +1,13 @@
 """The process that tells ROS 2 of the run, over rmw_zenoh: poses, transforms, the path, points, the grid.
 
+It asks the tracker to look for the camera where `/initialpose` says that it is.
+
 Subscribes: in/frame, out/pose, out/grid, out/esdf
 Arena: reads keyframes, pose_log
 """
 
 import time
+from functools import partial
 
 import numpy as np
 
@@ -16,12 +19,14 @@ from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.messages import Frame, Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
+from hsslam_proto.requests import LOCATE
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.bus.subscription import Subscription
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.ros2.depth_points import depth_points
 from hsslam_services.ros2.floor_out import FloorOut
+from hsslam_services.ros2.initial_pose import InitialPose
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
@@ -49,10 +54,13 @@ def _run(worker: Worker) -> None:
     ) as node:
         out = Ros2Out(worker, node, messages)
         floor = _floor_out(worker, node, messages) if options.grid else None
+        ask = partial(worker.bus.pass_on, LOCATE)
+        initial = InitialPose(node, messages, MAP, ask, worker.event)
         worker.ready()
         while not worker.should_stop():
             if (pose := poses.wait(_POLL_S)) is not None:
                 out.tell(pose)
+            initial.hear()
             if floor is not None:
                 floor.tell_news()
 

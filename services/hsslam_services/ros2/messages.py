@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import quaternion_from_rotation
 from hsslam_services.ros2.type_store import open_type_store
 
@@ -40,6 +41,19 @@ class RosMessages:
     def encoded(self, message: Any) -> bytes:
         """The message in CDR."""
         return bytes(self._store.serialize_cdr(message, message.__msgtype__))
+
+    def decoded(self, payload: bytes, kind: Kind) -> Any:
+        """A message from CDR.
+
+        Raises:
+            UserError: it is no message of this kind.
+        """
+        from rosbags.serde import SerdeError
+
+        try:
+            return self._store.deserialize_cdr(payload, kind)
+        except SerdeError as error:
+            raise UserError(f"{error}: expected {kind} in CDR") from None
 
     def odometry(
         self,

@@ -62,8 +62,15 @@ class NodeName:
 
     def publisher_token(self, number: int, topic: TopicName, qos: Qos) -> str:
         """The liveliness token of its publisher `number`, 1 or more: 0 is the node itself."""
-        kind = f"{topic.type_name}/{topic.type_hash}"
-        return f"{self._token('MP', number)}/{_flat(topic.topic)}/{kind}/{qos.text()}"
+        return self._topic_token("MP", number, topic, qos)
+
+    def subscription_token(self, number: int, topic: TopicName, qos: Qos) -> str:
+        """The liveliness token of its subscription; publishers and subscriptions are numbered together."""
+        return self._topic_token("MS", number, topic, qos)
+
+    def _topic_token(self, kind: str, number: int, topic: TopicName, qos: Qos) -> str:
+        message = f"{topic.type_name}/{topic.type_hash}"
+        return f"{self._token(kind, number)}/{_flat(topic.topic)}/{message}/{qos.text()}"
 
     def _token(self, kind: str, number: int) -> str:
         place = f"@ros2_lv/{self.domain}/{self.zid}/0/{number}/{kind}"

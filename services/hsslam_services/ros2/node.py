@@ -1,4 +1,4 @@
-"""A node of ROS 2 in a session of zenoh: it publishes, and the graph of ROS shows it."""
+"""A node of ROS 2 in a session of zenoh: it publishes and subscribes, and the graph of ROS shows it."""
 
 import time
 from collections.abc import Sequence
@@ -31,15 +31,28 @@ class RosNode:
         self._node = NodeName(domain, zid, name, namespace)
         self._token = self._session.liveliness().declare_token(self._node.token())
         self._publishers: list[RosPublisher] = []
+        self._subscriptions: list[RosSubscription] = []
 
     def publisher(self, topic: str, kind: Kind, qos: Qos) -> "RosPublisher":
         """Of an absolute topic, `/tf`, or one below the node's namespace, `odom`."""
-        absolute = topic if topic.startswith("/") else f"{self._node.namespace}/{topic}"
-        name = TopicName(absolute, kind, self._messages.type_hash(kind))
-        number = len(self._publishers) + 1
+        name, number = self._topic_name(topic, kind), self._next_number()
         made = RosPublisher(self._session, self._node, number, name, qos, self._messages)
         self._publishers.append(made)
         return made
+
+    def subscription(self, topic: str, kind: Kind, qos: Qos) -> "RosSubscription":
+        """To a topic, named as for `publisher`."""
+        name, number = self._topic_name(topic, kind), self._next_number()
+        made = RosSubscription(self._session, self._node, number, name, qos)
+        self._subscriptions.append(made)
+        return made
+
+    def _topic_name(self, topic: str, kind: Kind) -> TopicName:
+        absolute = topic if topic.startswith("/") else f"{self._node.namespace}/{topic}"
+        return TopicName(absolute, kind, self._messages.type_hash(kind))
+
+    def _next_number(self) -> int:
+        return len(self._publishers) + len(self._subscriptions) + 1
 
     @property
     def publishers(self) -> Sequence["RosPublisher"]:
@@ -47,9 +60,9 @@ class RosNode:
         return tuple(self._publishers)
 
     def close(self) -> None:
-        """Withdraw tokens and publishers."""
-        for publisher in self._publishers:
-            publisher.close()
+        """Withdraw tokens, publishers and subscriptions."""
+        for each in (*self._publishers, *self._subscriptions):
+            each.close()
         self._token.undeclare()
         self._session.close()
 
@@ -117,3 +130,28 @@ class RosPublisher:
         """Leave the graph."""
         self._token.undeclare()
         self._publisher.undeclare()
+
+
+class RosSubscription:
+    """To one topic; `RosNode.subscription` makes it. It keeps the last `depth` messages."""
+
+    def __init__(
+        self, session: zenoh.Session, node: NodeName, number: int, name: TopicName, qos: Qos
+    ) -> None:
+        # any hash of the type: releases before Jazzy know none
+        key = f"{node.domain}/{name.topic.strip('/')}/{name.type_name}/*"
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(qos.depth))
+        token = node.subscription_token(number, name, qos)
+        self._token = session.liveliness().declare_token(token)
+
+    def newest(self) -> bytes | None:
+        """The payload of the newest message that has not been read; those before it are dropped."""
+        payload = None
+        while (sample := self._subscriber.try_recv()) is not None:
+            payload = sample.payload.to_bytes()
+        return payload
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._token.undeclare()
+        self._subscriber.undeclare()

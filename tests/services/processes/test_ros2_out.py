@@ -11,6 +11,9 @@ from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.log.poses import logged_poses
+from hsslam_services.ros2.initial_pose import KIND, TOPIC
+from hsslam_services.ros2.messages import RosMessages
+from hsslam_services.ros2.names import TopicName
 from tests.services.ros2.ros_listener import Heard, RosListener, gid_of
 from tests.services.serve_process import SMALL_ROOM
 
@@ -57,8 +60,10 @@ def test_a_run_is_told_to_ros(serve):
             "--zenoh-port", endpoint.rpartition(":")[2], "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
             "--grid", "--base-T-camera", *map(str, _MOUNT),
         )  # fmt: skip
-        listener.wait_until(lambda: listener.alive() == len(_QOS) + 1, 240)
+        listener.wait_until(lambda: listener.alive() == len(_QOS) + 2, 240)
         tokens = listener.tokens()
+        listener.wait_until(lambda: listener.count("/hsslam/pose") > 2, 240)
+        _set_initial_pose(listener)
         listener.hear_latched("/tf_static")  # after it was sent
         assert run.finish() == 0, run.stderr
         listener.wait_until(lambda: listener.alive() == 0)
@@ -74,6 +79,14 @@ def test_a_run_is_told_to_ros(serve):
     _expect_map(heard["/hsslam/map"], logged)
     _expect_slice(heard["/hsslam/static_map_slice"], heard["/hsslam/map"])
     assert run.summary()["processes"]["ros2_out"]["restarts"] == 0
+    assert "/initialpose: the camera is found at " in run.stderr
+
+
+def _set_initial_pose(listener: RosListener) -> None:
+    """The base has hardly left the origin of the map."""
+    messages = RosMessages("test")
+    name = TopicName(TOPIC, KIND, messages.type_hash(KIND))
+    listener.send(name, messages.encoded(messages.pose(1, "map", np.eye(4), None)))
 
 
 def _expect_graph(heard: dict[str, list[Heard]], tokens: set[str]) -> None:

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from zenoh.ext import Int64, z_deserialize
 
 from hsslam_services.camera.ros2_messages import topic_of, type_of
-from hsslam_services.ros2.names import all_tokens, gid
+from hsslam_services.ros2.names import TopicName, all_tokens, gid
 from tests.services.ros2.ros_types import KINDS
 
 _SLICE = """\
@@ -120,6 +120,10 @@ class RosListener:
     def alive(self) -> int:
         """Tokens; may be called in `wait_until`."""
         return len(self._tokens)
+
+    def send(self, topic: TopicName, payload: bytes) -> None:
+        """Publish a message, to those who subscribe now."""
+        self._session.put(topic.key(self._domain), payload)
 
     def close(self) -> None:
         self._session.close()

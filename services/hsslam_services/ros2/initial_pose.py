@@ -1,0 +1,78 @@
+"""The pose that a person sets in RViz, `/initialpose`: the camera is looked for there, as by `locate`."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, Literal
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_proto.request_messages import Locate, Located, Refusal
+from hsslam_services.ros2.messages import RosMessages
+from hsslam_services.ros2.names import Qos
+from hsslam_services.ros2.node import RosNode
+
+TOPIC, KIND = "/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"
+_UNIT = 1e-2  # largest difference of a quaternion's norm from 1
+Tell = Callable[[Literal["info", "warning"], str], None]
+
+
+class InitialPose:
+    """Asks for the newest pose that came, in a thread of its own, as the answer takes frames.
+
+    Args:
+        frame: of the map in ROS, in which poses must be given.
+        ask: answers `locate`.
+        tell: gets what came of it; called by `hear`.
+    """
+
+    def __init__(
+        self, node: RosNode, messages: RosMessages, frame: str,
+        ask: Callable[[Locate], Located | Refusal], tell: Tell,
+    ) -> None:  # fmt: skip
+        self._messages = messages
+        self._frame = frame
+        self._ask = ask
+        self._tell = tell
+        self._poses = node.subscription(TOPIC, KIND, Qos(10))
+        self._thread = ThreadPoolExecutor(1, "locate")
+        self._asked: Future[Located | Refusal] | None = None
+
+    def hear(self) -> None:
+        """Begin to look where the newest pose is, and tell what came of the one before; never waits."""
+        if self._asked is not None:
+            if not self._asked.done():
+                return
+            self._tell_answer(self._asked.result())
+            self._asked = None
+        payload = self._poses.newest()
+        if payload is None:
+            return
+        try:
+            question = self._question(payload)
+        except UserError as error:
+            self._tell("warning", f"{TOPIC}: {error}")
+            return
+        self._asked = self._thread.submit(self._ask, question)
+
+    def _question(self, payload: bytes) -> Locate:
+        """Raises UserError if it is no pose in the frame of the map."""
+        message: Any = self._messages.decoded(payload, KIND)
+        frame = str(message.header.frame_id).strip("/")
+        if frame != self._frame:
+            raise UserError(f"frame_id {frame!r}: expected {self._frame!r}")
+        p, o = message.pose.pose.position, message.pose.pose.orientation
+        x, y, z, w = (float(value) for value in (o.x, o.y, o.z, o.w))
+        if not np.isfinite([p.x, p.y]).all() or not abs(np.hypot(z, w) - 1) < _UNIT or x or y:
+            raise UserError(
+                f"position {p.x:g} {p.y:g}, orientation {x:g} {y:g} {z:g} {w:g}: expected finite numbers and "
+                "a rotation about z"
+            )
+        return Locate(x=float(p.x), y=float(p.y), yaw_deg=float(np.rad2deg(2 * np.arctan2(z, w))))
+
+    def _tell_answer(self, answer: Located | Refusal) -> None:
+        if isinstance(answer, Refusal):
+            self._tell("warning", f"{TOPIC}: {answer.text}")
+            return
+        found = f"{answer.x:.2f} {answer.y:.2f} {answer.yaw_deg:.0f}"
+        self._tell("info", f"{TOPIC}: the camera is found at {found} (m, m, degrees)")
