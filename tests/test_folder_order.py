@@ -20,6 +20,7 @@ _FLOORS = (
     ("hsslam_services.bus",),
     ("hsslam_services.log", "hsslam_services.launch", "hsslam_services.ros2"),
     ("hsslam_services.viewer", "hsslam_services.camera", "hsslam_services.health"),
+    ("hsslam_services.tracked",),
     ("hsslam_services.processes", "hsslam_services.requests"),
     ("hsslam_services.supervisor",),
     ("hsslam_services.commands",),

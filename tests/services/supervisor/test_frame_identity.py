@@ -16,6 +16,7 @@ from hsslam_proto.codec import encoding_of
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import LARGEST_STEP, new_publisher
 from hsslam_proto.messages import Pose, SourceEnd
+from hsslam_services.bus.publisher import Publisher
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
 _ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
@@ -39,6 +40,13 @@ def _frames(count: int) -> list[Frame]:
     return [item for item in items if isinstance(item, Frame)]
 
 
+def _sender(run: ServeProcess) -> Publisher:
+    """Of frames; the run is known to hear it."""
+    sender = run.bus.publisher(topics.FRAME)
+    run.wait_until(sender.has_subscribers, 60)
+    return sender
+
+
 def _answered(run: ServeProcess, publisher, frame: Frame, camera: int = 0) -> Pose:
     publisher.put(frame_message(frame, time.time_ns(), camera))
     run.wait_for_poses(1)
@@ -53,7 +61,7 @@ def _refused(run: ServeProcess) -> int:
 def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_old_pose(serve):
     run = serve(*SMALL_ROOM, "--source", "zenoh:")
     run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
-    frames, sender = _frames(12), run.bus.publisher(topics.FRAME)
+    frames, sender = _frames(12), _sender(run)
     first = [_answered(run, sender, frame) for frame in frames]
     assert first[-1].status == "tracked"
     again = [_answered(run, sender, frame) for frame in frames[:6]]  # counts anew, does not say so
@@ -86,7 +94,7 @@ def test_a_run_with_a_camera_takes_the_frames_of_no_other(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(20)
     (frame,) = _frames(1)
-    sender = run.bus.publisher(topics.FRAME)
+    sender = _sender(run)
     for k in range(10):
         sender.put(frame_message(replace(frame, index=2**52 + k), time.time_ns()))
         sender.put(frame_message(replace(frame, index=k), time.time_ns(), new_publisher()))

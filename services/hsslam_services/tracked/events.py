@@ -1,0 +1,76 @@
+"""Events and counters of tracking: lost and found, fragments, a full store, what the IMU is good for."""
+
+import math
+
+from hsslam_node.map.pose_log import Status
+from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.launch.worker import Worker
+
+
+class TrackingEvents:
+    """Counts results, and reports each change once."""
+
+    def __init__(self, worker: Worker, link: SharedMap) -> None:
+        self._worker = worker
+        self._link = link
+        self._last_status: Status = "initial"
+        self._fragment = 0  # the newest that was reported
+        self._imu_disagrees = self._knows_up = False  # reported
+
+    def take(self, result: TrackResult) -> None:
+        """The result of a frame."""
+        self._count(result)
+        self._report_fragment(result)
+        self._report_status(result)
+        self._report_room()
+        self._report_imu(result)
+
+    def _count(self, result: TrackResult) -> None:
+        is_reckoned = result.status == "dead_reckoned"
+        self._worker.count("tracked" if is_reckoned else result.status)
+        if is_reckoned:
+            self._worker.count("by odometry alone")
+        self._worker.count("points outside the bound", result.outside)
+
+    def _report_fragment(self, result: TrackResult) -> None:
+        if result.fragment > self._fragment:
+            self._fragment = result.fragment
+            self._worker.count("fragments begun")
+            text = f"a new map, fragment {result.fragment}, begins at frame {result.frame_index}"
+            self._worker.event("info", text)
+
+    def _report_status(self, result: TrackResult) -> None:
+        before, self._last_status = self._last_status, result.status
+        if before == result.status:
+            return
+        frame = f"frame {result.frame_index}"
+        if result.status == "lost":
+            self._worker.event("warning", f"lost at {frame}")
+        elif result.status == "dead_reckoned":
+            self._worker.event("warning", f"by odometry alone from {frame} on")
+        elif before in ("lost", "dead_reckoned"):
+            self._worker.event("info", f"tracking again at {frame}")
+
+    def _report_room(self) -> None:
+        """Once: the camera is tracked on the keyframes that there are."""
+        store = self._link.store()
+        refused = store.refused if store is not None else 0
+        if refused and not self._worker.counters.get("keyframes without room", 0):
+            self._worker.event("warning", "no room for a keyframe: tracking goes on without it")
+        if refused:
+            self._worker.counters["keyframes without room"] = refused
+
+    def _report_imu(self, result: TrackResult) -> None:
+        """Once: which way is up, or that the IMU cannot be used."""
+        if result.imu_disagrees and not self._imu_disagrees:
+            text = "the IMU turns otherwise than the camera and is not used: see --camera-T-imu"
+            self._worker.event("warning", text)
+        self._imu_disagrees |= result.imu_disagrees
+        store = self._link.store()
+        gravity = store.gravity if store is not None and not self._knows_up else None
+        if gravity is not None:
+            self._knows_up = True
+            up = " ".join(f"{part + 0.0:.3f}" for part in gravity.up)
+            doubt = f"standard deviation {math.degrees(gravity.sigma_rad):.2f} degrees"
+            self._worker.event("info", f"up is {up} by gravity, {doubt}")

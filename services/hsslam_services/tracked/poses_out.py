@@ -1,0 +1,131 @@
+"""Poses of frames: in the pose log, smooth for robots, and on the topic `out/pose`."""
+
+import time
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.frame import Frame
+from hsslam_node.map.pose_log import DEAD_RECKONED, INITIAL, LOST, TRACKED, PoseLog
+from hsslam_node.smooth_path import SmoothPath
+from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
+from hsslam_proto import messages, topics
+from hsslam_proto.frame_order import Place
+from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
+from hsslam_services.arena.full_arrays import FullArrays
+from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.shared_map import SharedMap
+from hsslam_services.launch.worker import Worker
+
+_STAGES = ("wire", "wait", "decode", "track")  # from the sensor stamp to the pose
+_WIRE_STATUS: dict[int, Literal["initial", "tracked", "lost"]] = {
+    INITIAL: "initial",
+    TRACKED: "tracked",
+    LOST: "lost",
+    DEAD_RECKONED: "tracked",  # with a field of its own: readers of before know no such status
+}
+
+
+class Received(NamedTuple):
+    """A frame message on its way through the tracker; wall-clock times in ns."""
+
+    message: messages.Frame
+    place: Place
+    arrival_ns: int
+    taken_ns: int  # the tracker had time for it
+    decoded_ns: int
+    pose_version: int  # of the keyframes' poses that it was aligned to
+
+
+class PosesOut:
+    """Logs and publishes what became of each frame; attaches to the log that a predecessor left."""
+
+    def __init__(self, worker: Worker, link: SharedMap, mode: MapState) -> None:
+        self._worker = worker
+        self._link = link
+        self._mode = mode
+        full = FullArrays(worker.arena, worker.run.path, worker.event)
+        self.log = PoseLog(worker.arena, full.add)
+        self._path = SmoothPath(self.log, worker.options.slam.tracker.longest_gap_s)
+        self._poses = worker.bus.publisher(topics.POSE)
+
+    def put(self, result: TrackResult, frame: Frame, received: Received) -> int:
+        """Log and publish the result of a frame now; returns when that was, ns."""
+        publish_ns = time.time_ns()
+        row = result.log_row(
+            source_stamp_ns=frame.stamp_ns,
+            stamp_ns=received.message.stamp_ns,
+            publish_ns=publish_ns,
+            pose_version=received.pose_version,
+            map_epoch=self._mode.map_epoch,
+            publisher=received.place.publisher,
+        )
+        self._path.add(row, self._link.store(), result.T_expected)
+        if not self.log.append(row):
+            self._worker.count("poses not logged")
+        stamps_ns = (
+            received.message.stamp_ns,
+            received.arrival_ns,
+            received.taken_ns,
+            received.decoded_ns,
+            publish_ns,
+        )
+        stages_ms = {
+            stage: (end - begin) / 1e6
+            for stage, (begin, end) in zip(_STAGES, pairwise(stamps_ns), strict=True)
+        }
+        self._poses.put(_pose_message(row, result.residual_m, stages_ms, self._up()))
+        return publish_ns
+
+    def put_again(self, place: Place) -> None:
+        """Publish the pose of a frame that was sent again; nothing if it was never tracked: it comes late."""
+        row = self.log.find(place.publisher, place.index)
+        if row is None:
+            self._worker.count("late frames")
+        else:
+            self._poses.put(_pose_message(row, float("nan"), {}, self._up()))
+
+    def join(self, joined: JoinedFragment) -> None:
+        """Poses of a fragment are of the map from now on."""
+        try:
+            self.log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+        except OutOfMemoryError as error:
+            text = f"poses of fragment {joined.fragment} not joined: {error}"
+            self._worker.event("warning", text)
+
+    def _up(self) -> list[float]:
+        """Against gravity, in the world; empty: not known."""
+        store = self._link.store()
+        gravity = None if store is None else store.gravity
+        return [] if gravity is None else list(gravity.up)
+
+
+def _pose_message(
+    row: np.ndarray | np.void, residual_m: float, stages_ms: dict[str, float], up: list[float]
+) -> messages.Pose:
+    t, q = wire_pose(row["T_world_cam"])
+    return messages.Pose(
+        index=int(row["index"]),
+        stamp_ns=int(row["stamp_ns"]),
+        source_stamp_ns=int(row["source_stamp_ns"]),
+        publish_ns=int(row["publish_ns"]),
+        status=_WIRE_STATUS[int(row["status"])],
+        t=t,
+        q=q,
+        quality=float(row["quality"]),
+        inlier_ratio=float(row["quality"]),
+        residual_mm=1e3 * residual_m if np.isfinite(residual_m) else 0.0,
+        map_version=int(row["map_version"]),
+        keyframe=int(row["keyframe"]),
+        map_epoch=int(row["map_epoch"]),
+        publisher=int(row["publisher"]),
+        fragment=int(row["fragment"]),
+        pose_version=int(row["pose_version"]),
+        covariance=wire_covariance(row["covariance"]),
+        odometry=wire_odometry(row["T_odom_cam"]),
+        up=up,
+        is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),
+        stage_ms=stages_ms,
+    )
