@@ -10,14 +10,14 @@ def expect_late_frames_left_out(source: Source) -> None:
     """Every second frame is late: it is not decoded, and the others are as they are without."""
     all_frames = list(source.frames())
     late_ns = {frame.stamp_ns for frame in all_frames[1::2]}
-    asked: list[int] = []
+    asked: list[tuple[int, int]] = []
 
-    def is_late(stamp_ns: int) -> bool:
-        asked.append(stamp_ns)
+    def is_late(index: int, stamp_ns: int) -> bool:
+        asked.append((index, stamp_ns))
         return stamp_ns in late_ns
 
     found = list(frames_in_time(source, 1, is_late))
-    assert asked == [frame.stamp_ns for frame in all_frames[1:]]
+    assert asked == [(frame.index, frame.stamp_ns) for frame in all_frames[1:]]
     assert len(found) == len(all_frames) - 1 > 1
     for item, frame in zip(found, all_frames[1:], strict=True):
         assert (item.index, item.stamp_ns) == (frame.index, frame.stamp_ns)

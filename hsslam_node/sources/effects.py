@@ -14,7 +14,14 @@ from scipy.special import ndtri
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError, read_color
-from hsslam_node.sources.source import BadFrame, IsLate, Source, frames_in_time, never_late
+from hsslam_node.sources.source import (
+    BadFrame,
+    IsLate,
+    LateFrame,
+    Source,
+    frames_in_time,
+    never_late,
+)
 
 
 class ChangedSource(ABC):
@@ -50,6 +57,17 @@ class Restamped(ChangedSource):
 
     def __init__(self, source: Source) -> None:
         super().__init__(source, "played again")
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """As `frames`, without the ones that are late by their new stamps."""
+
+        def is_late_now(index: int, stamp_ns: int) -> bool:
+            return is_late(index, running_stamp_ns(index, self.rate_hz))
+
+        for item in super().frames_in_time(first, is_late_now):
+            if isinstance(item, LateFrame):
+                item = replace(item, stamp_ns=running_stamp_ns(item.index, self.rate_hz))
+            yield item
 
     def changed(self, frame: Frame) -> Frame:
         """The frame at its time."""

@@ -57,7 +57,7 @@ class ScanNetSource:
             read = self._reader(stack)
             for index in range(first, len(self._rows)):
                 row, stamp_ns = self._rows[index], self._stamps_ns[index]
-                if is_late(stamp_ns):
+                if is_late(index, stamp_ns):
                     yield LateFrame(index, stamp_ns)
                     continue
                 try:

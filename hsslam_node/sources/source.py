@@ -34,10 +34,12 @@ class ReadsInTime(Protocol):
         ...
 
 
-IsLate = Callable[[int], bool]  # of a stamp, ns: whether the next frame is due too
+IsLate = Callable[
+    [int, int], bool
+]  # of an index and a stamp, ns: whether the next frame is due too
 
 
-def never_late(stamp_ns: int) -> bool:
+def never_late(index: int, stamp_ns: int) -> bool:
     """All frames are wanted, however long they take."""
     return False
 

@@ -60,7 +60,7 @@ class SynthSource:
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
         for index in range(first, len(self._rows)):
             stamp_ns = int(self._stamps_ns[index])
-            if is_late(stamp_ns):
+            if is_late(index, stamp_ns):
                 yield LateFrame(index, stamp_ns)
                 continue
             color, depth = renderer.render(self._poses[index], self._rows[index])

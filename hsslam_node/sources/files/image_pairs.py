@@ -50,7 +50,7 @@ class ImagePairSource:
         """As `frames`; files of late frames are not read."""
         for index in range(first, len(self._pairs)):
             stamp_ns, color_file, depth_file = self._pairs[index]
-            if is_late(stamp_ns):
+            if is_late(index, stamp_ns):
                 yield LateFrame(index, stamp_ns)
                 continue
             try:

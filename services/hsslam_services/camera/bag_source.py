@@ -71,7 +71,7 @@ class BagSource:
             for row, (color, depth) in enumerate(pairs):
                 if row in rows:
                     index = first + rows.index(row)
-                    if is_late(color.stamp_ns):
+                    if is_late(index, color.stamp_ns):
                         frame = LateFrame(index, color.stamp_ns)
                     else:
                         frame = self._frame(index, color, depth)

@@ -31,7 +31,7 @@ class Pace(Protocol):
 
     def held(self, seconds: float) -> None: ...
 
-    def is_late(self, source_ns: int) -> bool: ...
+    def is_late(self, index: int, source_ns: int) -> bool: ...
 
     def begin_map_epoch(self) -> None: ...
 
@@ -58,7 +58,7 @@ class Lockstep:
     def held(self, seconds: float) -> None:
         """Nothing to do: a step takes as long as it takes."""
 
-    def is_late(self, source_ns: int) -> bool:
+    def is_late(self, index: int, source_ns: int) -> bool:
         """Never: every frame is waited for."""
         return False
 
@@ -108,7 +108,7 @@ class Live:
     def held(self, seconds: float) -> None:
         """Nothing to do: what came meanwhile is gone."""
 
-    def is_late(self, source_ns: int) -> bool:
+    def is_late(self, index: int, source_ns: int) -> bool:
         """Never: a live camera is asked for its newest frame."""
         return False
 

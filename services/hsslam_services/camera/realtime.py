@@ -69,7 +69,7 @@ class Realtime:
         frame = self._sensors.given(frame, stamp_ns)
         self._frames.put(frame_message(frame, stamp_ns, self._progress.publisher))
 
-    def is_late(self, source_ns: int) -> bool:
+    def is_late(self, index: int, source_ns: int) -> bool:
         """Whether the frame of this stamp, which is about to be read, is half a period late or more.
 
         After a step back in the stamps none is late until that frame was sent, as the clock is not known.

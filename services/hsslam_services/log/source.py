@@ -76,7 +76,7 @@ class McapSource:
             if row > last:
                 return
             if row in rows:
-                if is_late(message.source_stamp_ns):
+                if is_late(message.index, message.source_stamp_ns):
                     yield LateFrame(message.index, message.source_stamp_ns)
                     continue
                 try:

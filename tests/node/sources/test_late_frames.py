@@ -15,6 +15,7 @@ _SMALL = SynthOptions(width_px=64, height_px=48)
     [
         SourceOptions(frames=6, synth=_SMALL),
         SourceOptions(frames=6, synth=_SMALL, noise="kinect", exposure="drift", downscale=2),
+        SourceOptions(start=597, frames=9, synth=_SMALL, to_and_fro=2),
     ],
 )
 def test_rendered_frames(options):
@@ -34,5 +35,5 @@ class _Plugin:
 def test_a_plugin_that_cannot_leave_out_frames_gives_them_all():
     plugin = _Plugin()
     assert not isinstance(plugin, ReadsInTime)
-    found = list(frames_in_time(plugin, 1, lambda stamp_ns: True))
+    found = list(frames_in_time(plugin, 1, lambda index, stamp_ns: True))
     assert [frame.index for frame in found] == [1, 2]

@@ -122,9 +122,9 @@ class _SlowSource:
         self._seconds = times / _RATE_HZ
         self._stamps_ns = np.round(1e9 * stamps_s).astype(np.int64).tolist()
 
-    def frames_in_time(self, first: int, is_late: Callable[[int], bool]) -> Iterator[Any]:
+    def frames_in_time(self, first: int, is_late: Callable[[int, int], bool]) -> Iterator[Any]:
         for index, stamp_ns in enumerate(self._stamps_ns[first:], first):
-            if is_late(stamp_ns):
+            if is_late(index, stamp_ns):
                 yield LateFrame(index, stamp_ns)
                 continue
             time.sleep(self._seconds)
