@@ -7,7 +7,6 @@ Arena: reads keyframes, load_level
 
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -38,11 +37,11 @@ from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
+from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 _EVERY_S = 0.1
 _EARLY_S = 0.005  # an update may come, as frames do not come on the beat
 _POLL_S = 0.1
-_FRAMES = 4  # that wait for their poses
 _BLOCKS_A_MESSAGE = 256  # 2 MB
 
 
@@ -66,18 +65,17 @@ class _DistancesLoop:
         self._worker = worker
         self._level = SharedLevel(worker.run.arena_dir)
         self._link = SharedMap(worker.arena, worker.options.slam)
-        self._images = worker.bus.subscribe(topics.FRAME, _FRAMES)
+        self._frames = WaitingFrames(worker.bus)
         self._grids = worker.bus.publisher(topics.GRID)
         self._slices = worker.bus.publisher(topics.ESDF)
         self._blocks = _PublishedBlocks(worker)
-        self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()  # for their poses
         self._window: RollingWindow | None = None
         self._told: FloorPlane | None = None
         self._next_s = 0.0
 
     def take(self, pose: Pose) -> None:
         """Take in the frame of a pose, if it is time for one."""
-        image = self._image_of(pose)
+        image = self._frames.of(pose)
         now_s = time.monotonic()
         store = self._link.store()
         is_aligned = pose.status != "lost" and not pose.is_dead_reckoned
@@ -96,18 +94,6 @@ class _DistancesLoop:
             self._update(store, depth_raw, image, pose)
         self._worker.stage_ms["distances_core"] = 1e3 * (time.thread_time() - start_s)
         self._worker.count("updates")
-
-    def _image_of(self, pose: Pose) -> Frame | None:
-        """The frame of a pose; those that came before it are forgotten."""
-        for image in self._images.drain():
-            self._waiting[image.index, image.stamp_ns] = image
-        of_pose = pose.index, pose.stamp_ns
-        if of_pose in self._waiting:
-            while next(iter(self._waiting)) != of_pose:
-                self._waiting.popitem(last=False)
-        while len(self._waiting) > _FRAMES:
-            self._waiting.popitem(last=False)
-        return self._waiting.pop(of_pose, None)
 
     def _update(
         self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose

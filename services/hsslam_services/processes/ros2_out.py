@@ -17,11 +17,10 @@ from hsslam_node.geometry.se3 import inverse, transform
 from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
-from hsslam_proto.messages import Frame, Pose
+from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_proto.requests import LOCATE
 from hsslam_services.arena.shared_map import SharedMap
-from hsslam_services.bus.subscription import Subscription
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.ros2.depth_points import depth_points
@@ -32,13 +31,13 @@ from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
 from hsslam_services.ros2.stamp_clock import StampClock
 from hsslam_services.run.source_table import speaks_ros2
+from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
 _POLL_S = 0.1
 _PATH_S, _POINTS_S = 1.0, 0.2  # between two
 _MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
-_FRAMES = 4  # that wait for their poses
 
 
 def main() -> None:
@@ -80,7 +79,7 @@ class Ros2Out:
         self._frames = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._link = SharedMap(worker.arena, worker.options.slam)
-        self._images: Subscription[Frame] | None = None
+        self._images: WaitingFrames | None = None
         self._clock = StampClock()
         if not self._has_ros_stamps:
             self._learn_of_earlier_frames(PoseLog(worker.arena).rows())
@@ -174,10 +173,8 @@ class Ros2Out:
         """What the frame of this pose shows, in the camera's frame: layers of a costmap clear along the rays
         from the origin of that frame."""
         if self._images is None:  # images cost something: only from the first subscriber on
-            self._images = self._worker.bus.subscribe(topics.FRAME, _FRAMES)
-        of_pose = pose.index, pose.stamp_ns
-        images = {(image.index, image.stamp_ns): image for image in self._images.drain()}
-        message = images.get(of_pose)
+            self._images = WaitingFrames(self._worker.bus)
+        message = self._images.of(pose)
         if message is None:
             return
         self._next_points_s = now_s + _POINTS_S

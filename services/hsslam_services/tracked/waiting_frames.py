@@ -1,0 +1,29 @@
+"""Frames that wait for their poses; alone, as processes of different kinds need both."""
+
+from collections import OrderedDict
+
+from hsslam_proto import topics
+from hsslam_proto.messages import Frame, Pose
+from hsslam_services.bus.bus import Bus
+
+_FRAMES = 4  # that wait: a pose comes two frames late at most, unless the machine is too slow
+
+
+class WaitingFrames:
+    """Subscribes to frames, and gives the one of a pose; older ones are forgotten then."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._frames = bus.subscribe(topics.FRAME, _FRAMES)
+        self._waiting: OrderedDict[tuple[int, int], Frame] = OrderedDict()
+
+    def of(self, pose: Pose) -> Frame | None:
+        """The frame of a pose; None if it did not come, or was pushed out by newer ones."""
+        for frame in self._frames.drain():
+            self._waiting[frame.index, frame.stamp_ns] = frame
+        of_pose = pose.index, pose.stamp_ns
+        if of_pose in self._waiting:
+            while next(iter(self._waiting)) != of_pose:
+                self._waiting.popitem(last=False)
+        while len(self._waiting) > _FRAMES:
+            self._waiting.popitem(last=False)
+        return self._waiting.pop(of_pose, None)
