@@ -21,7 +21,8 @@ from hsslam_services.run.summary import read_summary
 
 _TIMEOUT_S = 3600.0
 _POLL_S = 0.2
-_BULKY = ("run*.mcap", "run*.rrd", "map.safetensors")  # removed once they have been looked at
+_MAP = "map.safetensors"
+_BULKY = ("run*.mcap", "run*.rrd", _MAP)  # removed once they have been looked at
 
 
 class Watcher(Protocol):
@@ -99,8 +100,9 @@ def serve(
     viewer: str = "none",
     outsider: Callable[[Path], Outsider] | None = None,
     cores: float | None = None,
+    keeps_map: bool = False,
 ) -> ServeRun:
-    """Run the service to its end in `folder`; bulky results are not kept.
+    """Run the service to its end in `folder`; bulky results are not kept, but for the map if it is asked for.
 
     `cores`: so much of two cores is all that it gets (None: the machine). `outsider` makes a viewer or
     client of it from its folder.
@@ -146,7 +148,8 @@ def serve(
     )
     for pattern in _BULKY:
         for path in folder.glob(pattern):
-            path.unlink()
+            if not (keeps_map and path.name == _MAP):
+                path.unlink()
     return run
 
 

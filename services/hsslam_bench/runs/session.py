@@ -80,6 +80,11 @@ class Session:
             return self._run(name, options)
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
 
+    def mapped(self, sequence: str) -> ServeRun:
+        """As `lockstep`, of the first seed; its saved map stays in its folder."""
+        options = (*self._source(sequence), "--pace", "lockstep", "--seed", "0")
+        return self._run(f"mapped-{sequence}", options, keeps_map=True)
+
     def realtime(self, sequence: str, seed: int = 0) -> ServeRun:
         """On the clock of a 30 Hz sensor, recording on."""
         name = f"realtime-{sequence}" + (f"-seed{seed}" if seed else "")
@@ -259,6 +264,7 @@ class Session:
         outsider: Callable[[Path], Outsider] | None = None,
         viewer: str = "none",
         cores: float | None = None,
+        keeps_map: bool = False,
     ) -> ServeRun:
         if name not in self.runs:
             if environment is None:
@@ -266,6 +272,7 @@ class Session:
             self.say(name)
             arguments = (*options, *self.extra)
             folder = self.folder / name
+            more = {"keeps_map": True} if keeps_map else {}
             self.runs[name] = self.make(
                 name,
                 folder,
@@ -274,6 +281,7 @@ class Session:
                 viewer=viewer,
                 outsider=outsider,
                 cores=cores,
+                **more,
             )
         return self.runs[name]
 

@@ -19,7 +19,7 @@ def texture_checks() -> list[Check]:
 
 def _texture_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
-        run = finished(session.lockstep(sequence))
+        run = finished(session.mapped(sequence))
         found = json.loads(
             session.python(_MODULE, str(run.folder.absolute()), session.source(sequence))
         )
