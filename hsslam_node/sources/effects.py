@@ -1,6 +1,6 @@
 """Sources that alter the frames of another: size, exposure, cover, noise and mask of the depth, stamps."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -18,13 +18,13 @@ from hsslam_node.sources.source import (
     BadFrame,
     IsLate,
     LateFrame,
+    ReadsInTime,
     Source,
     frames_in_time,
-    never_late,
 )
 
 
-class ChangedSource(ABC):
+class ChangedSource(ReadsInTime):
     """The frames of another source, each put through `changed`; what cannot be read stays a `BadFrame`.
 
     `suffix` is added to the name of the other source.
@@ -38,12 +38,8 @@ class ChangedSource(ABC):
         self.frame_count = source.frame_count
         self.depth_units_per_m = source.depth_units_per_m
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """The frames of the other source, changed."""
-        return self.frames_in_time(first, never_late)
-
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`, without the late ones, if the other source can leave them out."""
+        """The frames of the other source, changed; late ones are left out if it can do that."""
         for frame in frames_in_time(self._source, first, is_late):
             yield frame if isinstance(frame, BadFrame) else self.changed(frame)
 
@@ -59,7 +55,7 @@ class Restamped(ChangedSource):
         super().__init__(source, "played again")
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`, without the ones that are late by their new stamps."""
+        """As of any `ChangedSource`; frames are late by their new stamps."""
 
         def is_late_now(index: int, stamp_ns: int) -> bool:
             return is_late(index, running_stamp_ns(index, self.rate_hz))

@@ -20,12 +20,12 @@ from hsslam_node.sources.files.image_files import (
 from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 _CROP_PX = 10  # colour has a black border
 
 
-class ScanNetSource:
+class ScanNetSource(ReadsInTime):
     """A ScanNet scene. Depth lies on colour; the colour is brought onto the pixels of depth, and ten
     pixels are cropped on every side. Frame n is stamped n / 30 s.
 
@@ -47,12 +47,8 @@ class ScanNetSource:
         self.rate_hz = RATE_HZ / options.stride
         self.frame_count: int | None = len(self._rows)
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every frame from `first` on; one that cannot be read comes as a `BadFrame`."""
-        return self.frames_in_time(first, never_late)
-
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`; late frames are not read."""
+        """Every frame that is not late; one that cannot be read comes as a `BadFrame`."""
         with ExitStack() as stack:
             read = self._reader(stack)
             for index in range(first, len(self._rows)):

@@ -1,8 +1,9 @@
 """What every source looks like to the rest of the system; alone, as all sources import it."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -25,23 +26,24 @@ class Source(Protocol):
         ...
 
 
-@runtime_checkable
-class ReadsInTime(Protocol):
-    """A recording that leaves out frames before it decodes them, if it is slower than the sensor was."""
-
-    def frames_in_time(self, first: int, is_late: "IsLate") -> "Iterator[Frame | BadFrame]":
-        """As `Source.frames`, with a `LateFrame` for each frame that is late when its turn comes."""
-        ...
-
-
-IsLate = Callable[
-    [int, int], bool
-]  # of an index and a stamp, ns: whether the next frame is due too
+IsLate = Callable[[int, int], bool]  # of index and stamp (ns): is the next frame due, too?
 
 
 def never_late(index: int, stamp_ns: int) -> bool:
     """All frames are wanted, however long they take."""
     return False
+
+
+class ReadsInTime(ABC):
+    """A recording that leaves out frames before it decodes them, if it is slower than the sensor was."""
+
+    def frames(self, first: int = 0) -> "Iterator[Frame | BadFrame]":
+        """Every frame from `first` on, as of `Source`."""
+        return self.frames_in_time(first, never_late)
+
+    @abstractmethod
+    def frames_in_time(self, first: int, is_late: IsLate) -> "Iterator[Frame | BadFrame]":
+        """As `frames`, with a `LateFrame` for each frame that is late when its turn comes."""
 
 
 class SourceLostError(Exception):

@@ -12,7 +12,7 @@ from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.options import SourceOptions, SynthOptions
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_node.synth.scenes.scenes import SCENES
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _UP = np.array([0.0, 0.0, 1.0])  # of the scenes' world
 _FOCAL_PER_WIDTH = 525.0 / 640.0  # the field of view of a Kinect
 
 
-class SynthSource:
+class SynthSource(ReadsInTime):
     """A built-in scene of `SCENES`, rendered on the fly; frame n is stamped n / rate."""
 
     def __init__(self, name: str, options: SourceOptions) -> None:
@@ -48,13 +48,9 @@ class SynthSource:
         self.frame_count: int | None = len(self._poses)
         self.depth_units_per_m = _UNITS_PER_M
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every frame from `first` on; the first call builds the textures (seconds), unless they are in the
-        cache."""
-        return self.frames_in_time(first, never_late)
-
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`; late frames are not rendered."""
+        """Every frame that is not late; the first call builds the textures (seconds), unless they are in the
+        cache."""
         from hsslam_node.synth.rendering.renderer import Renderer  # imports numba and OpenCV
 
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)

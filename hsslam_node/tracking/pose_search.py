@@ -1,6 +1,6 @@
 """The search for the pose of one frame: where odometry expects it, at guesses, at places seen before."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -31,41 +31,34 @@ class PoseSearch:
         config: TrackerConfig,
         aligner: ReferenceAligner,
         motion: CameraMotion,
+        reckoned: DeadReckoning,
         relocalisation: Relocalisation,
     ) -> None:
         self._config = config
         self._aligner = aligner
         self._motion = motion
+        self._reckoned = reckoned
         self._relocalisation = relocalisation
 
     def from_motion(
-        self,
-        seen: Observation,
-        prediction: np.ndarray,
-        reckoned: DeadReckoning,
-        reckoning: Reckoning | None,
+        self, seen: Observation, prediction: np.ndarray, reckoning: Reckoning | None
     ) -> Alignment | None:
         """The alignment of a frame, None if none is believed.
 
         Args:
             prediction: T_world_cam [4, 4] by the camera's motion.
-            reckoned: frames by odometry alone before this one.
             reckoning: where odometry expects this one; None: it does not say.
 
         Raises:
             TornMapError: the map was overwritten meanwhile.
         """
-        before, found = self._aligner.reference, None
-        try:
-            if reckoning is not None:
-                found = self._by_odometry(seen, reckoned, reckoning)
-            if found is None:
-                self._aligner.reference = before
-                found = self._by_guesses(seen, prediction, reckoned, reckoning)
-        finally:
-            if found is None:
-                self._aligner.reference = before
-        return found
+        if reckoning is not None:
+            found = self._found_or_undone(lambda: self._by_odometry(seen, reckoning))
+            if found is not None:
+                return found
+            if reckoning.is_within_reach(self._config) and not seen.has_depth:
+                return None  # odometry alone will do
+        return self._found_or_undone(lambda: self._by_guesses(seen, prediction))
 
     def at_place(self, seen: Observation, place: Place) -> Alignment | None:
         """The alignment of a frame at a place, None if it does not fit.
@@ -73,23 +66,27 @@ class PoseSearch:
         Raises:
             TornMapError: the map was overwritten meanwhile.
         """
+        return self._found_or_undone(lambda: self._by_place(seen, place))
+
+    def _found_or_undone(self, search: Callable[[], Alignment | None]) -> Alignment | None:
+        """What a search finds; the reference is as before if it finds nothing, or raises."""
         before, found = self._aligner.reference, None
-        self._aligner.reference = Reference(place.reference)
         try:
-            best = self._aligner.align(seen, place.T_world_cam)
-            if self._is_acceptable(seen, best, place.T_world_cam, after_gap=True):
-                found = best
+            found = search()
         finally:
             if found is None:
                 self._aligner.reference = before
         return found
 
-    def _by_odometry(
-        self, seen: Observation, reckoned: DeadReckoning, reckoning: Reckoning
-    ) -> Alignment | None:
+    def _by_place(self, seen: Observation, place: Place) -> Alignment | None:
+        self._aligner.reference = Reference(place.reference)
+        best = self._aligner.align(seen, place.T_world_cam)
+        return best if self._is_acceptable(seen, best, place.T_world_cam, after_gap=True) else None
+
+    def _by_odometry(self, seen: Observation, reckoning: Reckoning) -> Alignment | None:
         """Near the pose that odometry predicts, after a gap at the keyframe that shows most of the frame."""
         T = reckoning.T_world_cam
-        if reckoned.is_on and seen.has_depth:
+        if self._reckoned.is_on and seen.has_depth:
             self._aligner.refer_to_covering(seen.frame, T)
         best = self._aligner.align(seen, T, reckoning.doubt)
         if best is None:
@@ -103,21 +100,12 @@ class PoseSearch:
             return best
         return best if reckoning.agrees(best, self._config) and not seen.localise_only else None
 
-    def _by_guesses(
-        self,
-        seen: Observation,
-        prediction: np.ndarray,
-        reckoned: DeadReckoning,
-        reckoning: Reckoning | None,
-    ) -> Alignment | None:
-        """From the first guess whose alignment is believed; without depth, odometry alone may do."""
-        is_reckoned = reckoning is not None and reckoning.is_within_reach(self._config)
-        if is_reckoned and not seen.has_depth:
-            return None
+    def _by_guesses(self, seen: Observation, prediction: np.ndarray) -> Alignment | None:
+        """From the first guess whose alignment is believed."""
         before, stamp_ns = self._aligner.reference, seen.frame.stamp_ns
         expected = prediction if self._motion.is_foreseen(stamp_ns) else None
         after_gap = self._motion.is_after_gap(stamp_ns)
-        for guess in self._guesses(seen, prediction, reckoned, is_unforeseen=expected is None):
+        for guess in self._guesses(seen, prediction, is_unforeseen=expected is None):
             best = self._aligner.align(seen, guess)
             if best is None or not self._is_acceptable(seen, best, guess, after_gap):
                 continue
@@ -127,16 +115,11 @@ class PoseSearch:
         return None
 
     def _guesses(
-        self,
-        seen: Observation,
-        prediction: np.ndarray,
-        reckoned: DeadReckoning,
-        *,
-        is_unforeseen: bool,
+        self, seen: Observation, prediction: np.ndarray, *, is_unforeseen: bool
     ) -> Iterator[np.ndarray]:
         """After a gap, as far on as it is long; as predicted; at rest; by OpenCV's RGB-D odometry from the
         last good frame; after a gap, or when lost, at a place seen before."""
-        motion, frame = self._motion, seen.frame
+        motion, reckoned, frame = self._motion, self._reckoned, seen.frame
         T_last = motion.T_world_last
         if is_unforeseen and motion.is_known:
             yield motion.predicted(frame.stamp_ns, longest=np.inf)

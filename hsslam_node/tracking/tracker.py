@@ -24,9 +24,7 @@ from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.pose_search import FOLLOWED_FRAMES, PoseSearch
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 
-_ANEW_FRAMES = (
-    20  # by odometry alone that see something: then the next begins a place that no keyframe shows
-)
+_ANEW_FRAMES = 20  # by odometry alone, though they see something: then the next is a keyframe
 
 
 class Tracker:
@@ -47,9 +45,11 @@ class Tracker:
         self._motion = CameraMotion(config.tracker, store)
         self._aligner = ReferenceAligner(config.tracker, store)
         self._relocalisation = Relocalisation(config.tracker, store, seed)
-        self._search = PoseSearch(config.tracker, self._aligner, self._motion, self._relocalisation)
-        self._keyframes = NewKeyframes(config, store)
         self._reckoned = DeadReckoning()
+        self._search = PoseSearch(
+            config.tracker, self._aligner, self._motion, self._reckoned, self._relocalisation
+        )
+        self._keyframes = NewKeyframes(config, store)
 
     def resume(self, *, anywhere: bool = False) -> None:
         """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
@@ -74,7 +74,7 @@ class Tracker:
         self._motion.take_over(other._motion, joined)
         self._aligner.take_over(other._aligner, joined)
         self._keyframes.take_over(other._keyframes, joined)
-        self._reckoned = DeadReckoning()
+        self._reckoned.restart(None, np.zeros((6, 6)), None)
 
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
@@ -92,7 +92,7 @@ class Tracker:
         self._motion.take(frame)
         prediction = self._motion.predicted(frame.stamp_ns)
         reckoning = self._reckoned.expected(self._motion.T_world_last, frame.odometry)
-        found = self._search.from_motion(seen, prediction, self._reckoned, reckoning)
+        found = self._search.from_motion(seen, prediction, reckoning)
         if found is not None:
             return self._accept(seen, found, reckoning)
         if reckoning is None:

@@ -11,12 +11,12 @@ from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 
 
-class ImagePairSource:
+class ImagePairSource(ReadsInTime):
     """Files of colour and of the depth registered to it, both undistorted.
 
     `camera` is that of the files, with its distortion; `pairs` come in order of their stamps. `masks`: the
@@ -42,12 +42,8 @@ class ImagePairSource:
         self.frame_count: int | None = len(self._pairs)
         self.rate_hz = median_rate_hz([stamp for stamp, _, _ in self._pairs])
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every pair of images from `first` on; one that cannot be read comes as a `BadFrame`."""
-        return self.frames_in_time(first, never_late)
-
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`; files of late frames are not read."""
+        """Every pair of images that is not late; one that cannot be read comes as a `BadFrame`."""
         for index in range(first, len(self._pairs)):
             stamp_ns, color_file, depth_file = self._pairs[index]
             if is_late(index, stamp_ns):

@@ -1,4 +1,4 @@
-"""Alignment of frames to the reference keyframe and the map, and the choice of that keyframe."""
+"""Keeps the reference keyframe, aligns frames to it and to the map, and chooses the next reference."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

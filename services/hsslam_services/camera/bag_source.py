@@ -10,7 +10,7 @@ from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_topic
 from hsslam_services.camera.ros_frames import RosFrames
@@ -18,7 +18,7 @@ from hsslam_services.ros2.imu_in import RosImu
 from hsslam_services.ros2.odometry_in import RosOdometry
 
 
-class BagSource:
+class BagSource(ReadsInTime):
     """The camera of a bag: colour and the depth nearest to it, with the stamps of the colour's headers.
 
     Opening reads the bag through, to count its frames. Images are decoded one by one, and only those
@@ -53,16 +53,12 @@ class BagSource:
         self.frame_count: int | None = len(self._rows)
         self.rate_hz = median_rate_hz([stamps_ns[row] for row in self._rows])
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Every selected frame from `first` on; one that cannot be decoded comes as a `BadFrame`.
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """Selected frames that are not late; one that cannot be decoded comes as a `BadFrame`.
 
         Raises:
             UserError: the bag was damaged after it was opened.
         """
-        return self.frames_in_time(first, never_late)
-
-    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`; images of late frames are not decoded, what other sensors know goes on to the next."""
         rows = self._rows[first:]
         if not rows:
             return

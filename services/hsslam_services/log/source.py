@@ -12,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, never_late
+from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder
@@ -26,7 +26,7 @@ _RATE_FRAMES = 30  # the rate is computed from the stamps of this many
 _MOST_LOGS = 8  # a run from the log of a run from the log of ...
 
 
-class McapSource:
+class McapSource(ReadsInTime):
     """Frames of a log (a file, or all parts of a run folder) with the stamps that they had.
 
     Indices are those of the log, so that whatever is drawn at random by frame is drawn as before; a
@@ -64,12 +64,8 @@ class McapSource:
         )
         self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
 
-    def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Selected frames from `first` on; one whose images cannot be decoded comes as a `BadFrame`."""
-        return self.frames_in_time(first, never_late)
-
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """As `frames`; images of late frames are not decoded."""
+        """Selected frames that are not late; one whose images cannot be decoded comes as a `BadFrame`."""
         rows = frozenset(sorted(self._rows)[first:])
         last = max(rows, default=-1)
         for row, message in enumerate(self._logged()):
