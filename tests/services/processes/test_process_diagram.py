@@ -20,11 +20,13 @@ from tests.services.serve_process import SMALL_ROOM
 _SERVICES = ROOT / "services"
 _LOGGED = {topic.name for topic in TOPICS if topic.logged}
 _HEADERS = {header.name: header for header in process_headers()}
-# besides its own file, a process opens topics in the folders that serve it alone
+# besides its own file, a process opens topics in these
 _ROOMS = {
     "camera": ("camera/*.py", "bus/peers.py", "bus/robot_sensors.py"),
-    "ros2_out": ("ros2/floor_out.py",),
+    "distances": ("tracked/waiting_frames.py",),
+    "ros2_out": ("ros2/floor_out.py", "tracked/waiting_frames.py"),
     "supervisor": ("supervisor/*.py", "health/*.py", "requests/*.py"),
+    "tracker": ("tracked/poses_out.py", "tracked/keyframes_out.py"),
 }
 
 
