@@ -262,7 +262,8 @@ class SourceOptions:
     odometry_noise: float = USUAL_NOISE
     """Standard deviation of odometry after 1 m, m, and after 1 rad, rad."""
     camera_T_imu: tuple[float, ...] = ()
-    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: in its centre, with its axes)."""
+    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: as /tf_static of ROS has it, else in
+    the camera's centre, with its axes)."""
     mask: str = ""
     """Image file, or folder of images named as those of colour; where it is black, frames have no depth
     (empty: none)."""

@@ -46,6 +46,7 @@ class RawImage:
     step_bytes: int = 0
     is_big_endian: bool = False
     is_compressed: bool = False
+    frame_id: str = ""  # that ROS names the camera's optical frame by
 
     @property
     def content(self) -> Literal["color", "grey", "depth", "unknown"]:

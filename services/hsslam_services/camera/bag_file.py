@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsslam_node.errors import UserError
+from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_services.camera.ros2_messages import CdrMessages
+from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 if TYPE_CHECKING:
     from rosbags.rosbag1 import Reader as Ros1Reader
@@ -76,13 +78,33 @@ class BagFile:
         Raises:
             UserError: the bag is damaged.
         """
-        with self._reported(), self._open() as reader:
+        with self._reported():
+            for topic, type_name, payload in self._payloads(topics):
+                yield BagMessage(topic, type_name, self._stamp_ns(payload), payload)
+
+    def static_transforms(self) -> StaticTransforms:
+        """All of `/tf_static`; none if the bag has no such topic.
+
+        Raises:
+            UserError: one of them is no transform, or the bag is damaged.
+        """
+        found = StaticTransforms()
+        with self._reported():
+            for _, type_name, payload in self._payloads((TOPIC,)):
+                try:
+                    found.take(self.decode.transforms(payload, type_name))
+                except (BadImageError, UserError) as error:
+                    raise UserError(f"source {self.name}: {error}") from None
+        return found
+
+    def _payloads(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes]]:
+        """Topic, type and bytes of each message of these topics."""
+        with self._open() as reader:
             wanted = [connection for connection in reader.connections if connection.topic in topics]
             if not wanted:
                 return
             for connection, _, payload in reader.messages(wanted):
-                stamp_ns = self._stamp_ns(payload)
-                yield BagMessage(connection.topic, connection.msgtype, stamp_ns, payload)
+                yield connection.topic, connection.msgtype, payload
 
     def _open(self) -> "Ros1Reader | Ros2Reader":
         from rosbags.rosbag1 import Reader as Ros1Reader

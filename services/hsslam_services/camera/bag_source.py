@@ -4,6 +4,8 @@ import contextlib
 from collections.abc import Generator, Iterator, Mapping
 from types import MappingProxyType
 
+import numpy as np
+
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
@@ -16,6 +18,7 @@ from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_t
 from hsslam_services.camera.ros_frames import RosFrames
 from hsslam_services.ros2.imu_in import RosImu
 from hsslam_services.ros2.odometry_in import RosOdometry
+from hsslam_services.ros2.static_transforms import StaticTransforms
 
 
 class BagSource(ReadsInTime):
@@ -34,6 +37,10 @@ class BagSource(ReadsInTime):
         self._color, self._depth = found.color, found.depth
         self._odometry_topic = odometry_topic(self._bag, options.bag)
         self._imu_topic = imu_topic(self._bag, options.bag, bool(options.camera_T_imu))
+        self._mountings = StaticTransforms()
+        if self._imu_topic and not options.camera_T_imu:
+            self._mountings = self._bag.static_transforms()
+        self._camera_frame = found.first[0].frame_id
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
         self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
@@ -86,8 +93,12 @@ class BagSource(ReadsInTime):
         if self._odometry_topic:
             sensors[self._odometry_topic] = RosOdometry(self._options)
         if self._imu_topic:
-            sensors[self._imu_topic] = RosImu(self._options)
+            sensors[self._imu_topic] = RosImu(self._options, self._mounted_at)
         return sensors
+
+    def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
+        """T_camera_imu, [4, 4], by `/tf_static`."""
+        return self._mountings.between(self._camera_frame, imu_frame)
 
     def _paired(
         self,

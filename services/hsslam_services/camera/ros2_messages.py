@@ -12,6 +12,7 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
+from hsslam_services.ros2.static_transforms import TRANSFORMS
 from hsslam_services.ros2.type_store import open_type_store
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -53,10 +54,11 @@ class CdrMessages:
         if type_name not in (IMAGE, COMPRESSED):
             raise BadImageError(f"message of type {type_name or 'unknown'}: expected {IMAGE}")
         message = self._decoded(payload, type_name)
-        stamp_ns = _stamp_ns(message)
+        stamp_ns, frame_id = _stamp_ns(message), str(message.header.frame_id)
         data = np.asarray(message.data, np.uint8)
         if type_name == COMPRESSED:
-            return RawImage(stamp_ns, str(message.format), data, is_compressed=True)
+            encoding = str(message.format)
+            return RawImage(stamp_ns, encoding, data, is_compressed=True, frame_id=frame_id)
         return RawImage(
             stamp_ns=stamp_ns,
             encoding=str(message.encoding),
@@ -65,6 +67,7 @@ class CdrMessages:
             height_px=int(message.height),
             step_bytes=int(message.step),
             is_big_endian=bool(message.is_bigendian),
+            frame_id=frame_id,
         )
 
     def camera(self, payload: bytes, type_name: str, is_rectified: bool) -> Camera:
@@ -100,6 +103,14 @@ class CdrMessages:
             BadImageError: another type, or not such a message.
         """
         return self._of_type(payload, type_name, IMU)
+
+    def transforms(self, payload: bytes, type_name: str) -> Any:
+        """A `TFMessage` as rosbags decodes it.
+
+        Raises:
+            BadImageError: another type, or not such a message.
+        """
+        return self._of_type(payload, type_name, TRANSFORMS)
 
     def _of_type(self, payload: bytes, type_name: str, expected: str) -> Any:
         if type_name != expected:

@@ -1,10 +1,12 @@
-"""Sensors beside a camera of ROS 2: odometry of the robot, and an IMU."""
+"""Sensors beside a camera of ROS 2: odometry of the robot, an IMU, and where that is mounted."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import zenoh
+import zenoh.ext
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -13,8 +15,10 @@ from hsslam_node.sources.options import SourceOptions
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
+from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
 _RING = 2048  # messages: more than come between two frames
+_PUBLISHERS = 64  # of `/tf_static`, each of which keeps its newest message
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,17 @@ class Ros2Sensors:
         self, name: str, options: SourceOptions, session: zenoh.Session, cdr: CdrMessages
     ) -> None:
         self._cdr = cdr
+        self.camera_frame = ""  # that ROS names the optical frame by, once it is known
+        self._mountings = StaticTransforms()
         ros2 = options.ros2
+        self._transforms: Any = None
+        if ros2.imu and not options.camera_T_imu:
+            self._transforms = zenoh.ext.declare_advanced_subscriber(
+                session,
+                topic_keys(ros2.domain, TOPIC),
+                zenoh.handlers.RingChannel(_PUBLISHERS),
+                history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+            )
         self._sensors = [
             _Sensor(
                 *(option, topic, kind, make(options)),
@@ -43,7 +57,7 @@ class Ros2Sensors:
             )
             for option, topic, kind, make in (
                 ("odometry", ros2.topic_of_odometry(name), ODOMETRY, RosOdometry),
-                ("imu", ros2.topic_of_imu(name), IMU, RosImu),
+                ("imu", ros2.topic_of_imu(name), IMU, self._imu),
             )
             if topic
         ]
@@ -59,13 +73,30 @@ class Ros2Sensors:
         Raises:
             UserError: a message is of another type or cannot be used; names its topic.
         """
+        self._hear_transforms()
         for sensor in self._sensors:
-            for payload, type_name in _received(sensor):
+            for payload, type_name in _received(sensor.subscriber):
                 decode = self._cdr.imu if sensor.type_name == IMU else self._cdr.odometry
                 try:
                     sensor.sensor.take(decode(payload, type_name))
                 except (BadImageError, UserError) as error:
                     raise UserError(f"{sensor.topic}: {error}") from None
+
+    def _hear_transforms(self) -> None:
+        if self._transforms is None:
+            return
+        for payload, type_name in _received(self._transforms):
+            try:
+                self._mountings.take(self._cdr.transforms(payload, type_name))
+            except BadImageError as error:
+                raise UserError(f"{TOPIC}: {error}") from None
+
+    def _imu(self, options: SourceOptions) -> RosImu:
+        return RosImu(options, self._mounted_at)
+
+    def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
+        """T_camera_imu, [4, 4], by what was heard of `/tf_static`."""
+        return self._mountings.between(self.camera_frame, imu_frame)
 
     def given(self, frame: Frame) -> Frame:
         """The frame with what they say at its stamp; raises as `hear`."""
@@ -75,6 +106,6 @@ class Ros2Sensors:
         return frame
 
 
-def _received(sensor: _Sensor) -> Iterator[tuple[bytes, str]]:
-    while (sample := sensor.subscriber.try_recv()) is not None:
+def _received(subscriber: Any) -> Iterator[tuple[bytes, str]]:
+    while (sample := subscriber.try_recv()) is not None:
         yield sample.payload.to_bytes(), type_of(str(sample.key_expr))

@@ -147,6 +147,8 @@ class Ros2Source:
                     kind = type_of(str(sample.key_expr))
                     camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
                 pair = self._next_pair() or pair
+                if pair is not None:
+                    self._sensors.camera_frame = pair[0].frame_id
                 self._sensors.hear()
             except (BadImageError, UserError) as error:
                 problem = f"; {error}"

@@ -1,5 +1,6 @@
 """An IMU of ROS, `sensor_msgs/Imu`, integrated for the frames of a camera."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,11 +18,22 @@ IMU = "sensor_msgs/msg/Imu"
 class RosImu:
     """Takes messages as they come, and adds to frames what is integrated up to their stamps.
 
-    The messages are in the axes of the IMU; `--camera-T-imu` is its pose in the camera's optical frame.
+    The messages are in the axes of the IMU; `--camera-T-imu` is its pose in the camera's optical frame. If
+    that is not given, the IMU is where `mounted_at` says; until that knows it, in the camera's centre, with
+    the camera's axes.
+
+    Args:
+        mounted_at: T_camera_imu, [4, 4], of an IMU with this frame of ROS; None: not known.
     """
 
-    def __init__(self, options: SourceOptions) -> None:
+    def __init__(
+        self,
+        options: SourceOptions,
+        mounted_at: Callable[[str], np.ndarray | None] = lambda _: None,
+    ) -> None:
         self._track = ImuTrack(mounting("--camera-T-imu", options.camera_T_imu))
+        self._is_mounted = bool(options.camera_T_imu)
+        self._mounted_at = mounted_at
         self.has_any = False
 
     def take(self, message: Any) -> None:
@@ -45,10 +57,20 @@ class RosImu:
                     f"imu: no {name}, its covariance is -1: expected both in one message, as with "
                     "unite_imu_method of realsense2_camera"
                 )
+        self._mount(str(message.header.frame_id))
         stamp = message.header.stamp
         stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
         self._track.add(stamp_ns, turn_rate, force)
         self.has_any = True
+
+    def _mount(self, frame_id: str) -> None:
+        """What was integrated before the mounting is known does not count."""
+        if self._is_mounted:
+            return
+        T_camera_imu = self._mounted_at(frame_id)
+        if T_camera_imu is not None:
+            self._track = ImuTrack(T_camera_imu)
+            self._is_mounted = True
 
     def given(self, frame: Frame) -> Frame:
         """The frame with the reading at its stamp; with none if no samples are near it."""

@@ -9,8 +9,11 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 _REMEDY = "pip install 'hsslam-node[ros2]'"
+_OF_ROS1 = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+}
 # of Isaac ROS nvblox, https://github.com/NVIDIA-ISAAC-ROS/isaac_ros_nvblox
-_MORE = {
+_OF_ROS2 = {
     "nvblox_msgs/msg/DistanceMapSlice": """\
 std_msgs/Header header
 float32 resolution
@@ -40,9 +43,7 @@ def open_type_store(who: str, is_ros1: bool = False) -> "Typestore":
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise UserError(f"{who}: package rosbags is not there: {_REMEDY}") from None
-    if is_ros1:
-        return get_typestore(Stores.ROS1_NOETIC)
-    store = get_typestore(Stores.ROS2_JAZZY)
-    for name, text in _MORE.items():
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+    for name, text in (_OF_ROS1 if is_ros1 else _OF_ROS2).items():
         store.register(get_types_from_msg(text, name))
     return store

@@ -158,7 +158,8 @@ class ServeOptions:
     odometry_noise: float = USUAL_NOISE
     """Standard deviation of the robot's odometry after 1 m, m, and after 1 rad, rad."""
     camera_T_imu: tuple[float, ...] = ()
-    """IMU in the camera's optical frame, x y z qx qy qz qw, m (none: in its centre, with its axes)."""
+    """IMU in the camera's optical frame, x y z qx qy qz qw, m (none: as /tf_static of ROS has it, else in
+    the camera's centre, with its axes)."""
     grid: bool = False
     """Publish free cells and distances about the camera, ten times a second."""
     grid_from_height_m: float = 0.15

@@ -9,7 +9,7 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
@@ -27,14 +27,25 @@ class BagWriter:
         self._writer = writer
         self._is_ros1 = is_ros1
         self._store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_JAZZY)
+        if is_ros1:
+            text = "geometry_msgs/TransformStamped[] transforms"
+            self._store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
         self._connections: dict[str, Any] = {}
 
-    def put(self, topic: str, stamp_ns: int, name: str, **fields: Any) -> None:
+    def put(
+        self, topic: str, stamp_ns: int, name: str, *, frame_id: str = "camera", **fields: Any
+    ) -> None:
         """A message of sensor_msgs, or an `Odometry`, whose header has this stamp."""
-        header = self._new("std_msgs/msg/Header", stamp=self._time(stamp_ns), frame_id="camera")
         package = "nav_msgs" if name == "Odometry" else "sensor_msgs"
-        store, kind = self._store, f"{package}/msg/{name}"
-        message = self._new(kind, header=header, **fields)
+        kind = f"{package}/msg/{name}"
+        header = self._header(stamp_ns, frame_id)
+        self._write(topic, stamp_ns, kind, self._new(kind, header=header, **fields))
+
+    def _header(self, stamp_ns: int, frame_id: str) -> Any:
+        return self._new("std_msgs/msg/Header", stamp=self._time(stamp_ns), frame_id=frame_id)
+
+    def _write(self, topic: str, stamp_ns: int, kind: str, message: Any) -> None:
+        store = self._store
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
         serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
@@ -91,12 +102,27 @@ class BagWriter:
         )
         unknown, none = np.full(9, -1.0), np.zeros(9)
         self.put(
-            topic, stamp_ns, "Imu",
+            topic, stamp_ns, "Imu", frame_id="imu",
             orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
             orientation_covariance=unknown, angular_velocity=vector(rates),
             angular_velocity_covariance=none, linear_acceleration=vector(forces),
             linear_acceleration_covariance=none,
         )  # fmt: skip
+
+    def static_transforms(
+        self, stamp_ns: int, of: Sequence[tuple[str, str, Sequence[float]]]
+    ) -> None:
+        """A message on `/tf_static` of (parent, child, x y z qx qy qz qw of the child in the parent)."""
+        stamped = []
+        for parent, child, (x, y, z, *q) in of:
+            turn = self._new("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", q, strict=True)))
+            place = self._new("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+            moved = self._new("geometry_msgs/msg/Transform", translation=place, rotation=turn)
+            header = self._header(stamp_ns, parent)
+            kind = "geometry_msgs/msg/TransformStamped"
+            stamped.append(self._new(kind, header=header, child_frame_id=child, transform=moved))
+        kind = "tf2_msgs/msg/TFMessage"
+        self._write("/tf_static", stamp_ns, kind, self._new(kind, transforms=stamped))
 
     def frame(self, frame: Frame, depth_lag_ns: int = 0) -> None:
         """Colour, depth and intrinsics of a frame, on the topics of a RealSense with aligned depth."""

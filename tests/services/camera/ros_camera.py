@@ -92,18 +92,22 @@ class Imu(IdlStruct):
 
 
 def imu(
-    stamp_ns: int, rates: Sequence[float], forces: Sequence[float], of_rates: float = 0.0
+    stamp_ns: int,
+    rates: Sequence[float],
+    forces: Sequence[float],
+    of_rates: float = 0.0,
+    frame: str = "camera_imu_frame",
 ) -> Imu:
     """Without orientation, as drivers of plain IMUs send it."""
     unknown, none = [-1.0] + [0.0] * 8, [0.0] * 9
     return Imu(
-        header(stamp_ns), Quaternion(0.0, 0.0, 0.0, 1.0), unknown,
+        header(stamp_ns, frame), Quaternion(0.0, 0.0, 0.0, 1.0), unknown,
         Vector3(*rates), [of_rates, *none[1:]], Vector3(*forces), none,
     )  # fmt: skip
 
 
-def header(stamp_ns: int) -> Header:
-    return Header(Time(stamp_ns // 10**9, stamp_ns % 10**9), "camera_color_optical_frame")
+def header(stamp_ns: int, frame: str = "camera_color_optical_frame") -> Header:
+    return Header(Time(stamp_ns // 10**9, stamp_ns % 10**9), frame)
 
 
 def image(stamp_ns: int, pixels: np.ndarray, encoding: str) -> Image:

@@ -250,15 +250,24 @@ def test_an_imu_of_a_bag_is_used_if_its_mounting_is_known(
     """A camera that turns about its y at 0.3 rad/s; the IMU stands on its head."""
     rooms = [replace(frame, stamp_ns=frame.stamp_ns + 1_000_000_000) for frame in room]
 
-    def turn(bag: BagWriter) -> None:
-        for k in range(80):
-            bag.imu("/imu/data", 900_000_000 + 5_000_000 * k, (0.0, -0.3, 0.0), (0.0, 9.81, 0.0))
-
-    path = written(tmp_path, kind, rooms, turn)
     on_its_head = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+    def turn_as_tf_has_it(bag: BagWriter) -> None:
+        """Both are mounted on a plate; camera and IMU are turned by half of it each."""
+        half = (0.0, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
+        back = (0.0, 0.0, 0.0, 0.0, 0.0, -(0.5**0.5), 0.5**0.5)
+        bag.static_transforms(900_000_000, [])
+        bag.static_transforms(900_000_000, [("plate", "camera", back), ("plate", "imu", half)])
+        _turn_on_its_head(bag)
+
+    path = written(tmp_path, kind, rooms, _turn_on_its_head)
+    (tmp_path / "tf").mkdir()
+    with_tf = written(tmp_path / "tf", kind, rooms, turn_as_tf_has_it)
     for source in (
         opened(path, camera_T_imu=on_its_head),
         opened(path, camera_T_imu=on_its_head, bag=BagOptions(imu="/imu/data")),
+        opened(with_tf, bag=BagOptions(imu="/imu/data")),
+        opened(with_tf, camera_T_imu=on_its_head),
     ):
         frames = whole_frames(source)
         motion = motion_between(frames[0].imu, frames[4].imu)
@@ -270,6 +279,24 @@ def test_an_imu_of_a_bag_is_used_if_its_mounting_is_known(
     assert all(frame.imu is None for frame in whole_frames(opened(path)))
     with pytest.raises(UserError, match=r"--bag\.imu /imu: no such topic.*/imu/data \(Imu"):
         opened(path, bag=BagOptions(imu="/imu"))
+
+
+def _turn_on_its_head(bag: BagWriter) -> None:
+    for k in range(80):
+        bag.imu("/imu/data", 900_000_000 + 5_000_000 * k, (0.0, -0.3, 0.0), (0.0, 9.81, 0.0))
+
+
+def test_a_static_transform_that_is_none_is_one_line(room: list[Frame], tmp_path: Path):
+    def put(bag: BagWriter) -> None:
+        _turn_on_its_head(bag)
+        bag.static_transforms(900_000_000, [("camera", "imu", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0))])
+
+    path = written(tmp_path, KINDS[0], room, put)
+    with pytest.raises(
+        UserError, match=r"bag:.*: /tf_static: camera to imu: 0 0 0 0 0 0 2: expected .* unit"
+    ):
+        opened(path, bag=BagOptions(imu="/imu/data"))
+    assert all(frame.imu is None for frame in whole_frames(opened(path)))
 
 
 def test_images_of_late_frames_are_not_decoded(room: list[Frame], tmp_path: Path):

@@ -10,7 +10,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.se3 import so3_exp
+from hsslam_node.geometry.se3 import so3_exp, transform
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
@@ -20,6 +20,9 @@ from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
+from hsslam_services.ros2.messages import RosMessages
+from hsslam_services.ros2.names import Qos
+from hsslam_services.ros2.node import RosNode
 from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image, imu, odometry
 
 ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
@@ -199,6 +202,43 @@ def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
     seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
     turned = so3_exp(np.array([0.0, 0.2 * seconds, 0.0]))
     np.testing.assert_allclose(motion.rotation, turned, atol=1e-6)
+    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
+
+
+def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camera, room):
+    """A node keeps them for who comes late; the IMU stands on its head."""
+    ended = threading.Event()
+
+    def turn() -> None:
+        for k in range(-10, 4000):
+            message = imu(
+                FIRST_NS + k * 10_000_000, (0.0, -0.2, 0.0), (0.0, 9.81, 0.0), frame="imu"
+            )
+            ros_camera.put("/camera/imu", message, "Imu")
+            if k > 200 and ended.wait(0.01):
+                return
+
+    messages = RosMessages("kilted")
+    on_its_head = transform(np.array([0.0, 0.1, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))
+    with RosNode(endpoint, 0, "/robot", "state", messages) as node:
+        latched = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
+        at_optical = ("camera_link", "camera_color_optical_frame", np.eye(4))
+        latched.put(messages.transforms(1, [at_optical, ("camera_link", "imu", on_its_head)]))
+        ros_camera.start(room)
+        turning = threading.Timer(0.3, turn)
+        turning.start()
+        try:
+            source = open_any_source("ros2:/camera", options(endpoint, 200, imu="imu"))
+            given = (f for f in source.frames() if isinstance(f, Frame) and f.imu is not None)
+            first, *_, last = itertools.islice(given, 5)
+        finally:
+            ended.set()
+    motion = motion_between(first.imu, last.imu)
+    assert motion is not None
+    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
+    np.testing.assert_allclose(
+        motion.rotation, so3_exp(np.array([0.0, 0.2 * seconds, 0.0])), atol=1e-6
+    )
     assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
 
 

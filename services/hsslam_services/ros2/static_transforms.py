@@ -1,0 +1,63 @@
+"""Transforms of ROS that do not change, `/tf_static`: where sensors are mounted."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import inverse, transform
+
+TOPIC, TRANSFORMS = "/tf_static", "tf2_msgs/msg/TFMessage"
+_UNIT = 1e-3  # by which the norm of a quaternion may be off
+
+
+class StaticTransforms:
+    """Keeps the newest transform to each child frame."""
+
+    def __init__(self) -> None:
+        self._to_parent: dict[str, tuple[str, np.ndarray]] = {}  # by child: parent, T_parent_child
+
+    def take(self, message: Any) -> None:
+        """Take a `TFMessage`, decoded by rosbags.
+
+        Raises:
+            UserError: a transform is not finite, or its quaternion has no unit norm.
+        """
+        for stamped in message.transforms:
+            parent, child = _name(stamped.header.frame_id), _name(stamped.child_frame_id)
+            t, q = stamped.transform.translation, stamped.transform.rotation
+            place, turn = np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w])
+            numbers = np.concatenate([place, turn])
+            if not np.isfinite(numbers).all() or abs(np.linalg.norm(turn) - 1) > _UNIT:
+                text = " ".join(f"{number:g}" for number in numbers)
+                raise UserError(
+                    f"{TOPIC}: {parent} to {child}: {text}: expected x y z and a unit quaternion"
+                )
+            self._to_parent[child] = parent, transform(place, turn)
+
+    def between(self, target: str, source: str) -> np.ndarray | None:
+        """T_target_source, [4, 4]: the pose of a frame in another; None if no transforms connect the two."""
+        target, source = _name(target), _name(source)
+        found, waiting = {source: np.eye(4)}, deque([source])  # T_frame_source
+        while waiting:
+            frame = waiting.popleft()
+            if frame == target:
+                return found[frame]
+            for beside, T_beside_frame in self._beside(frame):
+                if beside not in found:
+                    found[beside] = T_beside_frame @ found[frame]
+                    waiting.append(beside)
+        return None
+
+    def _beside(self, frame: str) -> list[tuple[str, np.ndarray]]:
+        """Parent and children of a frame, each with T_it_frame."""
+        children = [
+            (child, inverse(T)) for child, (parent, T) in self._to_parent.items() if parent == frame
+        ]
+        return [self._to_parent[frame], *children] if frame in self._to_parent else children
+
+
+def _name(frame_id: str) -> str:
+    """As ROS 2 has it: ROS 1 allowed a slash in front."""
+    return str(frame_id).strip("/")
