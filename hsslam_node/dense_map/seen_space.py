@@ -1,5 +1,7 @@
 """What keyframes saw: how well each cell of space is known, and how far it is to the nearest surface."""
 
+import time
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -71,24 +73,44 @@ class SeenSpace:
         self._cells: SeenCells | None = None
 
     def follow(self, keyframes: MapKeyframes) -> SeenCells:
-        """Mark what is new; all anew if keyframes have moved by a cell, or see beyond the grid.
+        """Mark what is new; all anew if keyframes have moved by a cell.
 
         Keyframes that are retired stay marked.
         """
-        new = np.flatnonzero(~np.isin(keyframes.ids, self._ids))
-        occupancy = self._occupancy
-        if occupancy is None or self._moved(keyframes) or not self._covers(keyframes, new):
-            occupancy, new = self._begin(keyframes), np.arange(len(keyframes))
-        for k in new:
-            depth_m, T_world_cam = keyframes.views[int(k)]
+        for _ in self._mark_new(keyframes):
+            pass
+        return self._seen_cells()
+
+    def follow_for(self, keyframes: MapKeyframes, seconds: float) -> SeenCells | int:
+        """The same, if it takes no longer than this; else how many keyframes are left, for the next call."""
+        deadline_s = time.monotonic() + seconds
+        for left in self._mark_new(keyframes):
+            if left and time.monotonic() >= deadline_s:
+                return left
+        return self._seen_cells()
+
+    def _mark_new(self, keyframes: MapKeyframes) -> Iterator[int]:
+        """Mark one after the other; gives how many are left after each."""
+        if self._moved(keyframes):
+            self._occupancy, self._ids, self._marked_at = None, self._ids[:0], self._marked_at[:0]
+        new = np.flatnonzero(~np.isin(keyframes.ids, self._ids)).tolist()
+        for n, k in enumerate(new, 1):
+            depth_m, T_world_cam = keyframes.views[k]
+            occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
             occupancy.observe(depth_m, keyframes.camera, T_world_cam)
             self._mark(depth_m, keyframes.camera, T_world_cam)
             self._ids = np.append(self._ids, keyframes.ids[k])
             self._marked_at = np.concatenate([self._marked_at, T_world_cam[None]])
             self._cells = None
+            yield len(new) - n
+
+    def _seen_cells(self) -> SeenCells:
         if self._cells is None:
-            distances = self._meter.measure(occupancy)
-            self._cells = SeenCells(occupancy.grid, self._information, distances)
+            assert self._occupancy is not None
+            distances = self._meter.measure(self._occupancy)
+            # what was handed out stays as it is when more is marked
+            information = self._information.copy(order="F")
+            self._cells = SeenCells(self._occupancy.grid, information, distances)
         return self._cells
 
     def _moved(self, keyframes: MapKeyframes) -> bool:
@@ -96,22 +118,26 @@ class SeenSpace:
         shift_m = surface_shift_m(self._marked_at[then], keyframes.T_world_cam[now])
         return shift_m > self._cell_m
 
-    def _covers(self, keyframes: MapKeyframes, new: np.ndarray) -> bool:
-        """Whether the grid has room for what new keyframes saw."""
-        if len(new) == 0 or self._occupancy is None:
-            return True
-        grid = self._occupancy.grid
-        low, high = _extent(keyframes, new)
-        return bool((grid.low <= low).all() and (high <= grid.high).all())
-
-    def _begin(self, keyframes: MapKeyframes) -> Occupancy:
-        """Nothing is seen, in a grid over all that the keyframes saw."""
-        low, high = _extent(keyframes, np.arange(len(keyframes)))
-        grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
-        self._occupancy = Occupancy(grid)
-        self._information = np.zeros(grid.shape, np.float32, order="F")
-        self._ids, self._marked_at, self._cells = self._ids[:0], self._marked_at[:0], None
-        return self._occupancy
+    def _with_room(self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> Occupancy:
+        """The occupancy, of a grid that covers what a keyframe sees."""
+        low, high = _extent(depth_m, camera, T_world_cam)
+        occupancy = self._occupancy
+        if occupancy is None:
+            grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
+            self._information = np.zeros(grid.shape, np.float32, order="F")
+            self._occupancy = Occupancy(grid)
+            return self._occupancy
+        before = occupancy.grid
+        is_low, is_high = low < before.low, high > before.high
+        if is_low.any() or is_high.any():
+            low = np.where(is_low, low - _MARGIN_M, before.low)
+            high = np.where(is_high, high + _MARGIN_M, before.high)
+            grid = VoxelGrid.over(Bound.of(low, high), self._cell_m)
+            information = np.zeros(grid.shape, np.float32, order="F")
+            information[before.within(grid)] = self._information
+            self._information = information
+            occupancy.grow_to(grid)
+        return occupancy
 
     def _mark(self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> None:
         """Add the information that a keyframe's depth gives of the cells that it saw."""
@@ -126,15 +152,13 @@ class SeenSpace:
         _see(depth_m, intrinsics, T_cam_index, self._reach_m, far_m, self._information)
 
 
-def _extent(keyframes: MapKeyframes, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners [3] m of a box around these keyframes and what they measured."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for k in which:
-        depth_m, T_world_cam = keyframes.views[int(k)]
-        points = world_points(depth_m, keyframes.camera, T_world_cam, _EXTENT_PX)
-        points = np.concatenate([points, T_world_cam[None, :3, 3]])
-        low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-    return low, high
+def _extent(
+    depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners [3] m of a box around a camera and what it measured."""
+    points = world_points(depth_m, camera, T_world_cam, _EXTENT_PX)
+    points = np.concatenate([points, T_world_cam[None, :3, 3]])
+    return points.min(axis=0), points.max(axis=0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -90,6 +90,19 @@ class Occupancy:
         self._states = None
         return True
 
+    def grow_to(self, grid: VoxelGrid) -> None:
+        """Go on with a grid that covers this one; all of the evidence stays.
+
+        Raises:
+            ValueError: it does not cover it.
+        """
+        place = self.grid.within(grid)[::-1]
+        evidence, surface = self._evidence, self._surface
+        self._evidence = np.zeros(grid.shape[::-1], np.int8)
+        self._surface = np.zeros((*grid.shape[::-1], _RECORD_BYTES), np.int8)
+        self._evidence[place], self._surface[place] = evidence, surface
+        self.grid, self._touched, self._states = grid, None, None
+
     def states(self) -> np.ndarray:
         """UNKNOWN, FREE or OCCUPIED of each voxel, [nx, ny, nz] uint8; not to be written to."""
         if self._states is None:

@@ -84,6 +84,19 @@ class VoxelGrid:
         """The grid of the same shape, `steps` [3] voxels on."""
         return VoxelGrid(self.voxel_m, _triple(np.add(self.first, steps)), self.shape)
 
+    def within(self, other: "VoxelGrid") -> tuple[slice, slice, slice]:
+        """Where arrays of another grid of this lattice, which covers this one, have the voxels of this one.
+
+        Raises:
+            ValueError: it does not cover it.
+        """
+        begin = np.subtract(self.first, other.first)
+        end = begin + self.shape
+        if self.voxel_m != other.voxel_m or (begin < 0).any() or (end > other.shape).any():
+            raise ValueError(f"{other} does not cover {self}")
+        x, y, z = (slice(int(a), int(b)) for a, b in zip(begin, end, strict=True))
+        return x, y, z
+
     def T_index_frame(self) -> np.ndarray:
         """Maps points, m, to fractional indices, [4, 4]: the middle of voxel (0, 0, 0) is at 0, 0, 0."""
         T = np.diag([1 / self.voxel_m] * 3 + [1.0])

@@ -173,9 +173,18 @@ class Done(Message, frozen=True, kw_only=True):
 
 class Refusal(Message, frozen=True, kw_only=True):
     """Why a request was not done. `unknown` to `malformed`: the request is wrong; `busy`, `not_now`,
-    `failed`: the service cannot do it."""
+    `failed`: the service cannot do it; `unfinished`: a part is done, ask again for the rest."""
 
     reason: Literal[
-        "unknown", "encoding", "schema", "version", "size", "malformed", "busy", "not_now", "failed"
+        "unknown",
+        "encoding",
+        "schema",
+        "version",
+        "size",
+        "malformed",
+        "busy",
+        "not_now",
+        "failed",
+        "unfinished",
     ]
     text: Text

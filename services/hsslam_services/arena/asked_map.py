@@ -5,20 +5,22 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.dense_map import DenseMap
-from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
 from hsslam_node.dense_map.seen_space import SeenSpace
 from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.parameters import FieldParameters
-from hsslam_node.map.store import KeyframeStore
 from hsslam_proto.point_codec import answers_message, question_points
 from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 
+_WITHIN_S = 8.0  # of the 15 s that a question may take
+
 
 class AskedMap:
-    """Answers questions of places; what keyframes saw is marked with the first question.
+    """Answers questions of places. The first one begins to mark what keyframes saw; if that takes longer than
+    a question may, the next one goes on with it.
 
     One thread at a time asks.
     """
@@ -30,21 +32,27 @@ class AskedMap:
         self._seen = SeenSpace(config.field.truncation_m)
 
     def answer(self, question: QueryMap) -> PointAnswers | Refusal:
-        """What the newest map says of the points; refused before there is one."""
+        """What the newest map says of the points; refused before there is one, or while keyframes wait."""
         published = self._link.published()
         if published is None:
             return Refusal(reason="not_now", text="query: there is no map yet: expected keyframes")
-        version, found = self._ask(*published, question_points(question))
+        points, keyframes = question_points(question), keyframes_of_store(published[0])
+        left = self._seen.follow_for(keyframes, _WITHIN_S)
+        if isinstance(left, int):
+            text = (
+                f"query: {left} of {len(keyframes)} keyframes are not looked through yet: ask again"
+            )
+            return Refusal(reason="unfinished", text=text)
+        version, found = self._ask(keyframes, published[1], points)
         return answers_message(found, version, self._mode.map_epoch)
 
     def _ask(
-        self, store: KeyframeStore, parameters: FieldParameters, points: np.ndarray
+        self, keyframes: MapKeyframes, parameters: FieldParameters, points: np.ndarray
     ) -> tuple[int, MapAnswers]:
         """In place; if the map is overwritten meanwhile, as with many points, again in a copy."""
-        keyframes, sampling = keyframes_of_store(store), self._config.sampling
+        layout, sampling = parameters.layout, self._config.sampling
 
         def ask(params: np.ndarray) -> MapAnswers:
-            layout = parameters.layout
             return DenseMap(layout, params, keyframes, sampling, seen=self._seen).query(points)
 
         version, params = parameters.published()

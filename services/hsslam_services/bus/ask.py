@@ -7,6 +7,7 @@ import zenoh
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import Rejected, decode, encode, encoding_of
 from hsslam_proto.messages import Message
+from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, Request
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.security.credentials import client_settings
@@ -28,6 +29,10 @@ class RefusedError(NotDoneError):
     """The service has said no."""
 
 
+class UnfinishedError(RefusedError):
+    """The service has done a part of it, and goes on if it is asked again."""
+
+
 class NoAnswerError(NotDoneError):
     """The service is there and has not answered in time."""
 
@@ -46,7 +51,7 @@ def ask(
     `security`: folder of the certificate for an endpoint `tls/HOST:PORT`.
 
     Raises:
-        NoServiceError, RefusedError, NoAnswerError: one line each.
+        NoServiceError, RefusedError, UnfinishedError, NoAnswerError: one line each.
         UserError: the certificate cannot be used.
     """
     wait_s = request.takes_s if timeout_s is None else timeout_s
@@ -82,4 +87,5 @@ def _raise_refusal(request: Request, error: zenoh.ReplyError, wait_s: float) -> 
     if str(error.encoding) != encoding_of(REFUSAL):  # zenoh's own word, not the service's
         raise NoAnswerError(f"timeout: no answer to {request.name} within {wait_s:g} s")
     refusal = decode(REFUSAL, error.payload.to_bytes(), str(error.encoding))
-    raise RefusedError(f"refused: {refusal.text}")
+    is_begun = isinstance(refusal, Refusal) and refusal.reason == "unfinished"
+    raise (UnfinishedError if is_begun else RefusedError)(f"refused: {refusal.text}")

@@ -1,6 +1,7 @@
 """`hsslam-ctl`: controls a running service, on this machine or another."""
 
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from hsslam_proto.request_messages import (
     Status,
     TrajectoryRows,
 )
-from hsslam_services.bus.ask import NoServiceError, NotDoneError, ask
+from hsslam_services.bus.ask import NoServiceError, NotDoneError, UnfinishedError, ask
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.commands.point_table import print_answers
@@ -37,6 +38,7 @@ from hsslam_services.run.run_info import RunInfo
 
 _PROG = "hsslam-ctl"
 _DEFAULT_ROBOT = "robot"
+_LONGEST_S = 120.0  # in which a question is asked again
 
 
 def print_status(status: Status) -> None:
@@ -112,8 +114,23 @@ def _ask(options: CtlOptions) -> None:
         message = Locate(x=x, y=y, yaw_deg=yaw_deg)
     if request is rpc.SET_MODE:
         message = msgspec.convert({"mode": options.name}, SetMode)
-    answer = ask(endpoint, robot, request, message, options.timeout_s, security=options.security)
-    _show(answer, options)
+    _show(_answer(endpoint, robot, request, message, options), options)
+
+
+def _answer(
+    endpoint: str, robot: str, request: rpc.Request, message: Message, options: CtlOptions
+) -> Message:
+    """Ask, and ask again as long as the service goes on with it."""
+    end_s = time.monotonic() + (options.timeout_s or _LONGEST_S)
+    while True:
+        try:
+            return ask(
+                endpoint, robot, request, message, options.timeout_s, security=options.security
+            )
+        except UnfinishedError as error:
+            if time.monotonic() > end_s:
+                raise
+            print(error, file=sys.stderr, flush=True)
 
 
 def _whom(options: CtlOptions) -> tuple[str, str]:

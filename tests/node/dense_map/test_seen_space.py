@@ -116,6 +116,23 @@ def test_marks_follow_corrected_poses_and_keyframes_that_see_farther():
     assert afresh.saw(np.array([[5.0, 1.0, 1.0]])).all()
 
 
+def test_what_takes_longer_is_gone_on_with():
+    """No time at all: a keyframe a call, and the last one is answered."""
+    parts = [_wall(2.0 + 0.3 * k, se3_exp(np.array([0.4 * k, 0, 0, 0, 0, 0])), k) for k in range(4)]
+    keyframes, space = _joined(*parts), SeenSpace(REACH_M, CELL_M)
+    assert [space.follow_for(keyframes, 0.0) for _ in range(3)] == [3, 2, 1]
+    told, at_once = space.follow_for(keyframes, 0.0), SeenSpace(REACH_M, CELL_M).follow(keyframes)
+    assert isinstance(told, SeenCells)
+    points = np.random.default_rng(0).uniform((-1, -1, 0.2), (2.5, 1, 2.8), (4000, 3))
+    np.testing.assert_array_equal(told.saw(points), at_once.saw(points))
+    assert told.saw(points).mean() > 0.3
+    ours, theirs = told.distances.query(points), at_once.distances.query(points)
+    np.testing.assert_allclose(ours.distance_m, theirs.distance_m, atol=1e-5)
+    before = told.information.copy(order="F")
+    space.follow(_joined(*parts, _wall(2.0, k=9)))
+    np.testing.assert_array_equal(told.information, before)  # what was handed out stays
+
+
 def test_the_distance_is_to_what_keyframes_measured():
     distances = SeenSpace(REACH_M, CELL_M).follow(_wall(2.0)).distances
     found = distances.query(np.array([[0.1, 0.1, 1.0], [0.1, 0.1, 1.7], [0.1, 0.1, 3.0]]))

@@ -175,3 +175,19 @@ def test_a_small_step_moves_no_window(space):
 def test_a_reach_of_nothing_is_refused():
     with pytest.raises(UserError, match="far_m = 0"):
         Occupancy(VoxelGrid(0.05, (0, 0, 0), (1, 1, 1)), far_m=0.0)
+
+
+def test_a_grid_that_grows_keeps_what_is_known(camera):
+    """The same as if it had been large from the beginning."""
+    large = VoxelGrid(0.05, (-40, -36, -20), (80, 70, 100))
+    grows, whole = Occupancy(VoxelGrid(0.05, (-30, -30, -10), (60, 60, 80))), Occupancy(large)
+    for seed in range(4):
+        if seed == 2:
+            grows.grow_to(large)
+        for one in (grows, whole):
+            one.observe(wall(1.5, 0.01, seed), camera, np.eye(4))
+    assert grows.grid == large
+    np.testing.assert_array_equal(grows.states(), whole.states())
+    np.testing.assert_array_equal(grows.surfaces(), whole.surfaces())
+    with pytest.raises(ValueError, match="does not cover"):
+        grows.grow_to(VoxelGrid(0.05, (-30, -36, -20), (80, 70, 100)))

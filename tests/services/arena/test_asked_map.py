@@ -9,6 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_proto.point_codec import answers_of, question_message
 from hsslam_proto.request_messages import PointAnswers, Refusal
+from hsslam_services.arena import asked_map
 from hsslam_services.arena.asked_map import AskedMap
 from hsslam_services.arena.map_state import MapState
 from tests.small_room import SMALL, mapped_room
@@ -48,6 +49,19 @@ def test_before_a_map_is_published_it_is_refused(mode):
     told = asked.answer(question_message(POINTS))
     assert isinstance(told, Refusal) and told.reason == "not_now"
     assert told.text == "query: there is no map yet: expected keyframes"
+
+
+def test_a_question_that_takes_too_long_is_gone_on_with(mode, monkeypatch):
+    monkeypatch.setattr(asked_map, "_WITHIN_S", 0.0)
+    room = mapped_room()
+    asked, count = AskedMap(room.arrays, SMALL, mode), len(room.store.kept())
+    for left in range(count - 1, 0, -1):
+        told = asked.answer(question_message(POINTS))
+        assert isinstance(told, Refusal) and told.reason == "unfinished"
+        assert told.text.startswith(
+            f"query: {left} of {count} keyframes are not looked through yet"
+        )
+    assert isinstance(asked.answer(question_message(POINTS)), PointAnswers)
 
 
 def test_points_that_are_not_finite_are_bad_input(mode):

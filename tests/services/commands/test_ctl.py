@@ -7,13 +7,21 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import trimesh
+import zenoh
 
+from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_proto.codec import encode, encoding_of
+from hsslam_proto.point_codec import answers_message
+from hsslam_proto.request_messages import Refusal
+from hsslam_proto.requests import QUERY, REFUSAL
 from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.commands.ctl import main
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.run.find_run import running_runs
@@ -224,6 +232,38 @@ def _expect_two_trajectories(run, summary: dict) -> None:
     for key in ("tracked", "lost"):
         assert sum(of_epoch[key] for of_epoch in counts) == summary["frames"][key]
     assert len(read_tum(run.out / "keyframes.epoch0.txt")) == counts[0]["keyframes"]
+
+
+def test_a_question_that_the_service_goes_on_with_is_asked_again(endpoint):
+    """Twice it has not looked through all keyframes; then it answers."""
+    count, asked = 3, []
+
+    def answer(query: zenoh.Query) -> None:
+        asked.append(query.payload)
+        if (left := count - len(asked)) > 0:
+            refusal = Refusal(reason="unfinished", text=f"query: {left} of 3 keyframes: ask again")
+            encoding = zenoh.Encoding(encoding_of(REFUSAL))
+            query.reply_err(encode(REFUSAL, refusal), encoding=encoding)
+            return
+        found = MapAnswers(
+            np.array([0.25], np.float32), np.zeros((1, 3), np.float32), np.ones(1, bool),
+            np.ones(1, np.float32),
+        )  # fmt: skip
+        payload = encode(QUERY.answered, answers_message(found, 7, 0))
+        encoding = zenoh.Encoding(encoding_of(QUERY.answered))
+        query.reply(query.key_expr, payload, encoding=encoding)
+
+    me = ("--connect", endpoint, "--robot", "r")
+    with open_client(endpoint) as service:
+        queryable = service.declare_queryable(QUERY.key("r"), answer)
+        while not asked:  # until the router knows it
+            _ctl("query", "0", "0", "1", *me)
+        asked.clear()
+        done = _ctl("query", "0", "0", "1", *me)
+        queryable.undeclare()
+    assert done.returncode == 0 and "0.25" in done.stdout
+    assert len(asked) == 3
+    assert [line.split()[2] for line in done.stderr.splitlines()] == ["2", "1"]
 
 
 def _expect_foreign_client(endpoint: str) -> None:
