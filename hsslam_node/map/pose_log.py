@@ -248,8 +248,9 @@ def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajecto
     has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
     reference = T_world_keyframe[kept["keyframe"][has_reference]]
     poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
-    poses = spread_errors(poses, kept["T_odom_cam"], kept["status"] == DEAD_RECKONED)
-    return Trajectory(kept["source_stamp_ns"].copy(), poses)
+    stamps_ns = kept["source_stamp_ns"].copy()
+    poses = spread_errors(poses, kept["T_odom_cam"], kept["status"] == DEAD_RECKONED, stamps_ns)
+    return Trajectory(stamps_ns, poses)
 
 
 def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:

@@ -205,11 +205,11 @@ class KeyframeStore:
                 f"frame {frame.index}: depth_units_per_m = {frame.depth_units_per_m}: expected "
                 f"{self.depth_units_per_m} as in the keyframes"
             )
-        camera, own = frame.camera, self.camera
-        if (camera.width_px, camera.height_px) != (own.width_px, own.height_px):
+        differs = frame.camera.differs_in(self.camera)
+        if differs is not None:
+            name, here, expected = differs
             raise UserError(
-                f"frame {frame.index}: {camera.width_px} x {camera.height_px} px: expected "
-                f"{own.width_px} x {own.height_px} as in the keyframes"
+                f"frame {frame.index}: {name} {here}: expected {expected} as in the keyframes"
             )
 
     def retire(self, k: int, anchor: int) -> None:

@@ -11,24 +11,32 @@ from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
 _STILL = 1e-12  # m^2, rad^2: of a step without motion
+_GAP = 1.5  # times the usual time between frames: the path stands still over a longer one if it lost the camera
 
 
 def spread_errors(
-    T_world_cam: np.ndarray, T_odom_cam: np.ndarray, is_dead_reckoned: np.ndarray
+    T_world_cam: np.ndarray,
+    T_odom_cam: np.ndarray,
+    is_dead_reckoned: np.ndarray,
+    stamps_ns: np.ndarray,
 ) -> np.ndarray:
     """The poses [N, 4, 4] with each stretch of dead-reckoned ones ([N] bool) fitted between its neighbours.
 
     The most likely errors of odometry explain the difference at the end: an error of scale in each of the
     six components of its motion, and a random walk. A stretch without a frame before or after it stays as
-    it is.
+    it is, and so does one that the path does not know as a whole.
 
     Args:
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through such a stretch, from
-            the frame before to the frame after it.
+            the frame before to the frame after it. Over a gap in which the camera was lost it stands still.
+        stamps_ns: [N] int64.
     """
     out = T_world_cam
+    usual_ns = np.median(np.diff(stamps_ns)) if len(stamps_ns) > 1 else 0.0
     for before, after in _stretches(is_dead_reckoned):
         rows = slice(before, after + 1)
+        if _has_unknown_step(T_odom_cam[rows], stamps_ns[rows], usual_ns):
+            continue
         if out is T_world_cam:
             out = T_world_cam.copy()
         path = out[before] @ inverse(T_odom_cam[before]) @ T_odom_cam[rows]
@@ -43,6 +51,12 @@ def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
     if is_dead_reckoned[:1].any():
         ends = ends[1:]
     yield from zip(starts.tolist(), ends.tolist(), strict=False)
+
+
+def _has_unknown_step(T_odom_cam: np.ndarray, stamps_ns: np.ndarray, usual_ns: float) -> bool:
+    """Whether a path [n, 4, 4] stands still over a gap, to the last bit."""
+    stands = (T_odom_cam[1:] == T_odom_cam[:-1]).all(axis=(1, 2))
+    return bool((stands & (np.diff(stamps_ns) > _GAP * usual_ns)).any())
 
 
 def _bent(path: np.ndarray, T_end: np.ndarray) -> np.ndarray:

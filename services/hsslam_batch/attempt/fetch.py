@@ -55,7 +55,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
     with _alone(folder):
         listing = list_url(log.place)
         files = log_files(listing, listing.alone, log.kind)
-        if listing.stamp(files) != FileStamp(log.nbytes, log.version):
+        if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
             raise UserError(f"{log.place}: has changed since the plan: expected the same files")
         _expect_room(folder, log)
         store, _ = open_store(log.place)

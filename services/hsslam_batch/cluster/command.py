@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import shutil
 import signal
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.progress import BatchProgress
-from hsslam_batch.results.runs_table import RUNS, write_runs
+from hsslam_batch.results.runs_table import write_runs
 from hsslam_batch.results.tally import Tally
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
@@ -42,9 +43,8 @@ def run_command(args: Sequence[str]) -> int:
     found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        if batch.url or not (batch.out / RUNS).exists():
-            with batch.expect_writable():
-                write_runs(batch, logs)
+        with batch.expect_writable(), _alone(batch):  # a row may be of `work`, or of an earlier plan
+            write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
     batch.expect_same_code()
@@ -58,7 +58,9 @@ def run_command(args: Sequence[str]) -> int:
         if not tally.left:
             shutil.rmtree(batch.work, ignore_errors=True)
     print(tally.line())
-    if stopped and tally.left:
+    if tally.left:
+        if not stopped:
+            print(f"error: {tally.left} logs are left: expected none", file=sys.stderr)
         return _INTERRUPTED
     return _FAILED if tally.failed else 0
 

@@ -34,7 +34,7 @@ class Pool(Protocol):
         ...
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
-        """Those that have ended since; waits for the first, but not longer than this."""
+        """Those that have ended since; waits for the first, but not longer than this, also if none runs."""
         ...
 
 
@@ -48,23 +48,21 @@ def drive(
 ) -> None:
     """Run all that wait, and what `judge` makes of each that ended: another attempt, or None.
 
-    Once it `is_stopping`, those that run end, and no other begins. `look` is called twice a second,
-    however many end in between; `clock`: seconds.
+    If no node is there for those that wait, they wait for one. Once it `is_stopping`, those that run end, and
+    no other begins. `look` is called twice a second, however many end in between; `clock`: seconds.
     """
-    first, again = iter(waiting), deque[Try]()
+    left = deque(waiting)
     due_s = clock()
-
-    def next_one() -> Try | None:
-        return again.popleft() if again else next(first, None)
-
     while True:
-        while not is_stopping() and pool.has_room() and (one := next_one()):
-            pool.start(one)
-        if not pool.is_busy():
+        while left and not is_stopping() and pool.has_room():
+            pool.start(left.popleft())
+        if not pool.is_busy() and (not left or is_stopping()):
             return
+        again = []
         for one, result in pool.ended(_LOOK_S):
             if (more := judge(one, result)) is not None:
                 again.append(more)
+        left.extendleft(reversed(again))
         if (now_s := clock()) >= due_s:
             due_s = now_s + _LOOK_S
             look()

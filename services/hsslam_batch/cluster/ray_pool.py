@@ -92,6 +92,9 @@ class RayPool:
         self._flying[task.remote(self._arguments(one), one.index, self.board)] = one
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
+        if not self._flying:
+            time.sleep(timeout_s)  # no node is there at the moment: Ray reports none that comes
+            return
         if not ray.wait(list(self._flying), timeout=timeout_s)[0]:
             return
         everything = list(self._flying)

@@ -74,7 +74,10 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
     if given.viewer not in ("auto", "none"):
         raise UserError(f"--viewer {given.viewer}: expected none: a batch shows no run")
     maps = str(Path(given.maps).expanduser().absolute()) if given.map else given.maps
-    return replace(given, pace="lockstep", viewer="none", maps=maps)
+    mask = str(Path(given.mask).expanduser().absolute()) if given.mask else ""
+    if mask and not Path(mask).exists():
+        raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
+    return replace(given, pace="lockstep", viewer="none", maps=maps, mask=mask)
 
 
 def _listing(logs: str, out: Path) -> Listing:

@@ -29,7 +29,7 @@ def find_logs(listing: Listing) -> list[Log]:
     """
     found = []
     for path, kind in _logs_below(listing, listing.alone):
-        stamp = listing.stamp(log_files(listing, path, kind))
+        stamp = listing.stamp(log_files(listing, path, kind), path)
         name = path or Path(listing.root).name
         found.append(
             Log(

@@ -1,12 +1,15 @@
 """The files below a folder, with size and time of change, so that what is a log is decided by names alone."""
 
 import fnmatch
+import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from hsslam_node.errors import UserError
+
+_DIGEST_BYTES = 8
 
 
 @dataclass(frozen=True)
@@ -47,11 +50,18 @@ class Listing:
         """Whether there are files below the path."""
         return path in self._below
 
-    def stamp(self, paths: Iterable[str]) -> FileStamp:
-        """Of several files together: the sum of their sizes, the largest of their versions."""
-        stamps = [self.files[path] for path in paths]
-        nbytes = sum(stamp.nbytes for stamp in stamps)
-        return FileStamp(nbytes, max((stamp.version for stamp in stamps), default=""))
+    def stamp(self, paths: Iterable[str], within: str) -> FileStamp:
+        """Of the files of a log together: the sum of their sizes, and a digest of what each of them is.
+
+        within: path of the log, which may be one of the files; names in it count, and not where it lies.
+        """
+        digest, nbytes = hashlib.blake2b(digest_size=_DIGEST_BYTES), 0
+        for path in sorted(paths):
+            name, stamp = path.removeprefix(within).strip("/"), self.files[path]
+            line = f"{name}\0{stamp.nbytes}\0{stamp.version}\n"
+            digest.update(line.encode("utf-8", "surrogateescape"))
+            nbytes += stamp.nbytes
+        return FileStamp(nbytes, digest.hexdigest())
 
     def below(self, folder: str) -> Iterator[str]:
         """Paths of all files below a folder; of a file itself."""

@@ -4,6 +4,7 @@ import fcntl
 import sys
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 from hsslam_batch.attempt.commit import commit, settle_failed
@@ -33,6 +34,14 @@ def test_where_nothing_is_left_ray_is_not_started(
     assert (batch.out / "runs.parquet").exists()
     with pytest.raises(ModuleNotFoundError):
         run_command([str(batch.out), "--failed"])
+
+
+def test_the_table_has_what_work_has_mended_since(batch: Batch):
+    assert run_command([str(batch.out)]) == 3
+    commit(batch, outcome(batch, 1), run_folder(batch, 1))  # as `hsslam-batch work` does
+    assert run_command([str(batch.out)]) == 0
+    rows = pq.read_table(batch.out / "runs.parquet").to_pylist()
+    assert [row["kind"] for row in rows] == ["done", "done"]
 
 
 def test_what_waits_and_with_which_attempt(batch: Batch):

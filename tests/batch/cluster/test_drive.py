@@ -80,3 +80,37 @@ def test_it_looks_twice_a_second_however_many_end():
         map(Try, range(1000)), pool, lambda *_: None, lambda: False, look, lambda: next(tenths) / 10
     )
     assert len(looks) == 200  # one ends in a tenth of a second
+
+
+def test_what_waits_gets_a_node_that_comes_late():
+    """The last node goes while the first attempt runs, and another comes after three looks."""
+    pool, looks = Slots(1), []
+
+    def judge(one: Try, result: TaskResult) -> Try | None:
+        pool.count = 0
+        return Try(0, 2) if one.attempt == 1 and one.index == 0 else None
+
+    def ended(timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
+        if pool.flying:
+            yield pool.flying.pop(0), TaskResult(is_lost=True)
+
+    def look() -> None:
+        looks.append(len(pool.started))
+        pool.count = 1 if len(looks) % 4 == 0 else pool.count
+
+    pool.ended = ended
+    seconds = itertools.count()
+    drive(map(Try, range(2)), pool, judge, lambda: False, look, lambda: next(seconds))
+    assert pool.started == [Try(0), Try(0, 2), Try(1)]
+    assert looks.count(1) >= 3
+
+
+def test_what_waits_for_a_node_can_be_stopped():
+    pool, looks = Slots(0), []
+    pool.ended = lambda timeout_s: iter(())
+    seconds = itertools.count()
+    drive(
+        [Try(0)], pool, lambda *_: None, lambda: len(looks) > 2, lambda: looks.append(1),
+        lambda: next(seconds),
+    )  # fmt: skip
+    assert not pool.started

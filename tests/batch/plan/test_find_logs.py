@@ -1,5 +1,6 @@
 """Logs and sequences below a folder are found by what the table of sources says of their names."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -64,6 +65,16 @@ def test_the_id_follows_name_and_content(recordings: Path):
     assert after["day1/walk"] == before["day1/walk"]
     assert after["loose.mcap"] != before["loose.mcap"]
     assert after["day3/desk"] != before["day2/desk"]
+
+
+def test_a_file_that_changes_changes_the_id_whatever_the_others_are(recordings: Path):
+    """As many bytes as before, and older than another file of the log."""
+    folder = recordings / "day2" / "desk"
+    file = folder / "rgb.txt"
+    (before,) = _found(folder)
+    os.utime(file, ns=(1, 1))
+    (after,) = _found(folder)
+    assert before.nbytes == after.nbytes and before.id != after.id
 
 
 def test_frames_are_those_that_the_options_select(recordings: Path):

@@ -67,6 +67,19 @@ def test_a_wrong_option_ends_the_plan(logs: Path, tmp_path: Path, options: list[
     assert not (tmp_path / "out").exists()
 
 
+def test_a_mask_is_found_from_any_folder_and_looked_for_at_once(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=r"--mask mask.png: no such file or folder: expected"):
+        _plan(logs, tmp_path / "out", "--mask", "mask.png")
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "mask.png").write_bytes(b"")
+    batch = _plan(logs, tmp_path / "out", "--mask", "mask.png")
+    options = parse_command_line(["--config", str(batch.config)])
+    assert options.mask == str(tmp_path / "mask.png")
+
+
 def test_folders_that_are_none(tmp_path: Path):
     with pytest.raises(UserError, match="expected LOGS --out OUT"):
         plan_command([str(tmp_path)])
