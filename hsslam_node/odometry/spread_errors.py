@@ -11,7 +11,7 @@ from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
 _STILL = 1e-12  # m^2, rad^2: of a step without motion
-_GAP = 1.5  # times the usual time between frames: the path stands still over a longer one if it lost the camera
+_GAP = 1.5  # times the usual time between frames; over a longer one the path may stand still
 
 
 def spread_errors(

@@ -43,7 +43,10 @@ def run_command(args: Sequence[str]) -> int:
     found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        with batch.expect_writable(), _alone(batch):  # a row may be of `work`, or of an earlier plan
+        with (
+            batch.expect_writable(),
+            _alone(batch),
+        ):  # a row may be of `work`, or of an earlier plan
             write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0

@@ -56,9 +56,11 @@ class Arena:
 
         Raises:
             KeyError: there is no array of this name yet.
+            FileNotFoundError: it was moved to the disk, and is not there any more.
         """
         dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape) * dtype.itemsize
+        self._path(name, ".bin").stat()  # PyTorch would make the file, of zeros
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
         )
@@ -87,7 +89,7 @@ class Arena:
         data = self._path(name, ".bin")
         if data.is_symlink():
             return
-        folder.mkdir(mode=0o700, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with durable_file(folder / data.name) as partial:
             shutil.copyfile(data, partial)
             partial.chmod(0o600)

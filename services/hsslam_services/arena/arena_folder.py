@@ -51,19 +51,23 @@ class ArenaFolder:
             os.close(self._lock)
 
 
-def disk_folder(run_dir: Path) -> Path:
-    """Where arrays of a run that nothing writes any more lie on the disk, until its arena is removed."""
-    return run_dir / ".arena"
+def disk_folder(run_dir: Path, arena_dir: Path) -> Path:
+    """Where arrays of an arena that nothing writes any more lie on the disk, until the arena is removed.
+
+    The arena of an earlier run in the folder may be kept, so each has a folder of its own.
+    """
+    return run_dir / ".arena" / arena_dir.name
 
 
 def remove_arena(path: Path) -> None:
     """Remove an arena folder, and those of its arrays that lie on the disk; errors are ignored."""
     with contextlib.suppress(OSError):
-        on_disk = disk_folder(run_dir_of(path))
+        on_disk = disk_folder(run_dir_of(path), path)
         for link in path.glob("*.bin"):
             if link.is_symlink() and link.readlink().parent == on_disk.absolute():
                 link.readlink().unlink(missing_ok=True)
         on_disk.rmdir()
+        on_disk.parent.rmdir()
     shutil.rmtree(path, ignore_errors=True)
 
 

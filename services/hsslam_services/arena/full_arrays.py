@@ -21,7 +21,7 @@ class FullArrays:
 
     def __init__(self, arena: Arena, run_dir: Path, report: Report) -> None:
         self._arena = arena
-        self._folder = disk_folder(run_dir)
+        self._folder = disk_folder(run_dir, arena.folder)
         self._report = report
         self._was_told = False
         self._names: SimpleQueue[str] = SimpleQueue()

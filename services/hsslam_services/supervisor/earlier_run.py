@@ -21,7 +21,7 @@ _FILES = (
     "mesh.ply",
     "map.safetensors",
     "summary.json",
-    "*.png",
+    "picture.png",
     ".run*.mcap*",
 )
 _RESULTS = (*_FILES, "logs/*", ".*.partial*")

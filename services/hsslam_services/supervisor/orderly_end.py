@@ -121,7 +121,8 @@ class OrderlyEnd:
     def _check_log(self) -> None:
         """The recorder saves the log; what it leaves says whether the log is whole."""
         recorder = self.children["recorder"]
-        if self.signals() > 1 or recorder.health is None:
+        has_begun = recorder.health is not None or recorder.restarts or recorder.state == "failed"
+        if self.signals() > 1 or not has_begun:
             return
         log = read_result(self.run.path, recorder.spec.name).summary.get("log", {})
         if recorder.state == "failed":

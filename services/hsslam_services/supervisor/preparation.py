@@ -1,6 +1,7 @@
 """Everything a run needs before its processes start; whatever is missing is one line, at once."""
 
 import contextlib
+import itertools
 import os
 import re
 import secrets
@@ -29,6 +30,7 @@ from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
 from hsslam_services.supervisor.earlier_run import clear_earlier_run, wait_for_earlier_run
+from hsslam_services.supervisor.folder_claim import FolderClaim
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 
 
@@ -37,6 +39,7 @@ class Prepared:
     """The open resources of a run, and what to tell the user: text, level."""
 
     info: RunInfo
+    claim: FolderClaim
     router: RunRouter
     arena: ArenaFolder
     metrics: MetricsServer
@@ -46,6 +49,7 @@ class Prepared:
         """Free everything but the arena."""
         self.metrics.close()
         self.router.session.close()
+        self.claim.close()
 
 
 def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared:
@@ -57,14 +61,15 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         UserError: no permission for the folder, port taken, no shared memory, a package is missing.
         KeyboardInterrupt: cancelled while an earlier run in this folder is being saved.
     """
-    if options.map:
-        find_map(options.maps, options.map)
     if options.ros2_out:
         expect_packages(f"--ros2-out {options.ros2_out}")
     run_id = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
+    _expect_inputs_elsewhere(options)
     _save_dead_arenas()
-    run_dir = _run_folder(options, is_cancelled)
     with contextlib.ExitStack() as undo:
+        run_dir, claim = _run_folder(options)
+        undo.callback(claim.close)
+        _expect_room_for_run(run_dir, is_cancelled)
         undo.callback(_remove_if_empty, run_dir)
         arena = ArenaFolder(run_id, run_dir)
         undo.callback(arena.remove)
@@ -95,7 +100,7 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         except OSError as error:
             raise _no_folder(run_dir, error) from None
         undo.pop_all()
-    return Prepared(info, router, arena, metrics, (*router.notices, *_kept_arenas()))
+    return Prepared(info, claim, router, arena, metrics, (*router.notices, *_kept_arenas()))
 
 
 def _save_dead_arenas() -> None:
@@ -111,29 +116,56 @@ def _kept_arenas() -> Iterator[tuple[str, str]]:
         yield text, "warning"
 
 
-def _run_folder(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Path:
-    """The run folder, made; one that exists must be that of an earlier run."""
-    name = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
-    run_dir = Path(options.out or f"runs/{name}-{time.strftime('%Y%m%d-%H%M%S')}").absolute()
-    _expect_source_elsewhere(options.source, run_dir)
+def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
+    """The run folder, made, and claimed for this run; without a name, one that is new."""
+    source = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
+    name = options.out or f"runs/{source}-{time.strftime('%Y%m%d-%H%M%S')}"
+    run_dir = Path(name).absolute()
     try:
-        run_dir.mkdir(parents=True, exist_ok=True)
+        if options.out:
+            run_dir.mkdir(parents=True, exist_ok=True)
+        else:
+            run_dir = _new_folder(run_dir)
+        return run_dir, FolderClaim(run_dir)
+    except OSError as error:
+        raise _no_folder(run_dir, error) from None
+
+
+def _new_folder(wanted: Path) -> Path:
+    """Make a folder of this name, or with a number behind it if another run has taken the name."""
+    wanted.parent.mkdir(parents=True, exist_ok=True)
+    for path in itertools.chain([wanted], (Path(f"{wanted}-{n}") for n in itertools.count(2))):
+        with contextlib.suppress(FileExistsError):
+            path.mkdir()
+            return path
+    raise AssertionError
+
+
+def _expect_room_for_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
+    """A folder that is not empty must be that of an earlier run; waits for its end."""
+    try:
         if any(run_dir.iterdir()):
             _expect_run_folder(run_dir)
             wait_for_earlier_run(run_dir, is_cancelled)
     except OSError as error:
         raise _no_folder(run_dir, error) from None
-    return run_dir
 
 
-def _expect_source_elsewhere(source: str, run_dir: Path) -> None:
-    """The results of an earlier run are removed: a log that is replayed must not be among them."""
-    place = log_place(source)
-    log = Path(place).expanduser().resolve()
-    if place and run_dir.resolve() in (log, log.parent):
-        raise UserError(
-            f"--out {run_dir}: holds the log that is the source: expected another folder"
-        )
+def _expect_inputs_elsewhere(options: ServeOptions) -> None:
+    """The results of an earlier run are removed: what this run reads must not be among them."""
+    log = log_place(options.source)
+    saved = find_map(options.maps, options.map) if options.map else None
+    if not options.out:
+        return
+    run_dir = Path(options.out).resolve()
+    given = {
+        "the log that is the source": Path(log).expanduser() if log else None,
+        "the map of --map": saved,
+        "the image of --mask": Path(options.mask).expanduser() if options.mask else None,
+    }
+    for what, path in given.items():
+        if path is not None and run_dir in (path.resolve(), path.resolve().parent):
+            raise UserError(f"--out {options.out}: holds {what}: expected another folder")
 
 
 def _expect_run_folder(run_dir: Path) -> None:

@@ -47,7 +47,8 @@ class Supervisor:
         """
         check_source_exists(self._options)  # before the signals are ours: it may have to be fetched
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._signalled)
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+                signal.signal(number, self._signalled)
         allow_descriptors()
         prepared = prepare(self._options, lambda: self._signals > 0)
         info, arena = prepared.info, prepared.arena

@@ -50,7 +50,8 @@ def test_poses_stay_as_they_are_without_a_frame_after_them_or_without_such_poses
     )
     start = slice(_FIRST, None)
     np.testing.assert_array_equal(
-        spread_errors(published[start], odom[start], is_dead[start], _STAMPS_NS[start]), published[start]
+        spread_errors(published[start], odom[start], is_dead[start], _STAMPS_NS[start]),
+        published[start],
     )
     none = np.zeros(_N, bool)
     assert spread_errors(published, odom, none, _STAMPS_NS) is published

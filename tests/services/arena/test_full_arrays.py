@@ -60,7 +60,9 @@ def test_full_rows_are_on_the_disk_and_read_as_before(folder, tmp_path):
         assert each.rows()["T_world_cam"][:, 0, 3].tolist() == list(range(2 * SLAB_ROWS + 5))
     found = log.find(0, 3)
     assert found is not None and found["index"] == 3
-    [on_disk] = [path for path in disk_folder(tmp_path / "run").iterdir() if "000" in path.name]
+    [on_disk] = [
+        path for path in disk_folder(tmp_path / "run", folder.path).iterdir() if "000" in path.name
+    ]
     assert on_disk.stat().st_mode & 0o777 == 0o600
     folder.remove()
     assert not folder.path.exists() and list((tmp_path / "run").iterdir()) == []
@@ -77,7 +79,9 @@ def test_a_restarted_tracker_moves_what_its_predecessor_did_not(folder, tmp_path
 
 
 def test_without_room_on_the_disk_rows_stay_in_memory_and_it_is_reported_once(folder, tmp_path):
-    disk_folder(tmp_path / "run").write_text("a file in the place of the folder")
+    on_disk = disk_folder(tmp_path / "run", folder.path)
+    on_disk.parent.mkdir()
+    on_disk.write_text("a file in the place of the folder")
     arena, told = _Moved(folder.path), []
     log = _filled(arena, tmp_path / "run", 2 * SLAB_ROWS + 5, told)
     assert arena.tried.acquire(timeout=30) and arena.tried.acquire(timeout=30)
@@ -85,3 +89,32 @@ def test_without_room_on_the_disk_rows_stay_in_memory_and_it_is_reported_once(fo
     assert not (folder.path / "pose_log.000.bin").is_symlink()
     [(level, text)] = told
     assert level == "warning" and "pose_log.000 stays in shared memory" in text
+
+
+def test_two_arenas_of_one_run_folder_have_files_of_their_own(folder, tmp_path):
+    """That of an earlier run is kept until its results are rescued."""
+    later = ArenaFolder("2", tmp_path / "run", tmp_path / "shm")
+    logs = []
+    for of_run, first in ((folder, 0), (later, 10_000)):
+        arena = _Moved(of_run.path)
+        log = PoseLog(arena, FullArrays(arena, tmp_path / "run", lambda *_: None).add)
+        for index in range(first, first + SLAB_ROWS + 1):
+            log.append(_row(index))
+        assert arena.tried.acquire(timeout=30)
+        logs.append(log)
+    for of_run, first in ((folder, 0), (later, 10_000)):
+        rows = PoseLog(Arena(of_run.path)).rows()
+        assert rows["index"].tolist() == list(range(first, first + SLAB_ROWS + 1))
+    folder.remove()
+    assert len(PoseLog(Arena(later.path)).rows()) == SLAB_ROWS + 1
+    later.remove()
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+def test_an_array_whose_file_on_the_disk_is_gone_is_an_error_and_not_zeros(folder, tmp_path):
+    arena = _Moved(folder.path)
+    _filled(arena, tmp_path / "run", SLAB_ROWS + 1, [])
+    assert arena.tried.acquire(timeout=30)
+    (folder.path / "pose_log.000.bin").readlink().unlink()
+    with pytest.raises(FileNotFoundError):
+        Arena(folder.path).open("pose_log.000")

@@ -1,0 +1,34 @@
+"""One run at a time in a run folder; alone, as both the preparation of a run and its end need it."""
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+
+
+class FolderClaim:
+    """A lock on a run folder, which the kernel frees when this process dies.
+
+    Raises:
+        UserError: another process has it.
+        OSError: the folder cannot be opened.
+    """
+
+    def __init__(self, run_dir: Path) -> None:
+        self._fd = os.open(run_dir, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._fd)
+            raise UserError(
+                f"--out {run_dir}: a run is going on there: expected another folder"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+
+    def close(self) -> None:
+        """Let others have it."""
+        with contextlib.suppress(OSError):
+            os.close(self._fd)

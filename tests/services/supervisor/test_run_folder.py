@@ -1,0 +1,123 @@
+"""A run folder: what a run reads is never removed from it, and it has one run at a time."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from hsslam_node.errors import UserError
+from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.supervisor.folder_claim import FolderClaim
+from hsslam_services.supervisor.preparation import Prepared, prepare
+from tests.services.serve_process import SMALL_ROOM
+
+
+@pytest.fixture
+def earlier(tmp_path: Path) -> dict[Path, bytes]:
+    """The files of a run that ended, and a picture of the user's."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    names = ("run.json", "map.safetensors", "mesh.ply", "trajectory.txt")
+    files = {folder / name: name.encode() for name in names}
+    files[folder / "summary.json"] = b'{"exit_code": 0}'
+    files[folder / "mask.png"] = cv2.imencode(".png", np.full((120, 160), 255, np.uint8))[
+        1
+    ].tobytes()
+    for path, content in files.items():
+        path.write_bytes(content)
+    return files
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "what"),
+    [
+        ("--map", "map.safetensors", "the map of --map"),
+        ("--mask", "mask.png", "the image of --mask"),
+    ],
+)
+def test_what_the_run_reads_is_not_removed(serve, earlier, option: str, name: str, what: str):
+    folder = next(iter(earlier)).parent
+    run = serve(*SMALL_ROOM, option, str(folder / name), "--out", str(folder))
+    assert run.finish(60) == 2
+    assert run.stderr == f"error: --out {folder}: holds {what}: expected another folder\n"
+    assert {path: path.read_bytes() for path in earlier} == earlier
+
+
+def test_a_map_in_the_maps_folder_is_found_by_its_name(earlier, tmp_path: Path):
+    folder = next(iter(earlier)).parent
+    with pytest.raises(UserError, match="holds the map of --map: expected another folder"):
+        _prepared("--map", "map", "--maps", str(folder), "--out", str(folder))
+    with pytest.raises(UserError, match=r"--map mop: no such map in .*did you mean map"):
+        _prepared("--map", "mop", "--maps", str(folder))
+
+
+def _prepared(*options: str) -> Prepared:
+    return prepare(parse_command_line(["--source", "synth:room", *options]), lambda: False)
+
+
+def test_two_runs_at_once_have_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(time, "strftime", lambda _: "20260101-000000")  # in the same second
+    runs = []
+    try:
+        for _ in range(3):
+            runs.append(_prepared())
+        names = [run.info.path.name for run in runs]
+        first = "synth-room-20260101-000000"
+        assert names == [first, f"{first}-2", f"{first}-3"]
+        with pytest.raises(UserError, match=rf"--out .*{first}: a run is going on there: expected"):
+            _prepared("--out", f"runs/{first}")
+        assert (tmp_path / "runs" / first / "run.json").exists()
+    finally:
+        for run in runs:
+            run.close()
+            run.arena.remove()
+
+
+def test_the_claim_of_a_dead_process_is_free(tmp_path: Path):
+    claim = (
+        "import sys, time; from pathlib import Path;"
+        "from hsslam_services.supervisor.folder_claim import FolderClaim;"
+        "claim = FolderClaim(Path(sys.argv[1])); print('mine', flush=True); time.sleep(60)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", claim, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline() == "mine\n"
+        with pytest.raises(UserError, match="a run is going on there"):
+            FolderClaim(tmp_path)
+        other.kill()
+        other.wait()
+    FolderClaim(tmp_path).close()
+    FolderClaim(tmp_path).close()
+
+
+@pytest.mark.e2e
+def test_the_end_of_a_terminal_ends_no_run_that_nohup_began(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", prefix=("nohup",))
+    run.wait_for_poses(5)
+    supervisor = psutil.Process(run.process.pid)  # nohup becomes it
+    supervisor.send_signal(signal.SIGHUP)
+    run.wait_for_poses(20)
+    os.kill(supervisor.pid, signal.SIGTERM)
+    assert run.finish() == 0, run.stderr
+    assert "hangup" not in run.stderr.lower()
+
+
+@pytest.mark.e2e
+def test_a_log_that_no_recorder_could_begin_is_missed(serve, tmp_path: Path):
+    broken = tmp_path / "broken" / "rerun"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text("raise ImportError('a library that does not load')")
+    run = serve(*SMALL_ROOM, "--frames", "10", prefix=("env", f"PYTHONPATH={broken.parent}"))
+    assert run.finish() == 4, run.stderr
+    assert "log not saved: " in run.stderr
+    assert "log" in run.summary()["not_saved"]
+    assert (run.out / "trajectory.txt").exists() and (run.out / "map.safetensors").exists()
