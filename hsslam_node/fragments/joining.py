@@ -76,6 +76,7 @@ def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray
     before them that is; poses [n, 4, 4] of all."""
     at = np.searchsorted(ids, np.arange(len(poses)), side="right") - 1
     at = np.clip(at, 0, None)
-    T_keyframe_own = np.linalg.inv(poses[ids[at]]) @ poses
+    T_fragment_keyframe = poses[ids[at]]
+    T_keyframe_own = np.linalg.inv(T_fragment_keyframe) @ poses
     T_keyframe_own[ids] = np.eye(4)
-    return JoinedFragment(fragment, shown[at], T_keyframe_own)
+    return JoinedFragment(fragment, shown[at], T_keyframe_own, T_fragment_keyframe)

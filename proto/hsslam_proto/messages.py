@@ -206,7 +206,9 @@ class Pose(Message, frozen=True, kw_only=True):
 class Keyframe(Message, frozen=True, kw_only=True):
     """A frame has become keyframe `id`; its pixels are in the arena.
 
-    `fragment`: that has joined the map and brought the keyframe with it; 0: none.
+    `fragment`: that has joined the map and brought the keyframe with it; 0: none. The keyframe was there at
+    `t_in_fragment`, `q_in_fragment`, and the map has it in the place of the fragment's keyframe number
+    `fragment_keyframe` and of those after it, up to that of the next such message.
     """
 
     id: Index
@@ -216,9 +218,13 @@ class Keyframe(Message, frozen=True, kw_only=True):
     q: Quaternion
     map_epoch: Index = 0
     fragment: Index = 0
+    fragment_keyframe: Index = 0
+    t_in_fragment: Vector = (0.0, 0.0, 0.0)
+    q_in_fragment: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
+        expect_pose(self.t_in_fragment, self.q_in_fragment)
 
 
 class MapVersion(Message, frozen=True, kw_only=True):

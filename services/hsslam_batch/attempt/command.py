@@ -68,7 +68,8 @@ def _signalled() -> int:
     readable, writable = os.pipe()
     os.set_blocking(writable, False)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: os.write(writable, b"."))
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+            signal.signal(number, lambda *_: os.write(writable, b"."))
     return readable
 
 

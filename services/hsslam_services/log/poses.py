@@ -18,8 +18,9 @@ from hsslam_services.log.reader import bus_messages
 class LoggedPoses:
     """Each frame once, lost ones in `poses` only.
 
-    `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt; a pose whose
-    keyframe is not in the log (a part of it was cut off) stays as published.
+    `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt, and has the
+    frames of fragments that joined the map; a pose whose keyframe is not in the log (a part of it was cut
+    off) stays as published.
     """
 
     poses: list[messages.Pose]
@@ -66,6 +67,9 @@ class _Found:
     waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
     keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
     stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes, by id
+    brought: dict[int, dict[int, messages.Keyframe]] = field(
+        default_factory=dict
+    )  # keyframes of fragments that joined, by fragment and number in it
 
     def add_pose(self, pose: messages.Pose) -> None:
         if _name(pose) in self.poses:
@@ -81,6 +85,9 @@ class _Found:
     def add_keyframe(self, keyframe: messages.Keyframe) -> None:
         self.keyframes[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
         self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
+        if keyframe.fragment:
+            of_fragment = self.brought.setdefault(keyframe.fragment, {})
+            of_fragment[keyframe.fragment_keyframe] = keyframe
         for pose in self.waiting.pop(keyframe.id, []):
             self._refer(pose)
 
@@ -93,12 +100,15 @@ class _Found:
         poses = list(self.poses.values())
         known = [pose for pose in poses if pose.status != "lost"]
         stamps = [pose.source_stamp_ns for pose in known]
-        final = _trajectory(stamps, [self._carried(pose) for pose in known])
+        placed = [pose for pose in poses if pose.status != "lost" or pose.fragment in self.brought]
+        final = _trajectory(
+            [pose.source_stamp_ns for pose in placed], [self._carried(pose) for pose in placed]
+        )
         ids = sorted(self.keyframes)
         return LoggedPoses(
             poses=poses,
             online=_trajectory(stamps, [pose_matrix([*pose.t, *pose.q]) for pose in known]),
-            final=_fitted_in(final, known),
+            final=_fitted_in(final, placed),
             keyframes=_trajectory(
                 [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
             ),
@@ -109,9 +119,20 @@ class _Found:
         self.T_keyframe_cam[_name(pose)] = T_keyframe_world @ pose_matrix([*pose.t, *pose.q])
 
     def _carried(self, pose: messages.Pose) -> np.ndarray:
+        if pose.fragment in self.brought:
+            return self._brought(pose)
         if _name(pose) not in self.T_keyframe_cam:
             return pose_matrix([*pose.t, *pose.q])
         return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[_name(pose)]
+
+    def _brought(self, pose: messages.Pose) -> np.ndarray:
+        """Of a frame of a fragment, by the keyframe that the map has in the place of its own."""
+        of_fragment = self.brought[pose.fragment]
+        number = max((n for n in of_fragment if n <= pose.keyframe), default=min(of_fragment))
+        keyframe = of_fragment[number]
+        T_fragment_keyframe = pose_matrix([*keyframe.t_in_fragment, *keyframe.q_in_fragment])
+        T_fragment_cam = pose_matrix([*pose.t, *pose.q])
+        return self.keyframes[keyframe.id] @ inverse(T_fragment_keyframe) @ T_fragment_cam
 
 
 def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:

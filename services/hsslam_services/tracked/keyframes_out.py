@@ -1,5 +1,6 @@
 """Keyframes on the topic `out/keyframe`: new ones, and those that the map has from a fragment."""
 
+import msgspec
 import numpy as np
 
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
@@ -21,31 +22,40 @@ class KeyframesOut:
 
     def put(self, result: TrackResult, message: messages.Frame) -> None:
         """The frame of this result has become a keyframe."""
-        self._put(result.keyframe, message.index, message.source_stamp_ns, result.T_world_cam)
+        keyframe = self._message(
+            result.keyframe, message.index, message.source_stamp_ns, result.T_world_cam
+        )
+        self._keyframes.put(keyframe)
 
     def put_joined(self, joined: JoinedFragment) -> None:
         """A fragment has joined the map."""
         store = self._link.store()
         assert store is not None
-        ids = np.unique(joined.keyframes)
+        ids, first = np.unique(joined.keyframes, return_index=True)
         frames, stamps_ns = store.frame_indices(), store.stamps_ns()
-        for k, T in zip(ids.tolist(), store.poses_of(ids), strict=True):
-            self._put(k, int(frames[k]), int(stamps_ns[k]), T, joined.fragment)
+        for k, own, T in zip(ids.tolist(), first.tolist(), store.poses_of(ids), strict=True):
+            t, q = wire_pose(joined.T_fragment_keyframe[own])
+            keyframe = msgspec.structs.replace(
+                self._message(k, int(frames[k]), int(stamps_ns[k]), T),
+                fragment=joined.fragment,
+                fragment_keyframe=own,
+                t_in_fragment=t,
+                q_in_fragment=q,
+            )
+            self._keyframes.put(keyframe)
         self._worker.count("fragments joined")
         text = f"fragment {joined.fragment} has joined the map with {len(ids)} keyframes"
         self._worker.event("info", text)
 
-    def _put(
-        self, k: int, frame_index: int, stamp_ns: int, T_world_cam: np.ndarray, fragment: int = 0
-    ) -> None:
+    def _message(
+        self, k: int, frame_index: int, stamp_ns: int, T_world_cam: np.ndarray
+    ) -> messages.Keyframe:
         t, q = wire_pose(T_world_cam)
-        keyframe = messages.Keyframe(
+        return messages.Keyframe(
             id=k,
             frame_index=frame_index,
             source_stamp_ns=stamp_ns,
             t=t,
             q=q,
             map_epoch=self._mode.map_epoch,
-            fragment=fragment,
         )
-        self._keyframes.put(keyframe)
