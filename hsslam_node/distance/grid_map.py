@@ -83,8 +83,8 @@ def grid_map(
     """
     grid = space.grid
     states = space.states() if isinstance(space, Occupancy) else space.states
-    first, end = (round(z / grid.voxel_m) - grid.first[2] for z in (low_m, high_m))
-    first, end = max(first, 0), min(end, grid.shape[2])
+    heights = np.clip(np.divide([low_m, high_m], grid.voxel_m) - grid.first[2], 0, grid.shape[2])
+    first, end = np.rint(heights).astype(int).tolist()
     if not (low_m < high_m and first < end):
         raise UserError(
             f"heights {low_m} to {high_m} m: expected two that rise, within the map's "

@@ -1,5 +1,7 @@
 """A grid map as the two files that Nav2's map server reads: map.yaml and the picture that it names."""
 
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +33,7 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
     head = f"P5\n# {grid.resolution_m:.3f} m/pix\n{size}\n255\n"
     x, y = grid.origin_m
     lines = [
-        f"image: {picture.name}",
+        f"image: {_plain_or_quoted(picture.name)}",
         "mode: trinary",
         f"resolution: {grid.resolution_m:.6g}",
         f"origin: [{x:.6g}, {y:.6g}, 0]",
@@ -48,3 +50,8 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
     except OSError as error:
         raise UserError(f"{path}: cannot write the map: {error.strerror}") from None
     return picture
+
+
+def _plain_or_quoted(name: str) -> str:
+    """As YAML reads it back: a string of JSON is one of YAML, too."""
+    return name if re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]*", name) else json.dumps(name)

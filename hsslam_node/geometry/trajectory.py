@@ -96,12 +96,15 @@ def parse_stamp_ns(text: str) -> int:
     """Decimal seconds to nanoseconds, exactly (a float64 of today's epoch is good to 240 ns only).
 
     Raises:
-        ValueError: not a finite number.
+        ValueError: not a finite number, or more than int64 holds.
     """
     try:
-        return int((Decimal(text) * 1_000_000_000).to_integral_value())
-    except (InvalidOperation, OverflowError):
+        stamp_ns = int((Decimal(text) * 1_000_000_000).to_integral_value())
+    except (InvalidOperation, OverflowError, ValueError):
         raise ValueError(f"{text!r} is not a time in seconds") from None
+    if not -(2**63) <= stamp_ns < 2**63:
+        raise ValueError(f"{text!r} is no time in seconds that nanoseconds can hold")
+    return stamp_ns
 
 
 def format_stamp(stamp_ns: int) -> str:

@@ -140,9 +140,17 @@ def replica_truth(name: str, options: SourceOptions) -> Truth | None:
     path = folder.trajectory_file
     if not path.exists():
         return None
-    poses = read_matrices(path)
-    if len(poses) < len(folder.pairs):
-        raise UserError(f"{path}: {len(poses)} poses: expected {len(folder.pairs)}, one a frame")
-    rows = list(options.selected(len(folder.pairs)))
-    stamps = np.array([folder.pairs[i][0] for i in rows], np.int64)
-    return Trajectory(stamps, poses[rows]), mesh_loader(folder.mesh_file)
+    poses, pairs = read_matrices(path), folder.pairs
+    numbers = np.array([round(stamp_ns * RATE_HZ / 1e9) for stamp_ns, _, _ in pairs])
+    if len(poses) == len(pairs):
+        lines = np.arange(len(pairs))
+    elif numbers.max() < len(poses):  # a part of the sequence: frame n has line n
+        lines = numbers
+    else:
+        raise UserError(
+            f"{path}: {len(poses)} poses: expected {len(pairs)}, one a frame, or one for each number up to "
+            f"{numbers.max()}"
+        )
+    rows = list(options.selected(len(pairs)))
+    stamps = np.array([pairs[i][0] for i in rows], np.int64)
+    return Trajectory(stamps, poses[lines[rows]]), mesh_loader(folder.mesh_file)

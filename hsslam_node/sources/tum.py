@@ -9,10 +9,11 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, read_tum
+from hsslam_node.geometry.trajectory import Trajectory, associate, read_tum
 from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
 from hsslam_node.sources.files.camera_file import read_tum_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
+from hsslam_node.sources.files.record_times import listed_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth
 from hsslam_node.sources.options import SourceOptions
 
@@ -112,14 +113,16 @@ class TumFolder:
         for number, line in enumerate(lines, 1):
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            words = line.split(maxsplit=1)
-            try:
-                stamps.append(parse_stamp_ns(words[0]))
-                files.append(self.path / words[1].strip())
-            except (ValueError, IndexError):
+            word, *rest = line.split(maxsplit=1)
+            file = rest[0].strip() if rest else ""
+            stamp_ns = listed_stamp_ns(word)
+            if stamp_ns is None or not file:
                 raise UserError(
-                    f"{path}:{number}: {line.strip()!r}: expected 'timestamp file'"
-                ) from None
+                    f"{path}:{number}: {line.strip()!r}: expected 'timestamp file', the time in seconds "
+                    "from 0 on"
+                )
+            stamps.append(stamp_ns)
+            files.append(self.path / file)
         if not stamps:
             raise UserError(f"{path}: holds no image: expected lines 'timestamp file'")
         return stamps, files
@@ -146,6 +149,8 @@ def tum_truth(name: str, options: SourceOptions) -> Truth | None:
     if not path.exists():
         return None
     truth = read_tum(path)
+    order = np.argsort(truth.stamps_ns, kind="stable")
+    truth = Trajectory(truth.stamps_ns[order], truth.T_world_cam[order])
     frames = np.array([folder.pairs[i][0] for i in options.selected(len(folder.pairs))])
     pairs = associate(frames, truth.stamps_ns, MAX_DT_NS)
     if not pairs:

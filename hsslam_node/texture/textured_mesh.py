@@ -74,8 +74,9 @@ def textured_mesh(
     uv[:, 1] = 1.0 - uv[:, 1]  # trimesh counts from below
     image = Image.fromarray(texture)
     material = PBRMaterial(
-        name="texture", baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0
-    )
+        name="texture", baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0,
+        baseColorFactor=[255, 255, 255, 255],  # else the material of an .obj darkens the image
+    )  # fmt: skip
     more = len(charts.vertices) + np.arange(unseen.size).reshape(-1, 3)
     return trimesh.Trimesh(
         vertices[np.concatenate([charts.vertices, unseen.ravel()])],

@@ -1,20 +1,32 @@
 """The time stamp or number in the name of an image; a file of its own as three layouts share it."""
 
 import re
+from datetime import UTC, datetime
 
 from hsslam_node.geometry.trajectory import parse_stamp_ns
 
+# 2024-01-31_12-30-55.250 and the like; a time without a fraction is that of many images
+_DATE_AND_TIME = re.compile(
+    r"(?<!\d)(\d{4})[-_.]?(\d\d)[-_.]?(\d\d)[T_ -](\d\d)[-_:.]?(\d\d)[-_:.]?(\d\d)[._-](\d{1,9})(?!\d)"
+)
 _NS_BY_DIGITS = {13: 1_000_000, 16: 1000, 19: 1}  # since 1970: ms, us, ns
 
 
 def name_stamp_ns(stem: str) -> int | None:
     """Time in a file name, ns; None if there is none.
 
-    `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns), or whole numbers of 13, 16 or 19
-    digits, which do not begin with 0: ms, us or ns since 1970.
+    `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns), `2024-01-31_12-30-55.250` (taken as
+    UTC), or whole numbers of 13, 16 or 19 digits, which do not begin with 0: ms, us or ns since 1970.
     """
     if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9})(?!\d)", stem):
         return int(both[1]) * 1_000_000_000 + int(both[2])
+    if date := _DATE_AND_TIME.search(stem):
+        *whole, fraction = date.groups()
+        try:
+            moment = datetime(*map(int, whole), tzinfo=UTC)  # type: ignore[arg-type, misc]
+        except ValueError:  # as of a 13th month
+            return None
+        return int(moment.timestamp()) * 1_000_000_000 + int(fraction.ljust(9, "0"))
     numbers = re.findall(r"\d+\.\d+|\d+", stem)
     if not numbers:
         return None

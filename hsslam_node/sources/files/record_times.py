@@ -49,7 +49,7 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
         words = re.split(r"[,;\s]+", line.strip().strip(",;"))
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        stamps = [stamp for word in words if (stamp := _stamp_ns(word)) is not None]
+        stamps = [stamp for word in words if (stamp := listed_stamp_ns(word)) is not None]
         names = [word for word in words if re.search(r"\.[A-Za-z]\w*$", word)]
         if not stamps and not rows and not names:  # titles
             continue
@@ -59,10 +59,12 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
     return rows
 
 
-def _stamp_ns(word: str) -> int | None:
+def listed_stamp_ns(word: str) -> int | None:
+    """Seconds, or a whole number of 13, 16 or 19 digits (ms, us, ns), in ns; None: no time from 0 on."""
     if word.isdigit() and (stamp := whole_stamp_ns(word)) is not None:
         return stamp
     try:
-        return parse_stamp_ns(word)
+        stamp_ns = parse_stamp_ns(word)
     except ValueError:
         return None
+    return stamp_ns if stamp_ns >= 0 else None

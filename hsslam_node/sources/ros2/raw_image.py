@@ -79,18 +79,21 @@ class RawImage:
             return np.ascontiguousarray(image)
         return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), code), np.uint8)
 
-    def depth(self) -> tuple[np.ndarray, float]:
+    def depth(self, units_per_m: float | None = None) -> tuple[np.ndarray, float]:
         """Depth [H, W] uint16 (0 = no measurement), and its units per metre.
+
+        units_per_m: of the image; None: those of its encoding.
 
         Raises:
             BadImageError: another encoding, or the data do not fit.
         """
         if self.is_compressed:
-            return self._compressed_depth(), MILLIMETRES_PER_M
+            return self._compressed_depth(), units_per_m or MILLIMETRES_PER_M
         if self.encoding in ("16UC1", "mono16"):
-            return self._pixels(np.dtype(np.uint16), 1), MILLIMETRES_PER_M
+            return self._pixels(np.dtype(np.uint16), 1), units_per_m or MILLIMETRES_PER_M
         if self.encoding == "32FC1":
-            scaled = self._pixels(np.dtype(np.float32), 1) * np.float32(FLOAT_UNITS_PER_M)
+            scale = np.float32(FLOAT_UNITS_PER_M / (units_per_m or 1.0))
+            scaled = self._pixels(np.dtype(np.float32), 1) * scale
             is_there = (scaled > 0) & (scaled < 65535.5)  # not so for NaN and infinity
             return np.where(is_there, scaled + 0.5, 0).astype(np.uint16), FLOAT_UNITS_PER_M
         raise BadImageError(
@@ -98,7 +101,7 @@ class RawImage:
         )
 
     def expect_size(self, camera: Camera) -> None:
-        """Look at the header of a compressed image, before it is decoded.
+        """Look at the header of a compressed image, before it is decoded, and at the size of a raw one.
 
         Raises:
             BadImageError: it is not of the camera's size.
@@ -106,6 +109,11 @@ class RawImage:
         if self.is_compressed:
             start = self._image_start()
             expect_header(self.data[start:].data, f"image in format {self.encoding!r}", camera)
+        elif (self.width_px, self.height_px) != (camera.width_px, camera.height_px):
+            raise BadImageError(
+                f"{self.encoding} of {self.width_px}x{self.height_px} pixels: expected "
+                f"{camera.width_px}x{camera.height_px} as before"
+            )
 
     def _compressed_content(self) -> Literal["color", "grey", "depth"]:
         start = self._image_start()

@@ -1,6 +1,8 @@
 """Colour and depth that come one by one, put together by their stamps."""
 
+import math
 from collections import deque
+from itertools import pairwise
 from typing import Generic, Protocol, TypeVar
 
 _KEPT = 16
@@ -17,32 +19,39 @@ T = TypeVar("T", bound=Stamped)
 
 
 class StampPairs(Generic[T]):
-    """Gives a pair as soon as an image has a counterpart within `max_dt_ns`: the nearest of those that
-    are there. What is older than a pair that was given is forgotten, so pairs come in order.
+    """Gives a pair as soon as an image has a counterpart within `max_dt_ns` and no nearer one can come: at
+    most half the time between two images away. What is older than a pair that was given is forgotten, so
+    pairs come in order.
     """
 
     def __init__(self, max_dt_ns: int) -> None:
         self._max_dt_ns = max_dt_ns
         self._color: deque[T] = deque(maxlen=_KEPT)
         self._depth: deque[T] = deque(maxlen=_KEPT)
+        self._color_steps, self._depth_steps = _Steps(), _Steps()
         self.nearest_ns: int | None = None  # of two that were too far apart, for the operator
 
     def add_color(self, image: T) -> tuple[T, T] | None:
         """(this colour image, its depth image), if that is there."""
-        depth = self._counterpart(image, self._color, self._depth)
+        self._color_steps.add(image.stamp_ns)
+        depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
         return None if depth is None else (image, depth)
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
         """(its colour image, this depth image), if that is there."""
-        color = self._counterpart(image, self._depth, self._color)
+        self._depth_steps.add(image.stamp_ns)
+        color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else (color, image)
 
-    def _counterpart(self, image: T, same: deque[T], others: deque[T]) -> T | None:
+    def _counterpart(self, image: T, same: deque[T], others: deque[T], steps: "_Steps") -> T | None:
         found = min(others, key=lambda o: abs(o.stamp_ns - image.stamp_ns), default=None)
         if found is None or abs(found.stamp_ns - image.stamp_ns) > self._max_dt_ns:
             if found is not None:
                 self.nearest_ns = abs(found.stamp_ns - image.stamp_ns)
             same.append(image)
+            return None
+        if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.least_ns:
+            same.append(image)  # its counterpart may be on its way
             return None
         _forget_until(others, found.stamp_ns)
         _forget_until(same, image.stamp_ns)
@@ -53,3 +62,19 @@ def _forget_until(images: deque[T], stamp_ns: int) -> None:
     kept = [image for image in images if image.stamp_ns > stamp_ns]
     images.clear()
     images.extend(kept)
+
+
+class _Steps:
+    """The times between the last images of a topic."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: deque[int] = deque(maxlen=_KEPT)
+
+    def add(self, stamp_ns: int) -> None:
+        self._stamps_ns.append(stamp_ns)
+
+    @property
+    def least_ns(self) -> float:
+        """The least that is not 0, as some images may be missing; infinite before two have come."""
+        steps = (abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b)
+        return min(steps, default=math.inf)

@@ -26,18 +26,18 @@ class RosFrames:
         first: tuple[RawImage, RawImage],
         depth_scale: float | None,
     ) -> None:
-        self._encoded_units = _expect_registered(source, camera, *first)
+        self._depth_scale = depth_scale
+        self.depth_units_per_m = _expect_registered(source, camera, *first, depth_scale)
         self._undistortion = Undistortion(camera)
         self.camera = camera.undistorted()
-        self.depth_units_per_m = depth_scale or self._encoded_units
 
     def frame(self, index: int, color: RawImage, depth: RawImage) -> Frame | BadFrame:
         """The frame of a pair, undistorted; a `BadFrame` if it cannot be used."""
         try:
             for image in (color, depth):
                 image.expect_size(self.camera)
-            depth_raw, units = depth.depth()
-            if units != self._encoded_units:
+            depth_raw, units = depth.depth(self._depth_scale)
+            if units != self.depth_units_per_m:
                 raise BadImageError(f"depth in encoding {depth.encoding!r}: expected as before")
             return Frame(
                 index=index,
@@ -51,11 +51,13 @@ class RosFrames:
             return BadFrame(index, color.stamp_ns, str(error))
 
 
-def _expect_registered(source: str, camera: Camera, color: RawImage, depth: RawImage) -> float:
+def _expect_registered(
+    source: str, camera: Camera, color: RawImage, depth: RawImage, depth_scale: float | None
+) -> float:
     """Units per metre of a depth image that has the colour image's size, which is the camera's."""
     try:
         height, width = color.color().shape[:2]
-        depth_raw, units = depth.depth()
+        depth_raw, units = depth.depth(depth_scale)
     except BadImageError as error:
         raise UserError(f"source {source}: {error}") from None
     if (camera.width_px, camera.height_px) != (width, height):

@@ -94,6 +94,19 @@ def test_the_map_server_reads_what_was_written(distances, tmp_path):
     np.testing.assert_array_equal(cells, grid.cells)
 
 
+def test_names_that_yaml_would_read_otherwise_are_quoted(distances, tmp_path):
+    picture = write_nav2_files(tmp_path / "map #1.yaml", grid_map(distances))
+    read = yaml.safe_load((tmp_path / "map #1.yaml").read_text())
+    assert read["image"] == picture.name == "map #1.pgm"
+
+
+def test_a_map_up_to_any_height_is_one_up_to_its_own(distances):
+    high = float(distances.grid.high[2])
+    np.testing.assert_array_equal(
+        grid_map(distances, 0.15, np.inf).cells, grid_map(distances, 0.15, high).cells
+    )
+
+
 def test_distances_come_back_from_the_file(distances, tmp_path):
     path = tmp_path / "esdf.npz"
     write_esdf(path, distances, FLOOR)

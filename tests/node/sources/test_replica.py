@@ -24,6 +24,24 @@ def test_a_missing_depth_image_is_one_bad_frame(replica_folder):
     assert [type(f) for f in frames] == [Frame, BadFrame, Frame, Frame]
 
 
+def test_a_part_of_a_sequence_has_the_poses_of_its_numbers(replica_folder):
+    """Every second of its four frames is there, and all lines of traj.txt."""
+    whole = open_ground_truth(f"replica:{replica_folder}", SourceOptions())
+    for number in (0, 2):
+        for file in (replica_folder / "results").glob(f"*{number:06d}.*"):
+            file.unlink()
+    part = open_ground_truth(f"replica:{replica_folder}", SourceOptions())
+    assert part is not None and whole is not None
+    np.testing.assert_array_equal(part.T_world_cam, whole.T_world_cam[[1, 3]])
+    np.testing.assert_array_equal(part.stamps_ns, whole.stamps_ns[[1, 3]])
+    lines = (replica_folder / "traj.txt").read_text().splitlines(keepends=True)
+    (replica_folder / "traj.txt").write_text("".join(lines[:3]))
+    with pytest.raises(
+        UserError, match="3 poses: expected 2, one a frame, or one for each number up"
+    ):
+        open_ground_truth(f"replica:{replica_folder}", SourceOptions())
+
+
 def test_camera_and_mesh_beside_the_folder_as_published(replica_folder):
     shared = replica_folder.parent / "cam_params.json"
     (replica_folder / "cam_params.json").rename(shared)

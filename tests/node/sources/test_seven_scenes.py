@@ -12,6 +12,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import CameraOptions, SourceOptions
+from hsslam_node.sources.seven_scenes import SevenScenesSource
 from hsslam_node.sources.source import BadFrame
 from tests.late_frames import expect_late_frames_left_out
 
@@ -131,3 +132,8 @@ def test_frames_of_the_real_kitchen_come_back_as_they_were(test_data, tmp_path):
 
 def test_late_frames_are_not_read(sequence):
     expect_late_frames_left_out(open_source(f"7scenes:{sequence}"))
+
+
+def test_fy_is_fx_if_only_that_is_given(sequence):
+    source = SevenScenesSource(str(sequence), SourceOptions(camera=CameraOptions(fx=525.0)))
+    assert (source.camera.fx, source.camera.fy, source.camera.cx) == (525.0, 525.0, 320.0)

@@ -6,10 +6,10 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.trajectory import associate
+from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, write_tum
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import BadFrame
-from hsslam_node.sources.tum import TumFolder, TumSource
+from hsslam_node.sources.tum import TumFolder, TumSource, tum_truth
 from tests.sequence_folders import frame_images, write_tum_camera
 
 
@@ -113,3 +113,36 @@ def test_real_sequences(test_data, name, units):
     assert source.depth_units_per_m == units
     assert source.rate_hz == pytest.approx(30, rel=1e-3)
     assert 0.5 < np.median(frames[0].depth_m()[frames[0].depth_raw > 0]) < 5
+
+
+@pytest.mark.parametrize("stamp", ["-0.1", "1e30", "nan", "20240131123045123"])
+def test_a_stamp_that_no_frame_can_have_is_named(tum_folder, stamp: str):
+    path = tum_folder / "rgb.txt"
+    path.write_text(f"{stamp} rgb/0.png\n" + path.read_text())
+    with pytest.raises(UserError, match=rf"rgb.txt:1: '{stamp} rgb/0.png': expected .* from 0 on"):
+        TumSource(str(tum_folder), SourceOptions())
+
+
+def test_stamps_in_nanoseconds_are_those_in_seconds(tum_folder):
+    before = [f.stamp_ns for f in TumSource(str(tum_folder), SourceOptions()).frames()]
+    for name in ("rgb.txt", "depth.txt"):
+        path, lines = tum_folder / name, []
+        for line in path.read_text().splitlines():
+            word, _, file = line.partition(" ")
+            is_stamp = not line.startswith("#")
+            lines.append(f"{10**18 + parse_stamp_ns(word)} {file}\n" if is_stamp else line + "\n")
+        path.write_text("".join(lines))
+    after = [f.stamp_ns for f in TumSource(str(tum_folder), SourceOptions()).frames()]
+    assert after == [10**18 + stamp_ns for stamp_ns in before]
+
+
+def test_poses_of_the_truth_may_stand_in_any_order(tum_folder):
+    stamps = [f.stamp_ns for f in TumSource(str(tum_folder), SourceOptions()).frames()]
+    poses = np.tile(np.eye(4), (len(stamps), 1, 1))
+    poses[:, 0, 3] = np.arange(len(stamps))
+    order = np.random.default_rng(0).permutation(len(stamps))
+    write_tum(tum_folder / "groundtruth.txt", Trajectory(np.array(stamps)[order], poses[order]))
+    truth = tum_truth(str(tum_folder), SourceOptions())
+    assert truth is not None
+    np.testing.assert_array_equal(truth[0].stamps_ns, stamps)
+    np.testing.assert_allclose(truth[0].T_world_cam, poses, atol=1e-8)

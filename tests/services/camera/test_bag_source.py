@@ -104,6 +104,9 @@ def test_compressed_images_and_depth_in_metres(room, tmp_path: Path):
     expect_same(whole_frames(opened(tmp_path / "files", units)), room)
     for found, frame in zip(whole_frames(opened(tmp_path / "metres")), room, strict=True):
         np.testing.assert_allclose(found.depth_m(), frame.depth_m(), atol=1.1e-4)
+    for scale in (1.0, 2.0):  # units of the floats per metre
+        first = whole_frames(opened(tmp_path / "metres", scale))[0]
+        np.testing.assert_allclose(first.depth_m(), room[0].depth_m() / scale, atol=1.1e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)

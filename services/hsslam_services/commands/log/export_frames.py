@@ -49,6 +49,7 @@ class _Lists:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._written: dict[str, int] = {}  # frames with this stamp
         self._lines: dict[str, list[str]] = {name: [f"# {what}\n"] for name, what in _LISTS.items()}
 
     def __enter__(self) -> "_Lists":
@@ -63,8 +64,10 @@ class _Lists:
 
     def add(self, frame: messages.Frame) -> None:
         stamp = format_stamp(frame.source_stamp_ns)
-        color = f"rgb/{stamp}.{'jpg' if frame.color_encoding == 'jpeg' else 'png'}"
-        depth = f"depth/{stamp}.png"
+        number = self._written[stamp] = self._written.get(stamp, 0) + 1
+        name = stamp if number == 1 else f"{stamp}-{number}"  # a camera that repeats its stamp
+        color = f"rgb/{name}.{'jpg' if frame.color_encoding == 'jpeg' else 'png'}"
+        depth = f"depth/{name}.png"
         for file, data in ((color, frame.color), (depth, frame.depth)):
             path = self._folder / file
             path.parent.mkdir(parents=True, exist_ok=True)

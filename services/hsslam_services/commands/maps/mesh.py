@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.errors import UserError
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
 
@@ -22,10 +23,10 @@ class MeshOptions:
     Example:
       hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
 
-    The mesh has coloured triangles (m, world frame) of the surface that the keyframes observed. With --voxel
-    equal to --slam.mesher.final-voxel-m (0.03) it is the mesh.ply of the run that saved the map. Maps saved
-    before version 3 contain no keyframe depth; for them, all surface visible from a keyframe counts as
-    observed.
+    The mesh has coloured triangles of the surface that the keyframes observed, in m and in the world frame; a
+    .glb has y up and z back, as glTF requires. With --voxel equal to --slam.mesher.final-voxel-m (0.03) it
+    is the mesh.ply of the run that saved the map. Maps saved before version 3 contain no keyframe depth; for
+    them, all surface visible from a keyframe counts as observed.
 
     Exit codes: 0 if the mesh is written, 1 if the command is interrupted, 2 if the input is bad.
 
@@ -74,6 +75,8 @@ def _options(args: Sequence[str]) -> MeshOptions:
 
 def _mesh(options: MeshOptions) -> None:
     mesh = surface(SavedMap.open(options.map, options.device), options.map, options.voxel)
+    if options.out.suffix.lower() == ".glb":
+        mesh.apply_transform(OPENGL_FROM_OPENCV)
     with out_file(options.out) as partial:
         mesh.export(partial)
     print(f"{options.out}: {len(mesh.vertices)} vertices, {len(mesh.faces)} triangles")

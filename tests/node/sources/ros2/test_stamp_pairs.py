@@ -44,3 +44,30 @@ def test_it_says_how_far_apart_they_are():
     assert pairs.nearest_ns is None
     pairs.add_depth(image(17))
     assert pairs.nearest_ns == 17
+
+
+def _in_turn(color: list[int], depth: list[int]) -> list[tuple[str, int]]:
+    """In the order of their stamps, colour before depth."""
+    return sorted([*(("c", k) for k in color), *(("d", k) for k in depth)], key=lambda one: one[1])
+
+
+def test_after_one_that_is_lost_each_image_has_its_own_again_at_any_rate():
+    for period, limit in ((11, 15), (33, 40)):
+        all_of_it = [period * k for k in range(12)]
+        some = [stamp for stamp in all_of_it if stamp != 3 * period]
+        expected = [(stamp, stamp) for stamp in some]
+        assert run(limit, *_in_turn(some, all_of_it)) == expected
+        assert run(limit, *_in_turn(all_of_it, some)) == expected
+
+
+def test_of_depth_at_a_higher_rate_the_images_at_the_same_time_are_taken():
+    color, depth = [33 * k for k in range(6)], [11 * k for k in range(16)]
+    assert run(15, *_in_turn(color, depth)) == [(stamp, stamp) for stamp in color]
+
+
+def test_depth_that_is_always_late_waits_for_nothing():
+    """Each pair is given with its depth image, not with the next image of colour."""
+    pairs, stamps = StampPairs(15), [33 * k for k in range(6)]
+    for stamp in stamps:
+        assert pairs.add_color(image(stamp)) is None
+        assert pairs.add_depth(image(stamp + 14)) is not None

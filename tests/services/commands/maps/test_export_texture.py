@@ -44,6 +44,9 @@ def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
     if kind == "obj":
         files = sorted(path.name for path in tmp_path.iterdir())
         assert files == ["plain.obj", "textured.mtl", "textured.obj", "textured.png"]
+        words = [line.split() for line in (tmp_path / "textured.mtl").read_text().splitlines()]
+        (diffuse,) = [line[1:] for line in words if line[:1] == ["Kd"]]
+        assert [float(value) for value in diffuse] == [1, 1, 1]  # a factor of the image
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,38 @@
+"""Times in the names of image files."""
+
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import pytest
+
+from hsslam_node.sources.files.name_stamp import name_stamp_ns
+
+_SECOND = int(datetime(2024, 1, 31, 12, 30, 55, tzinfo=UTC).timestamp()) * 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("stem", "stamp_ns"),
+    [
+        ("1305031102.175304", 1_305_031_102_175_304_000),
+        ("rgb_1700000000_123456789", 1_700_000_000_123_456_789),
+        ("1700000000123", 1_700_000_000_123_000_000),
+        ("frame_0007_12.5", 12_500_000_000),
+        ("2024-01-31_12-30-55.250", _SECOND + 250_000_000),
+        ("cam0-20240131T123055.000001", _SECOND + 1000),
+        ("2024-01-31 12:30:55.5_left", _SECOND + 500_000_000),
+        ("20240131_123055_040", _SECOND + 40_000_000),
+        ("2024-13-31_12-30-55.250", None),
+        ("20240131_123055", None),
+        ("frame000123", None),
+        ("left", None),
+    ],
+)
+def test_the_time_of_a_name(stem: str, stamp_ns: int | None):
+    assert name_stamp_ns(stem) == stamp_ns
+
+
+def test_a_recording_over_a_full_minute_stays_in_order():
+    names = [f"2024-01-31_12-30-{s:02d}.{ms}00" for s in range(57, 60) for ms in range(10)]
+    names += [f"2024-01-31_12-31-{s:02d}.{ms}00" for s in range(3) for ms in range(10)]
+    stamps = [name_stamp_ns(name) for name in names]
+    assert [b - a for a, b in pairwise(stamps)] == [100_000_000] * 59
