@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from itertools import pairwise
+from statistics import median
 from typing import Generic, Protocol, TypeVar
 
 _KEPT = 16
@@ -50,7 +51,7 @@ class StampPairs(Generic[T]):
                 self.nearest_ns = abs(found.stamp_ns - image.stamp_ns)
             same.append(image)
             return None
-        if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.least_ns:
+        if 2 * abs(found.stamp_ns - image.stamp_ns) > steps.usual_ns:
             same.append(image)  # its counterpart may be on its way
             return None
         _forget_until(others, found.stamp_ns)
@@ -74,7 +75,7 @@ class _Steps:
         self._stamps_ns.append(stamp_ns)
 
     @property
-    def least_ns(self) -> float:
-        """The least that is not 0, as some images may be missing; infinite before two have come."""
-        steps = (abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b)
-        return min(steps, default=math.inf)
+    def usual_ns(self) -> float:
+        """Their median: some images may be missing, others late; infinite before two have come."""
+        steps = [abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b]
+        return median(steps) if steps else math.inf

@@ -65,6 +65,13 @@ def test_of_depth_at_a_higher_rate_the_images_at_the_same_time_are_taken():
     assert run(15, *_in_turn(color, depth)) == [(stamp, stamp) for stamp in color]
 
 
+def test_a_hiccup_of_the_camera_costs_no_pair_of_later_images():
+    """Two images of colour are 5 apart; depth is 4 late."""
+    color = [0, 33, 66, 71, 104, 137, 170, 203]
+    found = run(15, *_in_turn(color, [stamp + 4 for stamp in color]))
+    assert [c for c, _ in found][-4:] == color[-4:]
+
+
 def test_depth_that_is_always_late_waits_for_nothing():
     """Each pair is given with its depth image, not with the next image of colour."""
     pairs, stamps = StampPairs(15), [33 * k for k in range(6)]
