@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.effects import running_stamp_ns
@@ -12,6 +12,9 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import find_row, imported, source_name
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class GroundTruth:
     """
 
     trajectory: Trajectory
-    load_mesh: Callable[[], trimesh.Trimesh] | None = None
+    load_mesh: "Callable[[], Trimesh] | None" = None
 
     @property
     def stamps_ns(self) -> np.ndarray:
@@ -32,7 +35,7 @@ class GroundTruth:
     def T_world_cam(self) -> np.ndarray:
         return self.trajectory.T_world_cam  # [N, 4, 4] float64
 
-    def mesh(self) -> trimesh.Trimesh | None:
+    def mesh(self) -> "Trimesh | None":
         """The true surface in the truth's world frame, None where it is not known."""
         return self.load_mesh() if self.load_mesh else None
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.map_renderer import MapRenderer
@@ -58,6 +57,8 @@ def image_quality(
 
 def psnr_db(image: np.ndarray, true: np.ndarray) -> float:
     """Peak signal-to-noise ratio of values 0..1, dB; infinite where they are equal."""
+    from skimage.metrics import peak_signal_noise_ratio  # takes a second, as it brings scipy.stats
+
     with np.errstate(divide="ignore"):
         return float(peak_signal_noise_ratio(true, image, data_range=1.0))
 
@@ -67,6 +68,8 @@ def ssim(image: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
 
     Pixels whose window reaches beyond the image are left out.
     """
+    from skimage.metrics import structural_similarity
+
     grey = np.array([0.299, 0.587, 0.114])
     found: Any = structural_similarity(
         image @ grey, true @ grey, win_size=_WINDOW_PX, data_range=1.0, full=True
