@@ -9,7 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.trajectory import Trajectory, associate, read_tum
+from hsslam_node.geometry.trajectory import Trajectory, associate, format_stamp, read_tum
 from hsslam_node.sources.download.tum_archive import TumArchive, data_folders
 from hsslam_node.sources.files.camera_file import read_tum_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
@@ -84,6 +84,10 @@ class TumFolder:
             UserError: a list is missing or malformed, or nothing can be associated.
         """
         color_ns, color_files = self._read_list("rgb.txt")
+        if color_ns[0] < 0:
+            raise UserError(
+                f"{self.path / 'rgb.txt'}: {format_stamp(int(color_ns[0]))}: expected times from 0 on"
+            )
         depth_ns, depth_files = self._read_list("depth.txt")
         pairs = associate(color_ns, depth_ns, MAX_DT_NS)
         if not pairs:
@@ -117,10 +121,7 @@ class TumFolder:
             file = rest[0].strip() if rest else ""
             stamp_ns = listed_stamp_ns(word)
             if stamp_ns is None or not file:
-                raise UserError(
-                    f"{path}:{number}: {line.strip()!r}: expected 'timestamp file', the time in seconds "
-                    "from 0 on"
-                )
+                raise UserError(f"{path}:{number}: {line.strip()!r}: expected 'timestamp file'")
             stamps.append(stamp_ns)
             files.append(self.path / file)
         if not stamps:

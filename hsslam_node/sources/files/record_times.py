@@ -55,16 +55,17 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
             continue
         if not stamps:
             raise UserError(f"{path}:{number}: {line.strip()!r}: expected 'stamp' or 'stamp file'")
+        if stamps[0] < 0:
+            raise UserError(f"{path}:{number}: {line.strip()!r}: expected a time from 0 on")
         rows.append((names[0] if names else "", stamps[0]))
     return rows
 
 
 def listed_stamp_ns(word: str) -> int | None:
-    """Seconds, or a whole number of 13, 16 or 19 digits (ms, us, ns), in ns; None: no time from 0 on."""
+    """Seconds, or a whole number of 13, 16 or 19 digits (ms, us, ns), in ns; None: no time."""
     if word.isdigit() and (stamp := whole_stamp_ns(word)) is not None:
         return stamp
     try:
-        stamp_ns = parse_stamp_ns(word)
+        return parse_stamp_ns(word)
     except ValueError:
         return None
-    return stamp_ns if stamp_ns >= 0 else None

@@ -19,7 +19,7 @@ from hsslam_batch.options import RunOptions
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.progress import BatchProgress
-from hsslam_batch.results.runs_table import write_runs
+from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
@@ -43,11 +43,9 @@ def run_command(args: Sequence[str]) -> int:
     found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        with (
-            batch.expect_writable(),
-            _alone(batch),
-        ):  # a row may be of `work`, or of an earlier plan
-            write_runs(batch, logs)
+        if batch.url or not is_current(batch):  # `work` may have mended a log since
+            with batch.expect_writable(), _alone(batch):
+                write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
     batch.expect_same_code()

@@ -10,7 +10,7 @@ import msgspec
 from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.outcome import Outcome
 from hsslam_batch.attempt.store_results import StoredOutcome
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import MANIFEST, Batch
 from hsslam_batch.plan.log import Log
 from hsslam_batch.plan.parquet_rows import read_rows, write_rows
 from hsslam_node.errors import UserError
@@ -38,6 +38,17 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
     write_rows(path, rows, _columns())
     batch.publish(RUNS)
     return path
+
+
+def is_current(batch: Batch) -> bool:
+    """Whether neither plan nor results of a folder have changed since the table was written."""
+    try:
+        written_ns = (batch.out / RUNS).stat().st_mtime_ns
+    except OSError:
+        return False
+    # results come and go by a rename in their folder
+    changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
+    return all(path.stat().st_mtime_ns <= written_ns for path in changed if path.exists())
 
 
 def read_runs(out: Path) -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """What `hsslam-batch run` decides before it starts Ray."""
 
 import fcntl
+import os
 import sys
 from pathlib import Path
 
@@ -38,6 +39,7 @@ def test_where_nothing_is_left_ray_is_not_started(
 
 def test_the_table_has_what_work_has_mended_since(batch: Batch):
     assert run_command([str(batch.out)]) == 3
+    os.utime(batch.out / "runs.parquet", ns=(0, 0))  # a moment before
     commit(batch, outcome(batch, 1), run_folder(batch, 1))  # as `hsslam-batch work` does
     assert run_command([str(batch.out)]) == 0
     rows = pq.read_table(batch.out / "runs.parquet").to_pylist()

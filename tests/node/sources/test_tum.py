@@ -119,8 +119,16 @@ def test_real_sequences(test_data, name, units):
 def test_a_stamp_that_no_frame_can_have_is_named(tum_folder, stamp: str):
     path = tum_folder / "rgb.txt"
     path.write_text(f"{stamp} rgb/0.png\n" + path.read_text())
-    with pytest.raises(UserError, match=rf"rgb.txt:1: '{stamp} rgb/0.png': expected .* from 0 on"):
+    with pytest.raises(
+        UserError, match=rf"rgb.txt.*{stamp}.*: expected ('timestamp file'|times from 0)"
+    ):
         TumSource(str(tum_folder), SourceOptions())
+
+
+def test_depth_may_have_been_taken_before_0(tum_folder):
+    path = tum_folder / "depth.txt"
+    path.write_text("-0.004 depth/none.png\n" + path.read_text())
+    assert len(frames_of(tum_folder)) > 0
 
 
 def test_stamps_in_nanoseconds_are_those_in_seconds(tum_folder):
