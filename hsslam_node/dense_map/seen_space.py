@@ -12,6 +12,7 @@ from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
@@ -76,6 +77,9 @@ class SeenSpace:
         """Mark what is new; all anew if keyframes have moved by a cell.
 
         Keyframes that are retired stay marked.
+
+        Raises:
+            UserError: there are none, and there never were.
         """
         for _ in self._mark_new(keyframes):
             pass
@@ -106,7 +110,10 @@ class SeenSpace:
 
     def _seen_cells(self) -> SeenCells:
         if self._cells is None:
-            assert self._occupancy is not None
+            if self._occupancy is None:
+                raise UserError(
+                    "the map has no keyframes: expected one or more, to know what is seen"
+                )
             distances = self._meter.measure(self._occupancy)
             # what was handed out stays as it is when more is marked
             information = self._information.copy(order="F")

@@ -67,9 +67,8 @@ class _Found:
     waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
     keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
     stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes, by id
-    brought: dict[int, dict[int, messages.Keyframe]] = field(
-        default_factory=dict
-    )  # keyframes of fragments that joined, by fragment and number in it
+    # keyframes of fragments that joined, by fragment and number in it
+    brought: dict[int, dict[int, messages.Keyframe]] = field(default_factory=dict)
 
     def add_pose(self, pose: messages.Pose) -> None:
         if _name(pose) in self.poses:

@@ -7,6 +7,7 @@ import pytest
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace, certainty_of
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import se3_exp
 
@@ -114,6 +115,13 @@ def test_marks_follow_corrected_poses_and_keyframes_that_see_farther():
         np.testing.assert_array_equal(followed.saw(points), afresh.saw(points))
         assert followed.saw(points).mean() > 0.01
     assert afresh.saw(np.array([[5.0, 1.0, 1.0]])).all()
+
+
+def test_a_map_without_keyframes_is_one_line():
+    poses, none = np.zeros((0, 4, 4)), np.zeros(0, np.int64)
+    keyframes = MapKeyframes(CAMERA, none, none, poses, lambda _: np.zeros((60, 80), np.float32))
+    with pytest.raises(UserError, match="the map has no keyframes: expected one or more"):
+        SeenSpace(REACH_M, CELL_M).follow(keyframes)
 
 
 def test_what_takes_longer_is_gone_on_with():
