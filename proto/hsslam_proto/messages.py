@@ -208,7 +208,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
 
     `fragment`: that has joined the map and brought the keyframe with it; 0: none. The keyframe was there at
     `t_in_fragment`, `q_in_fragment`, and the map has it in the place of the fragment's keyframe number
-    `fragment_keyframe` and of those after it, up to that of the next such message.
+    `fragment_keyframe` (-1: not told) and of those after it, up to that of the next such message.
     """
 
     id: Index
@@ -218,7 +218,7 @@ class Keyframe(Message, frozen=True, kw_only=True):
     q: Quaternion
     map_epoch: Index = 0
     fragment: Index = 0
-    fragment_keyframe: Index = 0
+    fragment_keyframe: Annotated[int, Meta(ge=-1, le=2**63 - 1)] = -1
     t_in_fragment: Vector = (0.0, 0.0, 0.0)
     q_in_fragment: Quaternion = (0.0, 0.0, 0.0, 1.0)
 

@@ -84,7 +84,7 @@ class _Found:
     def add_keyframe(self, keyframe: messages.Keyframe) -> None:
         self.keyframes[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
         self.stamps_ns[keyframe.id] = keyframe.source_stamp_ns
-        if keyframe.fragment:
+        if keyframe.fragment and keyframe.fragment_keyframe >= 0:  # older logs do not tell it
             of_fragment = self.brought.setdefault(keyframe.fragment, {})
             of_fragment[keyframe.fragment_keyframe] = keyframe
         for pose in self.waiting.pop(keyframe.id, []):
