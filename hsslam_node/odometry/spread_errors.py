@@ -32,8 +32,9 @@ def spread_errors(
         stamps_ns: [N] int64.
     """
     out = T_world_cam
-    usual_ns = np.median(np.diff(stamps_ns)) if len(stamps_ns) > 1 else 0.0
-    for before, after in _stretches(is_dead_reckoned):
+    stretches = list(_stretches(is_dead_reckoned))
+    usual_ns = np.median(np.diff(stamps_ns)) if stretches else 0.0
+    for before, after in stretches:
         rows = slice(before, after + 1)
         if _has_unknown_step(T_odom_cam[rows], stamps_ns[rows], usual_ns):
             continue

@@ -73,9 +73,7 @@ class JoinedFragment:
     fragment: int
     keyframes: np.ndarray  # [n] int64, ids in the map of those that each moves with
     T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with; mostly itself
-    T_fragment_keyframe: (
-        np.ndarray
-    )  # [n, 4, 4], where the one that it moves with was in the fragment
+    T_fragment_keyframe: np.ndarray  # [n, 4, 4], in the fragment, of those that each moves with
 
     def placed(self, frame: TrackedFrame) -> TrackedFrame:
         """A frame of the fragment, relative to a keyframe of the map."""

@@ -1,7 +1,6 @@
 """`hsslam-batch work`: one log in one process group, for the tasks of Ray and for other schedulers."""
 
 import os
-import signal
 import sys
 from collections.abc import Sequence
 
@@ -17,6 +16,7 @@ from hsslam_batch.plan.batch import folder_of, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
+from hsslam_services.run.stop_signals import hear_stop_signals
 
 _FAILED = 3
 
@@ -67,9 +67,7 @@ def _signalled() -> int:
     """A descriptor that can be read once this process was told to end."""
     readable, writable = os.pipe()
     os.set_blocking(writable, False)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup
-            signal.signal(number, lambda *_: os.write(writable, b"."))
+    hear_stop_signals(lambda *_: os.write(writable, b"."))
     return readable
 
 

@@ -34,7 +34,7 @@ class Pool(Protocol):
         ...
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
-        """Those that have ended since; waits for the first, but not longer than this, also if none runs."""
+        """Attempts that have ended since the last call. It waits for one, `timeout_s` at most."""
         ...
 
 

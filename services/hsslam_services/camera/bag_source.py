@@ -2,9 +2,8 @@
 
 import contextlib
 from collections.abc import Generator, Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
-
-import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
@@ -93,12 +92,9 @@ class BagSource(ReadsInTime):
         if self._odometry_topic:
             sensors[self._odometry_topic] = RosOdometry(self._options)
         if self._imu_topic:
-            sensors[self._imu_topic] = RosImu(self._options, self._mounted_at)
+            mounted_at = partial(self._mountings.between, self._camera_frame)
+            sensors[self._imu_topic] = RosImu(self._options, mounted_at)
         return sensors
-
-    def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
-        """T_camera_imu, [4, 4], by `/tf_static`."""
-        return self._mountings.between(self._camera_frame, imu_frame)
 
     def _paired(
         self,

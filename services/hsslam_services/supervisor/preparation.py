@@ -1,7 +1,6 @@
 """Everything a run needs before its processes start; whatever is missing is one line, at once."""
 
 import contextlib
-import itertools
 import os
 import re
 import secrets
@@ -134,11 +133,15 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
 def _new_folder(wanted: Path) -> Path:
     """Make a folder of this name, or with a number behind it if another run has taken the name."""
     wanted.parent.mkdir(parents=True, exist_ok=True)
-    for path in itertools.chain([wanted], (Path(f"{wanted}-{n}") for n in itertools.count(2))):
-        with contextlib.suppress(FileExistsError):
+    path, number = wanted, 1
+    while True:
+        try:
             path.mkdir()
+        except FileExistsError:
+            number += 1
+            path = Path(f"{wanted}-{number}")
+        else:
             return path
-    raise AssertionError
 
 
 def _expect_room_for_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:

@@ -5,7 +5,6 @@ Publishes: sys/event, sys/hold, sys/stop
 Arena: reads pose_log; writes map_state
 """
 
-import signal
 import sys
 from collections.abc import Mapping
 from types import FrameType
@@ -21,6 +20,7 @@ from hsslam_services.launch.one_shot import expect_end, start_watchdog
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import hear_stop_signals
 from hsslam_services.supervisor.descriptors import allow_descriptors
 from hsslam_services.supervisor.preparation import prepare
 from hsslam_services.supervisor.run_loop import RunLoop
@@ -46,9 +46,7 @@ class Supervisor:
             UserError: the run cannot start.
         """
         check_source_exists(self._options)  # before the signals are ours: it may have to be fetched
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup
-                signal.signal(number, self._signalled)
+        hear_stop_signals(self._signalled)
         allow_descriptors()
         prepared = prepare(self._options, lambda: self._signals > 0)
         info, arena = prepared.info, prepared.arena

@@ -158,6 +158,24 @@ def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
         np.testing.assert_allclose(T_odom_cam[:3, 2], [0.0, -1.0, 0.0], atol=1e-6)
 
 
+def _put_imu(camera: RosCamera, ended: threading.Event, rates, forces, **more) -> None:
+    """100 samples a second: two seconds at once, then as they come."""
+    for k in range(-10, 4000):
+        camera.put("/camera/imu", imu(FIRST_NS + k * 10_000_000, rates, forces, **more), "Imu")
+        if k > 200 and ended.wait(0.01):
+            return
+
+
+def _expect_turned(first: Frame, last: Frame) -> None:
+    """About the camera's y at 0.2 rad/s."""
+    motion = motion_between(first.imu, last.imu)
+    assert motion is not None
+    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
+    turned = so3_exp(np.array([0.0, 0.2 * seconds, 0.0]))
+    np.testing.assert_allclose(motion.rotation, turned, atol=1e-6)
+    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
+
+
 def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
     endpoint, ros_camera, room
 ):
@@ -165,17 +183,8 @@ def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
     rates, forces = (0.0, 0.2, 0.0), (0.0, -9.81, 0.0)
     ended = threading.Event()
 
-    def turn(of_rates: float) -> threading.Thread:
-        def run() -> None:
-            for k in range(-10, 4000):
-                message = imu(FIRST_NS + k * 10_000_000, rates, forces, of_rates)
-                ros_camera.put("/camera/imu", message, "Imu")
-                if k > 200 and ended.wait(0.01):  # two seconds at once, then as they come
-                    return
-
-        thread = threading.Thread(target=run)
-        thread.start()
-        return thread
+    def turn(of_rates: float) -> None:
+        _put_imu(ros_camera, ended, rates, forces, of_rates=of_rates)
 
     ros_camera.start(room)
     asked = options(endpoint, 200, timeout_s=1.0, imu="imu")
@@ -197,12 +206,7 @@ def test_an_imu_comes_with_the_frames_and_one_of_half_the_numbers_is_refused(
         first, *_, last = itertools.islice(given, 5)
     finally:
         ended.set()
-    motion = motion_between(first.imu, last.imu)
-    assert motion is not None
-    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
-    turned = so3_exp(np.array([0.0, 0.2 * seconds, 0.0]))
-    np.testing.assert_allclose(motion.rotation, turned, atol=1e-6)
-    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
+    _expect_turned(first, last)
 
 
 def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camera, room):
@@ -210,13 +214,7 @@ def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camer
     ended = threading.Event()
 
     def turn() -> None:
-        for k in range(-10, 4000):
-            message = imu(
-                FIRST_NS + k * 10_000_000, (0.0, -0.2, 0.0), (0.0, 9.81, 0.0), frame="imu"
-            )
-            ros_camera.put("/camera/imu", message, "Imu")
-            if k > 200 and ended.wait(0.01):
-                return
+        _put_imu(ros_camera, ended, (0.0, -0.2, 0.0), (0.0, 9.81, 0.0), frame="imu")
 
     messages = RosMessages("kilted")
     on_its_head = transform(np.array([0.0, 0.1, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))
@@ -233,13 +231,7 @@ def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camer
             first, *_, last = itertools.islice(given, 5)
         finally:
             ended.set()
-    motion = motion_between(first.imu, last.imu)
-    assert motion is not None
-    seconds = 1e-9 * (last.stamp_ns - first.stamp_ns)
-    np.testing.assert_allclose(
-        motion.rotation, so3_exp(np.array([0.0, 0.2 * seconds, 0.0])), atol=1e-6
-    )
-    assert motion.velocity_change[1] == pytest.approx(-9.81 * seconds, rel=0.01)
+    _expect_turned(first, last)
 
 
 def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):
