@@ -1,6 +1,5 @@
 """The run before in the same folder: still at work, being saved, to be kept aside, or to be replaced."""
 
-import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -8,24 +7,12 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owner_lives, try_own
-from hsslam_services.arena.unsaved_marker import is_marked, mark_unsaved, read_unsaved
+from hsslam_services.arena.unsaved_marker import is_marked
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
+from hsslam_services.supervisor.replaced_results import ReplacedResults
 
-_FILES = (
-    "run*.mcap*",
-    "run*.rrd",
-    "trajectory*.txt",
-    "keyframes*.txt",
-    "mesh.ply",
-    "map.safetensors",
-    "summary.json",
-    "picture.png",
-    ".run*.mcap*",
-)
-_RESULTS = (*_FILES, "logs/*", ".*.partial*")
-_WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", "map.safetensors")
 _REPLACED = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
 _LONGEST_RESCUE_S = 600.0
 _POLL_S = 0.05
@@ -49,20 +36,20 @@ def wait_for_earlier_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> Non
     _wait_for_rescue(run_dir, arena_dir, is_cancelled)
 
 
-def clear_earlier_run(run_dir: Path) -> None:
-    """Remove the results of a run that ended in order, and nothing else; keep those of another aside.
+def set_earlier_run_aside(run_dir: Path) -> ReplacedResults:
+    """Make room for a run: the results of one that ended in order are kept until the new one has poses,
+    those of another for good.
 
     Raises:
         OSError: the folder does not allow it.
     """
     ended_in_order = read_summary(run_dir).get("exit_code") in [int(code) for code in _REPLACED]
-    with contextlib.suppress(UserError):
-        run = RunInfo.read(run_dir)
-        if not ended_in_order:
-            _keep_aside(run_dir, run.run_id, Path(run.arena_dir))
-    for pattern in _RESULTS:
-        for path in run_dir.glob(pattern):
-            path.unlink()
+    results = ReplacedResults(run_dir)
+    results.set_aside()
+    if not ended_in_order and (name := results.keep()):
+        text = f"the run before did not end in order: its results are in {name}"
+        print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)
+    return results
 
 
 def _wait_for_rescue(run_dir: Path, arena_dir: Path, is_cancelled: Callable[[], bool]) -> None:
@@ -93,20 +80,3 @@ def _is_left(arena_dir: Path) -> bool:
             return is_free and is_marked(arena_dir)
     except OSError:
         return True
-
-
-def _keep_aside(run_dir: Path, run_id: str, arena_dir: Path) -> None:
-    """Move the earlier results into a folder of their own, and let a kept arena name it."""
-    if not any(path for pattern in _WORTH_KEEPING for path in run_dir.glob(pattern)):
-        return
-    aside = run_dir / f"earlier-{run_id}"
-    aside.mkdir(exist_ok=True)
-    for pattern in (*_FILES, "run.json", "config.toml"):
-        for path in run_dir.glob(pattern):
-            path.rename(aside / path.name)
-    with contextlib.suppress(OSError):
-        (run_dir / "logs").rename(aside / "logs")
-    if (unsaved := read_unsaved(arena_dir)) is not None:
-        mark_unsaved(arena_dir, aside, unsaved.artefacts)
-    text = f"the run before did not end in order: its results are in {aside.name}"
-    print(f"--out {run_dir}: {text}", file=sys.stderr, flush=True)

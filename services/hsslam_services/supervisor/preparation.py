@@ -28,8 +28,9 @@ from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
-from hsslam_services.supervisor.earlier_run import clear_earlier_run, wait_for_earlier_run
+from hsslam_services.supervisor.earlier_run import set_earlier_run_aside, wait_for_earlier_run
 from hsslam_services.supervisor.folder_claim import FolderClaim
+from hsslam_services.supervisor.replaced_results import ReplacedResults
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 
 
@@ -39,10 +40,15 @@ class Prepared:
 
     info: RunInfo
     claim: FolderClaim
+    replaced: ReplacedResults
     router: RunRouter
     arena: ArenaFolder
     metrics: MetricsServer
     notices: tuple[tuple[str, str], ...]
+
+    def give_back(self) -> None:
+        """The run is refused: its folder is as it was before."""
+        _give_back(self.replaced)
 
     def close(self) -> None:
         """Free everything but the arena."""
@@ -93,13 +99,16 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
             options=options,
         )
         try:
-            clear_earlier_run(run_dir)
+            replaced = set_earlier_run_aside(run_dir)
+            undo.callback(_give_back, replaced)
             info.write()
             info.write_into_arena()
         except OSError as error:
             raise _no_folder(run_dir, error) from None
         undo.pop_all()
-    return Prepared(info, claim, router, arena, metrics, (*router.notices, *_kept_arenas()))
+    return Prepared(
+        info, claim, replaced, router, arena, metrics, (*router.notices, *_kept_arenas())
+    )
 
 
 def _save_dead_arenas() -> None:
@@ -147,9 +156,10 @@ def _new_folder(wanted: Path) -> Path:
 def _expect_room_for_run(run_dir: Path, is_cancelled: Callable[[], bool]) -> None:
     """A folder that is not empty must be that of an earlier run; waits for its end."""
     try:
+        wait_for_earlier_run(run_dir, is_cancelled)
+        ReplacedResults(run_dir).recover()
         if any(run_dir.iterdir()):
             _expect_run_folder(run_dir)
-            wait_for_earlier_run(run_dir, is_cancelled)
     except OSError as error:
         raise _no_folder(run_dir, error) from None
 
@@ -179,6 +189,11 @@ def _expect_run_folder(run_dir: Path) -> None:
 def _remove_if_empty(run_dir: Path) -> None:
     with contextlib.suppress(OSError):
         run_dir.rmdir()
+
+
+def _give_back(replaced: ReplacedResults) -> None:
+    with contextlib.suppress(OSError):  # else the next run in this folder does
+        replaced.give_back()
 
 
 def _no_folder(run_dir: Path, error: OSError) -> UserError:

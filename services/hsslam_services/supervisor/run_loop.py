@@ -9,7 +9,7 @@ from hsslam_node.device.torch_build import cuda_torch_without_cuda
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_proto import topics
-from hsslam_proto.messages import Event, Stop
+from hsslam_proto.run_messages import Event, Stop
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import Listener
 from hsslam_services.health.snapshot import take_snapshot
@@ -58,6 +58,7 @@ class RunLoop:
         self._guard = Guard(lambda text: self._status.say(text, "error"))
         self._memory = MemoryOfAll()
         self._metrics = prepared.metrics
+        self._replaced = prepared.replaced
         self._certificate = CertificateWarnings(prepared.router.certificate_end)
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
@@ -138,6 +139,7 @@ class RunLoop:
             guard.run(child.spec.name, child.tick, is_needed=True)
         guard.run("fork server", self._fork_client.tick)
         guard.run("news", self._tell_news)
+        guard.run("results of the run before", self._replace_results)
         guard.run("memory", self._look_at_memory)
         state, memory_mb = self._listener.state, self._memory.total_mb
         guard.run("requests", lambda: self._gateway.tick(state, self._children, memory_mb))
@@ -161,6 +163,16 @@ class RunLoop:
         for reporter in (*self._children.values(), self._fork_client):
             while reporter.news:
                 self._report(reporter.news.pop(0))
+
+    def _replace_results(self) -> None:
+        """The run goes on, so nothing needs the results of the run before any more."""
+        if not self._may_be_refused:
+            self._replaced.remove()
+
+    @property
+    def _may_be_refused(self) -> bool:
+        """Whether input that turns out to be bad refuses the run: there is no more than a first pose."""
+        return self._listener.state.map is None and not self._has_poses()
 
     def _look_at_memory(self) -> None:
         heard_mb = {name: child.pss_mb for name, child in self._children.items()}
@@ -243,9 +255,8 @@ class RunLoop:
         code = self._code(reason, is_saved=not self.not_saved)
         if code == ExitCode.CUT_SHORT:
             return code
-        state = self._listener.state
         if error := user_error(self._children.values(), self._info.options.pace):
-            if state.map is None and state.tracked <= 1:
+            if self._may_be_refused:
                 raise UserError(error)
             self._status.say(f"error: {error}", "error")
         for child in self._children.values():

@@ -5,6 +5,7 @@ Publishes: sys/event, sys/hold, sys/stop
 Arena: reads pose_log; writes map_state
 """
 
+import contextlib
 import sys
 from collections.abc import Mapping
 from types import FrameType
@@ -22,7 +23,7 @@ from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.stop_signals import hear_stop_signals
 from hsslam_services.supervisor.descriptors import allow_descriptors
-from hsslam_services.supervisor.preparation import prepare
+from hsslam_services.supervisor.preparation import Prepared, prepare
 from hsslam_services.supervisor.run_loop import RunLoop
 
 
@@ -64,10 +65,12 @@ class Supervisor:
                     run.kill_all()
         except UserError:
             arena.remove()
+            prepared.give_back()
             is_in_order = True
             raise
         else:
             self._free(arena, info, code, run.not_saved)
+            self._keep_replaced(prepared)
             is_in_order = True
             return code
         finally:
@@ -90,6 +93,13 @@ class Supervisor:
         mark_unsaved(arena.path, info.path, kept)
         text = f"{', '.join(kept)} not saved, kept in {arena.path}"
         print(f"{text}: hsslam-serve rescue {info.run_dir}", file=sys.stderr, flush=True)
+
+    def _keep_replaced(self, prepared: Prepared) -> None:
+        """They are still there if the run ended before it had poses."""
+        with contextlib.suppress(OSError):  # else the next run in this folder does
+            if name := prepared.replaced.keep():
+                text = f"the results of the run before are in {name}: this one has no poses"
+                print(f"{prepared.info.run_dir}: {text}", file=sys.stderr, flush=True)
 
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
         self._signals += 1

@@ -16,7 +16,7 @@ from hsslam_node.sources.options import SourceOptions, SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.frame_codec import frame_message
-from hsslam_proto.messages import SourceEnd
+from hsslam_proto.run_messages import SourceEnd
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 from tests.services.small_shared_memory import with_shared_memory
 

@@ -15,7 +15,8 @@ from hsslam_proto import topics
 from hsslam_proto.codec import encoding_of
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import LARGEST_STEP, new_publisher
-from hsslam_proto.messages import Pose, SourceEnd
+from hsslam_proto.messages import Pose
+from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.bus.publisher import Publisher
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages, topics
+from hsslam_proto import run_messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint
 from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.run.options import ServeOptions
@@ -94,9 +94,11 @@ def test_an_open_port_takes_frames_and_no_heartbeats(tmp_path):
         looking = outside.subscribe(topics.KEYFRAME, 8)
         frames = outside.publisher(topics.FRAME)
         _until(lambda: (frames.put(frame(0)), heard[topics.FRAME].wait(0.1))[1])
-        forged = messages.Health(process="tracker", pid=os.getpid(), state="running", rss_bytes=1)
+        forged = run_messages.Health(
+            process="tracker", pid=os.getpid(), state="running", rss_bytes=1
+        )
         outside.publisher(topics.HEALTH).put(forged)
-        outside.publisher(topics.STOP).put(messages.Stop(reason="forged"))
+        outside.publisher(topics.STOP).put(run_messages.Stop(reason="forged"))
         outside.publisher(topics.POSE).put(pose(0))
         with open_client(f"tcp/127.0.0.1:{port}") as plain:
             for key in ("hsslam/r/**", "hsslam/r/sys/health", "hsslam/**", "**"):

@@ -1,0 +1,103 @@
+"""The results of the run before in a folder: kept until the run that takes their place has poses."""
+
+import contextlib
+import shutil
+from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
+from hsslam_services.run.run_info import RunInfo
+
+_WORTH_KEEPING = ("run*.mcap*", "trajectory*.txt", "mesh.ply", "map.safetensors")
+_FILES = (
+    *_WORTH_KEEPING,
+    "run*.rrd",
+    "keyframes*.txt",
+    "summary.json",
+    "picture.png",
+    ".run*.mcap*",
+    "run.json",
+    "config.toml",
+)
+_LOGS = "logs"
+_PARTIAL = ".*.partial*"  # files that were being written
+_FOLDER = ".replaced"
+
+
+class ReplacedResults:
+    """What a run folder held; in `.replaced` from `set_aside` until one of the other methods.
+
+    Only files of a run are moved or removed. Every method but `set_aside` does nothing if nothing is
+    set aside. All raise OSError if the folder does not allow it.
+    """
+
+    def __init__(self, run_dir: Path) -> None:
+        self._run_dir = run_dir
+        self._aside = run_dir / _FOLDER
+
+    @property
+    def exists(self) -> bool:
+        """Whether anything is set aside."""
+        return self._aside.is_dir()
+
+    def set_aside(self) -> None:
+        """Move the results of the run before out of the way."""
+        for path in self._run_dir.glob(_PARTIAL):
+            path.unlink()
+        if _has(self._run_dir, _FILES):
+            self._aside.mkdir()
+            _move(self._run_dir, self._aside)
+
+    def give_back(self) -> None:
+        """Put them back in the place of what the new run has written: it was refused."""
+        if not self.exists:
+            return
+        for path in [p for pattern in (*_FILES, _PARTIAL) for p in self._run_dir.glob(pattern)]:
+            path.unlink()
+        shutil.rmtree(self._run_dir / _LOGS, ignore_errors=True)
+        _move(self._aside, self._run_dir)
+        self._aside.rmdir()
+
+    def keep(self) -> str:
+        """Keep them beside those of the new run: the name of their folder, "" if there are none."""
+        if not self.exists:
+            return ""
+        is_of_worth = _has(self._aside, _WORTH_KEEPING)
+        arena_dir: Path | None = None
+        name = "earlier"
+        with contextlib.suppress(UserError):  # of another version
+            run = RunInfo.read(self._aside)
+            name, arena_dir = f"earlier-{run.run_id}", Path(run.arena_dir)
+        if not is_of_worth:
+            self.remove()
+            return ""
+        kept = self._run_dir / name
+        kept.mkdir(exist_ok=True)
+        _move(self._aside, kept)
+        self._aside.rmdir()
+        if arena_dir is not None and (unsaved := read_unsaved(arena_dir)) is not None:
+            mark_unsaved(arena_dir, kept, unsaved.artefacts)  # `hsslam-serve rescue` saves there
+        return name
+
+    def remove(self) -> None:
+        """Remove them: the new run has poses."""
+        if self.exists:
+            shutil.rmtree(self._aside, ignore_errors=True)
+
+    def recover(self) -> None:
+        """After a run that was killed: put them back, or keep them if it left results of its own."""
+        if _has(self._run_dir, _WORTH_KEEPING):
+            self.keep()
+        else:
+            self.give_back()
+
+
+def _has(folder: Path, patterns: tuple[str, ...]) -> bool:
+    return any(path for pattern in patterns for path in folder.glob(pattern))
+
+
+def _move(source: Path, target: Path) -> None:
+    for path in [path for pattern in _FILES for path in source.glob(pattern)]:
+        path.rename(target / path.name)
+    with contextlib.suppress(OSError):  # there are none
+        (source / _LOGS).rename(target / _LOGS)
