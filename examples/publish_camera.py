@@ -15,7 +15,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.frame_order import new_publisher
-from hsslam_proto.messages import SourceEnd
+from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.bus.bus import Bus
 
 

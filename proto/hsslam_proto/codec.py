@@ -7,7 +7,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.topics import Topic, schema_of
 
 M = TypeVar("M", bound=Message)

@@ -1,6 +1,6 @@
 """Which messages belong to the current map epoch; a file of its own as log and viewer share it."""
 
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 
 
 class EpochOrder:

@@ -1,42 +1,35 @@
-"""Every message on the bus, as msgspec structs; encoded as msgpack by `codec.py`."""
+"""The messages of frames, poses and the map, as msgspec structs; encoded as msgpack by `codec.py`."""
+
+# ruff: noqa: RUF012 - msgspec copies a default that is an empty list or map
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
-import msgspec
-import numpy as np
 from msgspec import Meta
 
-from hsslam_proto.frame_order import LARGEST_INDEX
-
-Real = Annotated[float, Meta(ge=-1e30, le=1e30)]  # finite: nan and inf are no readings
-Vector = tuple[Real, Real, Real]
-Quaternion = tuple[Real, Real, Real, Real]
-Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-FrameIndex = Annotated[int, Meta(ge=0, le=LARGEST_INDEX)]
-StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-SizePx = Annotated[int, Meta(ge=1, le=8192)]
-Name = Annotated[str, Meta(max_length=64)]
-Text = Annotated[str, Meta(max_length=4096)]
-Ratio = Annotated[float, Meta(ge=0, le=1)]
-Counters = Annotated[dict[Name, Index], Meta(max_length=256)]
-Covariance = Annotated[list[Real], Meta(max_length=21)]
-Odometry = Annotated[list[Real], Meta(max_length=7)]
-Inertial = Annotated[list[Real], Meta(max_length=8)]
-Direction = Annotated[list[Real], Meta(max_length=3)]
-Stamps = Annotated[list[StampNs], Meta(max_length=1024)]
-Vectors = Annotated[list[Vector], Meta(max_length=1024)]
-StageTimes = Annotated[dict[Name, Real], Meta(max_length=256)]
-Level = Literal["info", "warning", "error"]
-
-
-class Message(msgspec.Struct, frozen=True, kw_only=True):
-    """Base of all messages. `MAJOR` grows when an old reader would misread a new message.
-
-    New optional fields keep the major; unknown fields are ignored by readers.
-    """
-
-    MAJOR: ClassVar[int] = 1
+from hsslam_proto.message import (
+    Covariance,
+    Direction,
+    FrameIndex,
+    Index,
+    Inertial,
+    Message,
+    Odometry,
+    Quaternion,
+    Ratio,
+    Real,
+    SizePx,
+    StageTimes,
+    StampNs,
+    Stamps,
+    Vector,
+    Vectors,
+    expect_bytes,
+    expect_count,
+    expect_finite,
+    expect_odometry,
+    expect_pose,
+)
 
 
 class Frame(Message, frozen=True, kw_only=True):
@@ -84,10 +77,10 @@ class Frame(Message, frozen=True, kw_only=True):
     imu_series: StampNs = 0
 
     def __post_init__(self) -> None:
-        _expect_odometry(self, self.odometry)
-        _expect_count(self, "odometry_covariance", 21)
+        expect_odometry(self, self.odometry)
+        expect_count(self, "odometry_covariance", 21)
         _expect_inertial(self)
-        _expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
+        expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
         for name in ("fx", "fy", "depth_units_per_m"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} = {getattr(self, name)}: expected > 0")
@@ -114,7 +107,7 @@ class RobotOdometry(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
-        _expect_count(self, "covariance", 21)
+        expect_count(self, "covariance", 21)
 
 
 class ImuSamples(Message, frozen=True, kw_only=True):
@@ -135,19 +128,6 @@ class ImuSamples(Message, frozen=True, kw_only=True):
             raise ValueError(
                 f"{counts} stamps, angular velocities, accelerations: expected as many of each"
             )
-
-
-class SourceEnd(Message, frozen=True, kw_only=True):
-    """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say).
-
-    `frame_count`: frames that were sent, and those that a slow recording left out (`skipped_frame_count`).
-    """
-
-    frame_count: Index
-    bad_frame_count: Index = 0
-    skipped_frame_count: Index = 0
-    last_index: Annotated[int, Meta(ge=-1, le=2**63 - 1)] = -1
-    reason: Text = ""
 
 
 class Pose(Message, frozen=True, kw_only=True):
@@ -198,9 +178,9 @@ class Pose(Message, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
-        _expect_count(self, "covariance", 21)
-        _expect_count(self, "up", 3)
-        _expect_odometry(self, self.odometry)
+        expect_count(self, "covariance", 21)
+        expect_count(self, "up", 3)
+        expect_odometry(self, self.odometry)
 
 
 class Keyframe(Message, frozen=True, kw_only=True):
@@ -262,29 +242,6 @@ class Correction(Message, frozen=True, kw_only=True):
             expect_pose(t, q)
 
 
-class Mesh(Message, frozen=True, kw_only=True):
-    """Triangles: vertices [V, 3] float32 m world, faces [F, 3] uint32, colors [V, 3] uint8 RGB."""
-
-    map_version: Index
-    vertex_count: Index
-    face_count: Index
-    vertices: memoryview
-    faces: memoryview
-    colors: memoryview
-    final: bool = False
-    map_epoch: Index = 0
-
-    def __post_init__(self) -> None:
-        counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
-        counts["colors"] = 3 * self.vertex_count
-        for name, nbytes in counts.items():
-            expect_bytes(self, name, nbytes)
-        if self.face_count and np.frombuffer(self.faces, "<u4").max() >= self.vertex_count:
-            raise ValueError(f"faces name more than the {self.vertex_count} vertices")
-        if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
-            raise ValueError("vertices: expected finite numbers")
-
-
 class View(Message, frozen=True, kw_only=True):
     """The map as seen from the pose of frame `index`: [H, W, 3] uint8 RGB, black where it has nothing."""
 
@@ -299,105 +256,10 @@ class View(Message, frozen=True, kw_only=True):
         expect_bytes(self, "color", 3 * self.width_px * self.height_px)
 
 
-class Step(Message, frozen=True, kw_only=True):
-    """Lockstep: frame `index` of a camera has been mapped, all work of the map on it is done, or the recorder
-    has it in the log (or has refused it)."""
-
-    stage: Literal["mapped", "done", "logged"]
-    index: FrameIndex
-    publisher: Index = 0
-
-
-class TopicCounts(msgspec.Struct, frozen=True, kw_only=True):
-    """Messages of one topic that came to a process (`received`), and those that it did not take: missed
-    (`dropped`), unreadable or refused (`rejected`)."""
-
-    dropped: Index = 0
-    rejected: Index = 0
-    received: Index = 0
-
-
-class Health(Message, frozen=True, kw_only=True):
-    """Heartbeat of one process: counters since its start and mean stage times.
-
-    `pss_mb`: memory, shared pages divided among their users. `idle_ms`: since the main loop last came
-    round. `topics`: what the process missed of the topics that it subscribes to, by topic.
-    """
-
-    process: Name
-    pid: Index
-    state: Name
-    rss_bytes: Index
-    pss_mb: Index = 0
-    idle_ms: Index = 0
-    topics: Annotated[dict[Name, TopicCounts], Meta(max_length=64)] = {}
-    counters: Counters = {}
-    stage_ms: StageTimes = {}
-
-
-class Event(Message, frozen=True, kw_only=True):
-    """Something that the operator should know, in one line."""
-
-    process: Name
-    level: Level
-    text: Text
-    stamp_ns: StampNs
-
-
-class Hold(Message, frozen=True, kw_only=True):
-    """The camera sends no frames while `paused`; outside cameras should do as much."""
-
-    paused: bool
-
-
-class Stop(Message, frozen=True, kw_only=True):
-    """The run ends, and why; a note for the log. Processes end by SIGTERM, stage by stage."""
-
-    reason: Text
-
-
-def expect_bytes(message: Message, name: str, nbytes: int) -> None:
-    """ValueError unless a field of bytes has this many."""
-    size = memoryview(getattr(message, name)).nbytes
-    if size != nbytes:
-        raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
-
-
-def _expect_finite(message: Message, *names: str) -> None:
-    for name in names:
-        value = getattr(message, name)
-        if not math.isfinite(value):
-            raise ValueError(f"{name} = {value}: expected a finite number")
-
-
-def _expect_count(message: Message, name: str, count: int) -> None:
-    values = getattr(message, name)
-    if len(values) not in (0, count):
-        raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
-    if not all(map(math.isfinite, values)):
-        raise ValueError(f"{name} = {values}: expected finite numbers")
-
-
 def _expect_inertial(frame: Frame) -> None:
-    _expect_count(frame, "imu", 8)
+    expect_count(frame, "imu", 8)
     norm = math.hypot(*frame.imu[:4])
     if frame.imu and abs(norm - 1) > 1e-3:
         raise ValueError(
             f"imu has a quaternion of norm {norm:.4f}: expected a unit quaternion xyzw"
         )
-
-
-def _expect_odometry(message: Message, odometry: list[float]) -> None:
-    _expect_count(message, "odometry", 7)
-    if odometry:
-        x, y, z, *q = odometry
-        expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
-
-
-def expect_pose(t: Vector, q: Quaternion) -> None:
-    """ValueError unless these are finite, and the quaternion xyzw of unit length."""
-    if not (all(map(math.isfinite, t)) and all(map(math.isfinite, q))):
-        raise ValueError(f"pose t = {t}, q = {q}: expected finite numbers")
-    norm = math.hypot(*q)
-    if abs(norm - 1) > 1e-3:
-        raise ValueError(f"pose q has norm {norm:.4f}: expected a unit quaternion xyzw")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
-from hsslam_proto.messages import Quaternion, Vector
+from hsslam_proto.message import Quaternion, Vector
 
 _UPPER = np.triu_indices(6)
 

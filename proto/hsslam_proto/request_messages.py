@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from hsslam_proto.messages import (
+from hsslam_proto.message import (
     Counters,
     FrameIndex,
     Index,

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from hsslam_proto import messages as m
 from hsslam_proto import request_messages as r
 from hsslam_proto.codec import Payload
+from hsslam_proto.mesh import messages as mesh_messages
+from hsslam_proto.message import Message
 
-Q = TypeVar("Q", bound=m.Message)
-A = TypeVar("A", bound=m.Message)
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def _row(
 
 
 STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "how the run goes")
-MESH = _row("mesh", r.Ask, m.Mesh, 256 * _MIB, "the newest mesh", 15.0)
+MESH = _row("mesh", r.Ask, mesh_messages.Mesh, 256 * _MIB, "the newest mesh", 15.0)
 TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 15.0)
 QUERY = _row(
     *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),

@@ -4,10 +4,13 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 from hsslam_proto import messages as m
+from hsslam_proto import run_messages
 from hsslam_proto.distance.messages import Esdf, EsdfBlocks, Grid
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh import messages as mesh_messages
+from hsslam_proto.mesh.messages import MeshBlocks
+from hsslam_proto.message import Message
 
-M = TypeVar("M", bound=m.Message)
+M = TypeVar("M", bound=Message)
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Topic(Generic[M]):
         return f"hsslam/{robot}/{self.name}"
 
 
-def schema_of(message: type[m.Message]) -> str:
+def schema_of(message: type[Message]) -> str:
     """Schema name of a message type with its major version."""
     return f"hsslam.{message.__name__}.v{message.MAJOR}"
 
@@ -54,7 +57,7 @@ ODOMETRY = Topic(
 IMU = Topic(
     *("in/imu", m.ImuSamples, "outside", "30 to 1000 Hz", "latest", 128 * _KIB), logged=False
 )
-SOURCE_END = Topic("in/end", m.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
+SOURCE_END = Topic("in/end", run_messages.SourceEnd, "camera", "once", "keep", 8 * _KIB, history=1)
 POSE = Topic("out/pose", m.Pose, "tracker", "30 Hz", "latest", 64 * _KIB, history=600, drawn=True)
 KEYFRAME = Topic(
     "out/keyframe", m.Keyframe, "tracker", "about 1 Hz", "keep", 8 * _KIB, history=4096, drawn=True
@@ -64,7 +67,9 @@ CORRECTION = Topic(
     *("out/correction", m.Correction, "mapper, global_ba", "about 1 Hz", "keep", 4 * _MIB, 16),
     drawn=True,
 )
-MESH = Topic("out/mesh", m.Mesh, "mesh_saver", "at the end", "keep", 256 * _MIB, 1, drawn=True)
+MESH = Topic(
+    "out/mesh", mesh_messages.Mesh, "mesh_saver", "at the end", "keep", 256 * _MIB, 1, drawn=True
+)
 MESH_BLOCKS = Topic(
     *("out/mesh_blocks", MeshBlocks, "mesher", "below 4 Hz", "keep", 64 * _MIB),
     drawn=True,
@@ -78,11 +83,15 @@ ESDF_BLOCKS = Topic(
     logged=False,
     keeps_state=True,
 )
-STEP = Topic("sys/step", m.Step, "mapper, global_ba, recorder", "lockstep; end", "keep", 8 * _KIB)
-HEALTH = Topic("sys/health", m.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True)
-EVENT = Topic("sys/event", m.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
-HOLD = Topic("sys/hold", m.Hold, "supervisor", "rare", "keep", 8 * _KIB, history=1)
-STOP = Topic("sys/stop", m.Stop, "supervisor", "once", "keep", 8 * _KIB, history=1)
+STEP = Topic(
+    "sys/step", run_messages.Step, "mapper, global_ba, recorder", "lockstep; end", "keep", 8 * _KIB
+)
+HEALTH = Topic(
+    "sys/health", run_messages.Health, "all", "2 Hz each", "latest", 64 * _KIB, drawn=True
+)
+EVENT = Topic("sys/event", run_messages.Event, "all", "rare", "keep", 16 * _KIB, 256, drawn=True)
+HOLD = Topic("sys/hold", run_messages.Hold, "supervisor", "rare", "keep", 8 * _KIB, history=1)
+STOP = Topic("sys/stop", run_messages.Stop, "supervisor", "once", "keep", 8 * _KIB, history=1)
 
 TOPICS: tuple[Topic, ...] = (
     FRAME,

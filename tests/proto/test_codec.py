@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_proto import messages, topics
+from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import Rejected, decode, encode, encoding_of
 from hsslam_proto.pose_codec import (
     covariance_matrix,
@@ -142,7 +142,7 @@ def test_covariance_and_odometry_come_back_from_the_wire():
 def test_encode_refuses_the_wrong_type_and_size():
     with pytest.raises(ValueError, match="expected Frame"):
         encode(topics.FRAME, _pose())  # type: ignore[arg-type]
-    step = messages.SourceEnd(frame_count=1, reason="x" * 10_000)
+    step = run_messages.SourceEnd(frame_count=1, reason="x" * 10_000)
     with pytest.raises(ValueError, match="at most 8192"):
         encode(topics.SOURCE_END, step)
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from hsslam_proto import messages
 from hsslam_proto.distance.messages import Grid
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message, mesh_message
+from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_services.log.frame_compression import compress_frame
 
 
@@ -102,7 +103,7 @@ def blocks(revision: int, *chosen: int) -> MeshBlocks:
     return blocks_message(changed, lattice, series=1, revision=revision, map_version=1)
 
 
-def mesh(final: bool = False) -> messages.Mesh:
+def mesh(final: bool = False) -> mesh_messages.Mesh:
     """Two triangles 2 m in front of the first camera."""
     vertices = np.array([[0, 0, 2], [1, 0, 2], [1, 1, 2], [0, 1, 2]], "<f4")
     faces = np.array([[0, 1, 2], [0, 2, 3]], "<u4")

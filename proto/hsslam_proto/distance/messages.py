@@ -5,7 +5,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from hsslam_node.distance.states import BLOCK_SIDE as SIDE
-from hsslam_proto.messages import (
+from hsslam_proto.message import (
     Index,
     Message,
     Name,

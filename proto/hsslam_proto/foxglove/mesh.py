@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 
 from hsslam_proto.block_revisions import Block
 from hsslam_proto.mesh.codec import Triangles, mesh_arrays
-from hsslam_proto.messages import Mesh
+from hsslam_proto.mesh.messages import Mesh
 
 _LENGTH_DELIMITED, _FIXED_64 = 2, 1
 

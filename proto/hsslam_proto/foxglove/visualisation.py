@@ -15,13 +15,14 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from hsslam_proto import messages
+from hsslam_proto import messages, run_messages
 from hsslam_proto.block_revisions import Block
 from hsslam_proto.distance.messages import Grid
 from hsslam_proto.foxglove.grid import drawn_grid
 from hsslam_proto.foxglove.mesh import blocks_update, scene_update
+from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.codec import Triangles
-from hsslam_proto.messages import Message, Quaternion, Vector
+from hsslam_proto.message import Message, Quaternion, Vector
 
 WORLD, CAMERA = "world", "camera"
 _LEVELS = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
@@ -49,11 +50,11 @@ def viz_messages(message: Message, stamp_ns: int) -> list[VizMessage]:
                 _viz("/viz/tf", _transform(message)),
                 _viz("/viz/pose", _pose(message)),
             ]
-        case messages.Mesh():
+        case mesh_messages.Mesh():
             return [VizMessage("/viz/mesh", SceneUpdate, scene_update(message, WORLD, stamp_ns))]
         case Grid():
             return [_viz("/viz/grid", drawn_grid(message, WORLD))]
-        case messages.Event():
+        case run_messages.Event():
             return [_viz("/viz/log", _log(message))]
         case _:
             return []
@@ -111,7 +112,7 @@ def _pose(pose: messages.Pose) -> PoseInFrame:
     return out
 
 
-def _log(event: messages.Event) -> Log:
+def _log(event: run_messages.Event) -> Log:
     log = Log(level=_LEVELS[event.level], message=event.text, name=event.process)
     log.timestamp.FromNanoseconds(event.stamp_ns)
     return log

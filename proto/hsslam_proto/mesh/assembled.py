@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_proto.block_revisions import Block, BlockRevisions
-from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, block_triangles
+from hsslam_proto.mesh.messages import MeshBlocks
 
 _SNAP_CELLS = 1e-2  # vertices this close to a lattice vertex are that vertex
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hsslam_proto.block_revisions import Block
-from hsslam_proto.mesh.blocks_message import MeshBlocks
-from hsslam_proto.messages import Mesh
+from hsslam_proto.mesh.messages import Mesh, MeshBlocks
 
 
 class Triangles(NamedTuple):

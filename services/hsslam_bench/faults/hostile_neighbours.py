@@ -16,7 +16,7 @@ from hsslam_bench.faults.strange_frames import NO_SHARED_MEMORY
 from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
-from hsslam_proto.messages import Health
+from hsslam_proto.run_messages import Health
 from hsslam_services.bus.bus import Bus
 
 _FORGED_S, _WATCH_S = 6.0, 6.0

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from hsslam_bench.fuzz.sender import FuzzSender, open_sending_session
 from hsslam_node.errors import UserError
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.request_messages import Ask, Status
 from hsslam_proto.requests import PAUSE, RESUME, STATUS, Request
 from hsslam_services.bus.ask import NotDoneError, ask

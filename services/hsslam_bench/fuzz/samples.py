@@ -4,8 +4,11 @@ from typing import Any
 
 from hsslam_proto import messages as m
 from hsslam_proto import request_messages as r
+from hsslam_proto import run_messages
 from hsslam_proto.distance.messages import SIDE, Esdf, EsdfBlocks, Grid
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh import messages as mesh_messages
+from hsslam_proto.mesh.messages import MeshBlocks
+from hsslam_proto.message import Message
 
 _T, _Q = (0.5, -1.0, 2.0), (0.0, 0.0, 0.0, 1.0)
 _WIDTH, _HEIGHT = 4, 3
@@ -30,7 +33,7 @@ def _zeros(nbytes: int) -> memoryview:
     return memoryview(bytes(nbytes))
 
 
-_ALL: tuple[m.Message, ...] = (
+_ALL: tuple[Message, ...] = (
     m.Frame(
         index=7,
         stamp_ns=_STAMP,
@@ -51,7 +54,7 @@ _ALL: tuple[m.Message, ...] = (
     ),
     m.ImuSamples(stamps_ns=[_STAMP], angular_velocity=[_T], acceleration=[_T]),
     m.RobotOdometry(stamp_ns=_STAMP, t=_T, q=_Q, covariance=[0.1] * 21),
-    m.SourceEnd(frame_count=7, reason="end of source"),
+    run_messages.SourceEnd(frame_count=7, reason="end of source"),
     m.Pose(
         index=7,
         stamp_ns=_STAMP,
@@ -81,7 +84,7 @@ _ALL: tuple[m.Message, ...] = (
         loss_before=0.5,
         loss_after=0.25,
     ),
-    m.Mesh(
+    mesh_messages.Mesh(
         map_version=7,
         vertex_count=3,
         face_count=1,
@@ -124,23 +127,23 @@ _ALL: tuple[m.Message, ...] = (
         blocks=_zeros(12),
         distance_mm=_zeros(2 * SIDE**3),
     ),
-    m.Step(stage="done", index=7),
-    m.Health(
+    run_messages.Step(stage="done", index=7),
+    run_messages.Health(
         process="tracker",
         pid=7,
         state="running",
         rss_bytes=7,
         counters={"tracked": 7},
-        topics={"in/frame": m.TopicCounts(dropped=7)},
+        topics={"in/frame": run_messages.TopicCounts(dropped=7)},
         stage_ms={"track": 1.5},
     ),
-    m.Event(process="tracker", level="info", text="somewhere", stamp_ns=_STAMP),
-    m.Hold(paused=True),
-    m.Stop(reason="enough"),
+    run_messages.Event(process="tracker", level="info", text="somewhere", stamp_ns=_STAMP),
+    run_messages.Hold(paused=True),
+    run_messages.Stop(reason="enough"),
     r.Ask(),
     r.SaveMap(name="room"),
     r.SetMode(mode="mapping"),
     r.QueryMap(points=_zeros(24)),
     r.Locate(x=1.5, y=-0.5, yaw_deg=90.0),
 )
-SAMPLES: dict[type[m.Message], m.Message] = {type(message): message for message in _ALL}
+SAMPLES: dict[type[Message], Message] = {type(message): message for message in _ALL}

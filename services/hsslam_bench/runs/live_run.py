@@ -16,9 +16,10 @@ import psutil
 from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
-from hsslam_proto.messages import Health, Pose
+from hsslam_proto.messages import Pose
 from hsslam_proto.request_messages import Ask, Status
 from hsslam_proto.requests import STATUS
+from hsslam_proto.run_messages import Health
 from hsslam_services.bus.ask import NotDoneError, ask
 from hsslam_services.bus.bus import Bus, free_endpoint
 

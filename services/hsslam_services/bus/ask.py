@@ -6,7 +6,7 @@ import zenoh
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import Rejected, decode, encode, encoding_of
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, Request
 from hsslam_services.bus.zenoh_session import open_client

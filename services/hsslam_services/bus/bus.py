@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import Rejected, decode
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import Request
 from hsslam_proto.topics import Topic

@@ -3,7 +3,7 @@
 import time
 from collections import deque
 
-from hsslam_proto.messages import Step
+from hsslam_proto.run_messages import Step
 
 _MOST_FRAMES = 8  # half of what the recorder keeps waiting
 _PATIENCE_S = 10.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from hsslam_proto import topics
-from hsslam_proto.messages import Health
+from hsslam_proto.run_messages import Health
 from hsslam_services.bus.bus import Bus
 
 _POLL_S = 0.1

@@ -11,7 +11,7 @@ import zenoh.ext
 
 from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.envelope import Envelope
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.topics import Topic
 
 M = TypeVar("M", bound=Message)

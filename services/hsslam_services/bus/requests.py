@@ -11,7 +11,7 @@ import zenoh
 
 from hsslam_node.errors import did_you_mean
 from hsslam_proto.codec import Payload, Rejected, decode, encode, encoding_of
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.request_messages import Refusal
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request, rpc_prefix
 from hsslam_services.bus.answer_thread import AnswerThread

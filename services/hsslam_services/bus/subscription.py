@@ -12,7 +12,7 @@ import zenoh.ext
 
 from hsslam_proto.codec import Rejected, check, decode
 from hsslam_proto.envelope import Envelope
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.topics import Topic
 from hsslam_services.bus.kept_messages import get_history, get_state
 

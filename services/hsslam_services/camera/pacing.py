@@ -6,7 +6,7 @@ from typing import Protocol
 from hsslam_node.frame import Frame
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
-from hsslam_proto.messages import Step
+from hsslam_proto.run_messages import Step
 from hsslam_services.bus.bus import Publisher
 from hsslam_services.bus.log_lag import LogLag
 from hsslam_services.bus.peers import Peers

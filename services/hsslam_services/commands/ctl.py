@@ -14,7 +14,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import tum_text
 from hsslam_proto import requests as rpc
 from hsslam_proto.mesh.codec import mesh_arrays
-from hsslam_proto.messages import Mesh, Message
+from hsslam_proto.mesh.messages import Mesh
+from hsslam_proto.message import Message
 from hsslam_proto.point_codec import answers_of, question_message
 from hsslam_proto.request_messages import (
     Ask,

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from hsslam_proto import topics
-from hsslam_proto.messages import Event, Health, MapVersion, Pose, SourceEnd
+from hsslam_proto.messages import MapVersion, Pose
+from hsslam_proto.run_messages import Event, Health, SourceEnd
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.silence import Silence
 

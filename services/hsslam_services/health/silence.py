@@ -1,6 +1,6 @@
 """How long frames have come without a pose; a file of its own, as it follows two streams of messages."""
 
-from hsslam_proto.messages import Health, TopicCounts
+from hsslam_proto.run_messages import Health, TopicCounts
 from hsslam_proto.topics import FRAME
 
 _FLOWS_S = 3.0  # frames come as long as the tracker tells of new ones so often

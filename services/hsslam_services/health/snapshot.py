@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hsslam_proto.messages import Health
 from hsslam_proto.request_messages import Status
+from hsslam_proto.run_messages import Health
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 

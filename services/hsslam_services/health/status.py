@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from hsslam_proto.messages import TopicCounts
 from hsslam_proto.request_messages import Status
+from hsslam_proto.run_messages import TopicCounts
 from hsslam_proto.topics import FRAME
 from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription

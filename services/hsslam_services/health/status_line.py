@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from hsslam_proto.messages import Pose, TopicCounts
+from hsslam_proto.messages import Pose
+from hsslam_proto.run_messages import TopicCounts
 from hsslam_proto.topics import FRAME
 from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from hsslam_proto.messages import Health
+from hsslam_proto.run_messages import Health
 from hsslam_services.bus.dead_pools import free_pools
 from hsslam_services.bus.zenoh_session import most_pool_bytes
 from hsslam_services.launch.process_table import ProcessSpec, process_number

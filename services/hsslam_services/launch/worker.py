@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 
 from hsslam_proto import topics
-from hsslam_proto.messages import Event, Health, TopicCounts
+from hsslam_proto.run_messages import Event, Health, TopicCounts
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.bus.subscription import Subscription

@@ -12,7 +12,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from hsslam_node import __version__
 from hsslam_proto.foxglove.visualisation import VizMessage
-from hsslam_proto.json_schemas import json_schema
+from hsslam_proto.schema.json_schemas import json_schema
 from hsslam_proto.topics import Topic
 from hsslam_services.log.channel_copies import LIBRARY, RUN_METADATA, ChannelCopies
 from hsslam_services.log.resilient_file import ResilientFile

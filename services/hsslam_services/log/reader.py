@@ -12,7 +12,7 @@ from mcap.reader import McapReader, make_reader
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
-from hsslam_proto.messages import Message
+from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parts import parts

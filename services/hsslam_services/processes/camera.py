@@ -13,7 +13,7 @@ from pathlib import Path
 from hsslam_node.frame import Frame
 from hsslam_node.sources.source import BadFrame, LateFrame, Source, frames_in_time
 from hsslam_proto import topics
-from hsslam_proto.messages import SourceEnd
+from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.robot_sensors import RobotSensors
 from hsslam_services.camera.last_frame import LastFrame

@@ -14,7 +14,7 @@ from hsslam_node.bundle_adjustment.report import BaReport, BundleAdjustment
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
 from hsslam_proto.frame_order import FrameOrder
-from hsslam_proto.messages import Step
+from hsslam_proto.run_messages import Step
 from hsslam_services.arena.arena import PARAMETERS_LEASE
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.pose_corrector import PoseCorrector

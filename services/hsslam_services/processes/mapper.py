@@ -20,7 +20,8 @@ from hsslam_node.mapping.map_optimiser import StepReport
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_proto import topics
 from hsslam_proto.frame_order import FrameOrder
-from hsslam_proto.messages import MapVersion, Step
+from hsslam_proto.messages import MapVersion
+from hsslam_proto.run_messages import Step
 from hsslam_services.arena.arena import PARAMETERS_LEASE
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.memory_budget import MemoryBudget

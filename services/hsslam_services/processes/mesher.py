@@ -27,8 +27,8 @@ from hsslam_node.meshing.sparse_space import SparseSpace
 from hsslam_node.meshing.weld import BlockMesh
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 from hsslam_proto import topics
-from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, blocks_message
+from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.messages import Pose, View
 from hsslam_proto.requests import QUERY
 from hsslam_services.arena.asked_map import AskedMap

@@ -16,7 +16,8 @@ import msgspec
 
 from hsslam_node.errors import UserError
 from hsslam_proto.codec import encode
-from hsslam_proto.messages import Frame, Health, SourceEnd, Step
+from hsslam_proto.messages import Frame
+from hsslam_proto.run_messages import Health, SourceEnd, Step
 from hsslam_proto.topics import (
     EVENT,
     FRAME,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
-from hsslam_proto.messages import Event
 from hsslam_proto.request_messages import Done
+from hsslam_proto.run_messages import Event
 from hsslam_services.arena.arena_folder import remove_arrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus

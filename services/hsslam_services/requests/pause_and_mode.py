@@ -3,8 +3,8 @@
 import time
 
 from hsslam_proto import topics
-from hsslam_proto.messages import Event, Hold
 from hsslam_proto.request_messages import Done, Mode, SetMode
+from hsslam_proto.run_messages import Event, Hold
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest

@@ -11,7 +11,8 @@ from pathlib import Path
 import rerun as rr
 
 from hsslam_proto import messages
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.messages import MeshBlocks
+from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
 from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.scene import RerunScene
@@ -62,7 +63,7 @@ class Drawing(threading.Thread):
         super().__init__(name="rerun", daemon=True)
         self.dropped = 0
         self._frames: deque[messages.Frame] = deque()
-        self._others: deque[messages.Message | NextFile] = deque()
+        self._others: deque[Message | NextFile] = deque()
         self._arrival = threading.Condition()
         self._stopped_s = math.inf
         self._gone = False
@@ -81,7 +82,7 @@ class Drawing(threading.Thread):
         self._scene = RerunScene(self._stream, intervals.poses_s, intervals.meshes_s)
         self.start()
 
-    def put(self, message: messages.Message | NextFile) -> None:
+    def put(self, message: Message | NextFile) -> None:
         if self._gone or not self._is_due(message):
             return
         if isinstance(message, MeshBlocks):
@@ -145,7 +146,7 @@ class Drawing(threading.Thread):
             return
         self._scene.begin_file()
 
-    def _next(self) -> messages.Message | NextFile | None:
+    def _next(self) -> Message | NextFile | None:
         with self._arrival:
             while not (self._others or self._frames):
                 if self._stopped_s < math.inf:
@@ -153,7 +154,7 @@ class Drawing(threading.Thread):
                 self._arrival.wait()
             return self._others.popleft() if self._others else self._frames.popleft()
 
-    def _is_due(self, message: messages.Message | NextFile) -> bool:
+    def _is_due(self, message: Message | NextFile) -> bool:
         """Thin out images, so that the file stays small."""
         if isinstance(message, messages.Frame):
             if 0 <= message.stamp_ns - self._image_ns < 1e9 * self.images_s:

@@ -12,8 +12,8 @@ from hsslam_proto.foxglove.visualisation import (
 )
 from hsslam_proto.map_epoch import EpochOrder
 from hsslam_proto.mesh.assembled import PendingBlocks
-from hsslam_proto.mesh.blocks_message import MeshBlocks
-from hsslam_proto.messages import Mesh, Message
+from hsslam_proto.mesh.messages import Mesh, MeshBlocks
+from hsslam_proto.message import Message
 
 _MESH_INTERVAL_S = 10.0
 _GRID_INTERVAL_NS = 1_000_000_000

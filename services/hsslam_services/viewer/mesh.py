@@ -6,7 +6,7 @@ import rerun as rr
 from hsslam_proto.block_revisions import Block
 from hsslam_proto.mesh.assembled import PendingBlocks
 from hsslam_proto.mesh.codec import Triangles, mesh_arrays
-from hsslam_proto.messages import Mesh
+from hsslam_proto.mesh.messages import Mesh
 
 ENTITY = "world/mesh"
 

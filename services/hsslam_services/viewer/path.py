@@ -9,7 +9,8 @@ from itertools import groupby, pairwise
 import numpy as np
 import rerun as rr
 
-from hsslam_proto.messages import Pose, Vector
+from hsslam_proto.message import Vector
+from hsslam_proto.messages import Pose
 
 Color = tuple[int, int, int]
 

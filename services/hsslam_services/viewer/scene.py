@@ -7,10 +7,12 @@ import numpy as np
 import rerun as rr
 
 from hsslam_node.geometry.se3 import rotation_from_quaternion
-from hsslam_proto import messages
+from hsslam_proto import messages, run_messages
 from hsslam_proto.map_epoch import EpochOrder
+from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.assembled import PendingBlocks
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.messages import MeshBlocks
+from hsslam_proto.message import Message, Quaternion, Vector
 from hsslam_services.log.frame_compression import jpeg
 from hsslam_services.viewer.mesh import draw_blocks, draw_whole
 from hsslam_services.viewer.path import RerunPoses
@@ -21,7 +23,7 @@ _MOST_LOOPS = 1000  # that are drawn
 _BLOCKS_AT_ONCE = 256  # of the mesh: other messages wait meanwhile
 _FRUSTUM_DEPTH_M = 0.06
 _IMAGE_PLANE_M = 0.2
-_Placed = tuple[messages.Vector, messages.Quaternion]
+_Placed = tuple[Vector, Quaternion]
 _KEYFRAMES, _LOOPS = (190, 140, 50), (110, 255, 120)
 _OF_MAP = (
     "world/trajectory",
@@ -59,7 +61,7 @@ class RerunScene:
         self._time: tuple[int, int] | None = None
         self._log_styles()
 
-    def draw(self, message: messages.Message) -> None:
+    def draw(self, message: Message) -> None:
         """Log one message at its own time; what has no sensor stamp goes to the newest one."""
         if self._epochs.begins_with(message):
             self._clear()
@@ -83,13 +85,13 @@ class RerunScene:
                 self._draw_loops()
             case messages.MapVersion():
                 self._plot("loss", message.loss)
-            case messages.Mesh():
+            case mesh_messages.Mesh():
                 self._draw_mesh(message)
             case messages.View():
                 self._draw_view(message)
-            case messages.Health():
+            case run_messages.Health():
                 self._plot(f"memory_mb/{message.process}", message.rss_bytes / 1e6)
-            case messages.Event():
+            case run_messages.Event():
                 text = f"{message.process}: {message.text}"
                 self._stream.log("events", rr.TextLog(text, level=_LEVELS[message.level]))
         if self._poses.is_due():
@@ -207,11 +209,11 @@ class RerunScene:
                 rr.LineStrips3D(lines, colors=[_LOOPS], radii=rr.Radius.ui_points(1.2)),
             )
 
-    def _position(self, k: int) -> messages.Vector | None:
+    def _position(self, k: int) -> Vector | None:
         placed = self._keyframes.get(k // _BLOCK_KEYFRAMES, {}).get(k)
         return placed[0] if placed else None
 
-    def _draw_mesh(self, mesh: messages.Mesh) -> None:
+    def _draw_mesh(self, mesh: mesh_messages.Mesh) -> None:
         self._restore_time()
         self._blocks.take()  # the final mesh is in their place
         draw_whole(self._stream, mesh)

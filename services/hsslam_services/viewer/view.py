@@ -5,7 +5,7 @@ from pathlib import Path
 import rerun as rr
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages
+from hsslam_proto.message import Message
 from hsslam_services.bus.publisher import Report
 from hsslam_services.viewer.drawing import Drawing, Intervals, NextFile
 from hsslam_services.viewer.rerun_process import ViewerProcess
@@ -55,7 +55,7 @@ class RerunView:
             self._rrd = rrd
             self._threads[0].put(NextFile(rrd))
 
-    def show(self, message: messages.Message, in_file: bool = True, in_viewer: bool = True) -> None:
+    def show(self, message: Message, in_file: bool = True, in_viewer: bool = True) -> None:
         """Queue one message for drawing; frames should have their colour as JPEG."""
         file, *live = self._threads
         for thread in [file] * in_file + live * in_viewer:

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from hsslam_proto.envelope import Envelope
-from hsslam_proto.mesh.blocks_message import MeshBlocks
-from hsslam_proto.messages import Message
+from hsslam_proto.mesh.messages import MeshBlocks
+from hsslam_proto.message import Message
 
 _EVERY_S = 600.0  # a viewer that comes late finds all blocks in the log near its time
 

@@ -3,8 +3,8 @@ import numpy as np
 from hsslam_proto import topics
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.mesh.assembled import AssembledMesh, PendingBlocks
-from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import BlockLattice, Triangles, block_triangles, blocks_message
+from hsslam_proto.mesh.messages import MeshBlocks
 
 
 def _wall(i: int, z: float = 0.5) -> Triangles:

@@ -2,8 +2,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_proto import messages, topics
+from hsslam_proto import topics
 from hsslam_proto.codec import decode, encode, encoding_of
+from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.codec import mesh_arrays, mesh_message
 
 
@@ -15,7 +16,7 @@ def test_meshes_come_back_equal_and_aligned(vertex_count, face_count, map_versio
     colors = rng.integers(0, 256, (vertex_count, 3), dtype=np.uint8)
     message = mesh_message(vertices, faces, colors, map_version)
     back = decode(topics.MESH, encode(topics.MESH, message), encoding_of(topics.MESH))
-    assert isinstance(back, messages.Mesh)
+    assert isinstance(back, mesh_messages.Mesh)
     for array, expected in zip(mesh_arrays(back), (vertices, faces, colors), strict=True):
         np.testing.assert_array_equal(array, expected)
         assert array.flags.aligned

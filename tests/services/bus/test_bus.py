@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages, topics
+from hsslam_proto import messages, run_messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.bus.zenoh_session import open_client
 from tests.services.wire_samples import blocks, frame, keyframe, pose
@@ -21,9 +21,9 @@ def test_messages_arrive_in_order_with_their_envelope(endpoint):
     with Bus(endpoint, "r", "a") as a, Bus(endpoint, "r", "b") as b:
         stops = b.subscribe(topics.STEP, depth=64)
         publisher = a.publisher(topics.STEP)
-        _settle(lambda: publisher.put(messages.Step(stage="done", index=0)), stops)
+        _settle(lambda: publisher.put(run_messages.Step(stage="done", index=0)), stops)
         for index in range(1, 40):
-            publisher.put(messages.Step(stage="done", index=index))
+            publisher.put(run_messages.Step(stage="done", index=index))
         assert [_expect(stops).index for _ in range(1, 40)] == list(range(1, 40))
         assert (stops.dropped, stops.rejected) == (0, 0)
 
@@ -35,8 +35,8 @@ from hsslam_proto import messages, topics
 with Bus(sys.argv[1], "r", "a") as bus:
     events, end = bus.publisher(topics.EVENT), bus.publisher(topics.SOURCE_END)
     for index in range(20):
-        events.put(messages.Event(process="a", level="info", text=str(index), stamp_ns=1))
-    end.put(messages.SourceEnd(frame_count=7))
+        events.put(run_messages.Event(process="a", level="info", text=str(index), stamp_ns=1))
+    end.put(run_messages.SourceEnd(frame_count=7))
 """
 
 
@@ -128,7 +128,7 @@ def test_late_publishers_are_found(endpoint):
     with Bus(endpoint, "r", "a") as a:
         ends = a.subscribe(topics.SOURCE_END, depth=4)
         with Bus(endpoint, "r", "b") as b:
-            b.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=7))
+            b.publisher(topics.SOURCE_END).put(run_messages.SourceEnd(frame_count=7))
             assert _expect(ends).frame_count == 7
         assert ends.wait(0.2) is None
 
@@ -241,7 +241,7 @@ def test_clients_come_back_after_the_router(endpoint):
         _until(lambda: not a.is_connected())
         router = open_router(address)
         steps, publisher = b.subscribe(topics.STEP, depth=4), a.publisher(topics.STEP)
-        _settle(lambda: publisher.put(messages.Step(stage="done", index=1)), steps)
+        _settle(lambda: publisher.put(run_messages.Step(stage="done", index=1)), steps)
     router.close()
 
 

@@ -5,7 +5,7 @@ import time
 from types import SimpleNamespace
 
 from hsslam_proto import topics
-from hsslam_proto.messages import Step
+from hsslam_proto.run_messages import Step
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.last_frame import LastFrame
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import msgspec
 
-from hsslam_proto.messages import Health, TopicCounts
 from hsslam_proto.request_messages import Status
+from hsslam_proto.run_messages import Health, TopicCounts
 from hsslam_services.health.run_state import LatencyBins
 from hsslam_services.health.snapshot import Snapshot
 from hsslam_services.launch.process_table import PROCESSES

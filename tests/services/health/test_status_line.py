@@ -8,7 +8,8 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from hsslam_proto.messages import Health, MapVersion, Pose, TopicCounts
+from hsslam_proto.messages import MapVersion, Pose
+from hsslam_proto.run_messages import Health, TopicCounts
 from hsslam_services.health.run_state import RunState
 from hsslam_services.health.status_line import StatusLine, status_text
 from hsslam_services.launch.child import Child

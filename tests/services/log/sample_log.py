@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from hsslam_proto import messages, topics
+from hsslam_proto import messages, run_messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.foxglove.visualisation import viz_blocks, viz_messages
 from hsslam_proto.mesh.codec import block_triangles
@@ -54,7 +54,7 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
     )
     put(topics.MESH, mesh(final=True), count - 1)
     put(topics.GRID, grid(count - 1), count - 1)
-    event = messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)
+    event = run_messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)
     put(topics.EVENT, event, 0)
     log.close()
     return folder / "run.mcap"

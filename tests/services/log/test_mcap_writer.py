@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from hsslam_proto import messages, topics
+from hsslam_proto import run_messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.foxglove.visualisation import viz_messages
 from hsslam_services.log.file_index import is_finished
@@ -38,7 +38,7 @@ def test_the_public_reader_finds_exact_payloads(tmp_path):
 
 def test_the_viz_layer_is_foxglove_protobuf(tmp_path):
     log = McapLog(tmp_path / "run.mcap", "r")
-    event = messages.Event(process="mapper", level="warning", text="slow", stamp_ns=7)
+    event = run_messages.Event(process="mapper", level="warning", text="slow", stamp_ns=7)
     for message in (frame(3, compressed=True), pose(3), pose(4, status="lost"), mesh(), event):
         for viz in viz_messages(message, 50):
             log.write_viz(viz, 50)

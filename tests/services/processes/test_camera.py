@@ -9,7 +9,8 @@ import pytest
 
 from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
-from hsslam_proto.messages import Frame, Health, Hold, MapVersion, Step, TopicCounts
+from hsslam_proto.messages import Frame, MapVersion
+from hsslam_proto.run_messages import Health, Hold, Step, TopicCounts
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child

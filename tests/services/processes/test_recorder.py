@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import rerun_cli
 
-from hsslam_proto import messages, topics
+from hsslam_proto import run_messages, topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
@@ -44,7 +44,7 @@ def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint
             frames.put(sent)
             _spin(recorder, 0.3)
         assert not steps.drain()
-        ends.put(messages.SourceEnd(frame_count=3, reason="end of source"))
+        ends.put(run_messages.SourceEnd(frame_count=3, reason="end of source"))
         _spin(recorder, 0.3)
         frames.put(frame(2))  # on its way when the source ended
         _spin(recorder, 0.3)
@@ -70,7 +70,7 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
             recorder.spin_once(0.01)
         early_keyframe.put(keyframe(1))
         meshes.put(mesh(final=True))
-        outside.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=30))
+        outside.publisher(topics.SOURCE_END).put(run_messages.SourceEnd(frame_count=30))
         summary = recorder.close()
     read = read_log(tmp_path / "run.mcap")
     assert [m.index for m in read["out/pose"]] == list(range(30))

@@ -10,7 +10,8 @@ import pytest
 import zenoh
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages, topics
+from hsslam_proto import run_messages, topics
+from hsslam_proto.message import Message
 from hsslam_proto.point_codec import question_message
 from hsslam_proto.request_messages import Ask, QueryMap, Refusal
 from hsslam_proto.requests import PAUSE, QUERY, REQUESTS
@@ -57,10 +58,12 @@ def test_a_camera_publishes_frames_and_nothing_else(secure_router):
             sent = camera.publisher(topics.FRAME)
             _until(lambda: (sent.put(frame(0)), frames.wait(0.1))[1])
             camera.publisher(topics.POSE).put(pose(0))
-            camera.publisher(topics.STOP).put(messages.Stop(reason="faked"))
+            camera.publisher(topics.STOP).put(run_messages.Stop(reason="faked"))
             for key in ("hsslam/r/**", "hsslam/r/*/*", "hsslam/r/out/pose", "hsslam/r/sys/stop"):
                 plain.put(key, b"by any means")
-            camera.publisher(topics.SOURCE_END).put(messages.SourceEnd(frame_count=1, reason="end"))
+            camera.publisher(topics.SOURCE_END).put(
+                run_messages.SourceEnd(frame_count=1, reason="end")
+            )
             assert ends.wait(3.0) is not None
             assert "tracker" in {live.process for live in camera.live_processes()}
             assert {live.process for live in service.live_processes()} == {"tracker"}
@@ -77,7 +80,7 @@ def test_a_camera_hears_steps_and_poses_but_no_images(secure_router):
         Bus(secure_router.outside, "r", "outside-camera", security) as camera,
     ):
         steps, meshes = camera.subscribe(topics.STEP, 8), camera.subscribe(topics.FRAME, 8)
-        _until(lambda: _told(service, topics.STEP, messages.Step(stage="done", index=1), steps))
+        _until(lambda: _told(service, topics.STEP, run_messages.Step(stage="done", index=1), steps))
         service.publisher(topics.FRAME).put(frame(0))
         assert meshes.wait(0.3) is None
 
@@ -131,7 +134,7 @@ def test_loopback_is_nobody_s_business(bind):
     assert exposure(bind) == ""
 
 
-def _told(service: Bus, topic: topics.Topic, message: messages.Message, heard) -> bool:
+def _told(service: Bus, topic: topics.Topic, message: Message, heard) -> bool:
     publisher = service.publisher(topic)
     publisher.put(message)
     return heard.wait(0.1) is not None

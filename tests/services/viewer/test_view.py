@@ -12,7 +12,7 @@ import pytest
 import rerun_cli
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages
+from hsslam_proto import messages, run_messages
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.view import RerunView
 from tests.services.wire_samples import frame, keyframe, mesh, pose
@@ -265,6 +265,6 @@ def _show_a_run(view: RerunView) -> None:
     view.show(mesh(final=True))
     color = memoryview(bytes(36))
     view.show(messages.View(index=1, stamp_ns=1, width_px=4, height_px=3, color=color))
-    view.show(messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
-    view.show(messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
+    view.show(run_messages.Health(process="mapper", pid=1, state="running", rss_bytes=10**8))
+    view.show(run_messages.Event(process="mapper", level="warning", text="slow", stamp_ns=1))
     time.sleep(0.3)

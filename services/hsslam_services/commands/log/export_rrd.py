@@ -5,7 +5,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from hsslam_proto.mesh.blocks_message import MeshBlocks
+from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
 from hsslam_services.log.reader import bus_messages

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import trimesh
 
-from hsslam_proto import messages
 from hsslam_proto.map_epoch import EpochOrder
+from hsslam_proto.mesh import messages as mesh_messages
 from hsslam_proto.mesh.assembled import AssembledMesh
-from hsslam_proto.mesh.blocks_message import MeshBlocks
 from hsslam_proto.mesh.codec import mesh_arrays
+from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import KEYFRAME, MESH, MESH_BLOCKS
 from hsslam_services.log.reader import Logged, bus_messages
 
@@ -33,7 +33,7 @@ def newest_mesh(files: list[Path]) -> trimesh.Trimesh | None:
             live.add(message)
     message = None if final is None else final.message()
     triangles = live.whole() if live.map_epoch == epochs.now else None
-    if isinstance(message, messages.Mesh) and not epochs.is_past(message):
+    if isinstance(message, mesh_messages.Mesh) and not epochs.is_past(message):
         triangles = mesh_arrays(message)
     if triangles is None:
         return None

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages
+from hsslam_proto import messages, run_messages
 from hsslam_proto.frame_codec import restamped
 from hsslam_proto.frame_order import FrameOrder, new_publisher, replayed_publisher
 from hsslam_proto.topics import FRAME, MAP, POSE, STEP
@@ -135,7 +135,7 @@ class _Answer:
     def hear(
         self,
         poses: list[messages.Pose],
-        steps: list[messages.Step],
+        steps: list[run_messages.Step],
         maps: list[messages.MapVersion],
     ) -> None:
         """Take in what came."""

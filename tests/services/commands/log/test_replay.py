@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_proto import messages, topics
+from hsslam_proto import messages, run_messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
 from hsslam_services.commands.log.replay import main, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
@@ -111,7 +111,9 @@ def _service(endpoint, lockstep, seen, stop):
         steps, maps = bus.publisher(topics.STEP), bus.publisher(topics.MAP)
         while not stop.is_set():
             for process in ("tracker", "mapper", "global_ba"):
-                health.put(messages.Health(process=process, pid=1, state="running", rss_bytes=0))
+                health.put(
+                    run_messages.Health(process=process, pid=1, state="running", rss_bytes=0)
+                )
             frame = frames.wait(0.1)
             if frame is None:
                 continue
@@ -125,4 +127,6 @@ def _service(endpoint, lockstep, seen, stop):
                     )
                 )
             if lockstep:
-                steps.put(messages.Step(stage="done", index=frame.index, publisher=frame.publisher))
+                steps.put(
+                    run_messages.Step(stage="done", index=frame.index, publisher=frame.publisher)
+                )

@@ -1,8 +1,31 @@
-"""The message of the live mesh: blocks of space whose surface has changed."""
+"""The messages of meshes: a whole one, and blocks of space whose surface has changed."""
 
 import numpy as np
 
-from hsslam_proto.messages import Index, Message, Real, expect_bytes
+from hsslam_proto.message import Index, Message, Real, expect_bytes
+
+
+class Mesh(Message, frozen=True, kw_only=True):
+    """Triangles: vertices [V, 3] float32 m world, faces [F, 3] uint32, colors [V, 3] uint8 RGB."""
+
+    map_version: Index
+    vertex_count: Index
+    face_count: Index
+    vertices: memoryview
+    faces: memoryview
+    colors: memoryview
+    final: bool = False
+    map_epoch: Index = 0
+
+    def __post_init__(self) -> None:
+        counts = {"vertices": 12 * self.vertex_count, "faces": 12 * self.face_count}
+        counts["colors"] = 3 * self.vertex_count
+        for name, nbytes in counts.items():
+            expect_bytes(self, name, nbytes)
+        if self.face_count and np.frombuffer(self.faces, "<u4").max() >= self.vertex_count:
+            raise ValueError(f"faces name more than the {self.vertex_count} vertices")
+        if not np.isfinite(np.frombuffer(self.vertices, "<f4")).all():
+            raise ValueError("vertices: expected finite numbers")
 
 
 class MeshBlocks(Message, frozen=True, kw_only=True):

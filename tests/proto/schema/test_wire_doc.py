@@ -1,9 +1,9 @@
 import pytest
 
-from hsslam_proto.field_types import field_type
 from hsslam_proto.requests import REFUSAL, REQUESTS
+from hsslam_proto.schema.field_types import field_type
+from hsslam_proto.schema.wire_doc import wire_doc
 from hsslam_proto.topics import TOPICS
-from hsslam_proto.wire_doc import wire_doc
 from tests.repository import ROOT
 
 

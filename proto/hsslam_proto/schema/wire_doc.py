@@ -5,10 +5,10 @@
 
 import msgspec
 
-from hsslam_proto import messages as m
 from hsslam_proto.codec import MEDIA_TYPE
-from hsslam_proto.field_types import field_type
+from hsslam_proto.message import Message
 from hsslam_proto.requests import REFUSAL, REQUESTS, Request
+from hsslam_proto.schema.field_types import field_type
 from hsslam_proto.topics import TOPICS, Topic
 
 _EXAMPLE = "examples/wire_client.py"
@@ -74,7 +74,7 @@ def wire_doc() -> str:
     return "\n".join(parts)
 
 
-def _all_messages() -> list[type[m.Message]]:
+def _all_messages() -> list[type[Message]]:
     """Every message once, in the order of the tables."""
     found = [topic.message for topic in TOPICS]
     for request in REQUESTS:
@@ -108,7 +108,7 @@ def _request_row(request: Request) -> str:
     return f"| `{request.name}` | `{asked}` | `{answered}` | {limit} | {wait} | {request.purpose} |"
 
 
-def _message(message: type[m.Message]) -> str:
+def _message(message: type[Message]) -> str:
     text = " ".join((message.__doc__ or "").split())
     lines = [f"### {message.__name__} v{message.MAJOR}", "", text, ""]
     fields = msgspec.structs.fields(message)

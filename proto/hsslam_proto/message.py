@@ -1,0 +1,79 @@
+"""What every message is made of: the base class, the types of fields, and their checks."""
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+from msgspec import Meta
+
+from hsslam_proto.frame_order import LARGEST_INDEX
+
+Real = Annotated[float, Meta(ge=-1e30, le=1e30)]  # finite: nan and inf are no readings
+Vector = tuple[Real, Real, Real]
+Quaternion = tuple[Real, Real, Real, Real]
+Index = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+FrameIndex = Annotated[int, Meta(ge=0, le=LARGEST_INDEX)]
+StampNs = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+SizePx = Annotated[int, Meta(ge=1, le=8192)]
+Name = Annotated[str, Meta(max_length=64)]
+Text = Annotated[str, Meta(max_length=4096)]
+Ratio = Annotated[float, Meta(ge=0, le=1)]
+Counters = Annotated[dict[Name, Index], Meta(max_length=256)]
+Covariance = Annotated[list[Real], Meta(max_length=21)]
+Odometry = Annotated[list[Real], Meta(max_length=7)]
+Inertial = Annotated[list[Real], Meta(max_length=8)]
+Direction = Annotated[list[Real], Meta(max_length=3)]
+Stamps = Annotated[list[StampNs], Meta(max_length=1024)]
+Vectors = Annotated[list[Vector], Meta(max_length=1024)]
+StageTimes = Annotated[dict[Name, Real], Meta(max_length=256)]
+Level = Literal["info", "warning", "error"]
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True):
+    """Base of all messages. `MAJOR` grows when an old reader would misread a new message.
+
+    New optional fields keep the major; unknown fields are ignored by readers.
+    """
+
+    MAJOR: ClassVar[int] = 1
+
+
+def expect_bytes(message: Message, name: str, nbytes: int) -> None:
+    """ValueError unless a field of bytes has this many."""
+    size = memoryview(getattr(message, name)).nbytes
+    if size != nbytes:
+        raise ValueError(f"{name} has {size} bytes: expected {nbytes}")
+
+
+def expect_finite(message: Message, *names: str) -> None:
+    """ValueError unless these fields are finite numbers."""
+    for name in names:
+        value = getattr(message, name)
+        if not math.isfinite(value):
+            raise ValueError(f"{name} = {value}: expected a finite number")
+
+
+def expect_count(message: Message, name: str, count: int) -> None:
+    """ValueError unless a field is empty, or has this many finite numbers."""
+    values = getattr(message, name)
+    if len(values) not in (0, count):
+        raise ValueError(f"{name} has {len(values)} numbers: expected {count} or none")
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"{name} = {values}: expected finite numbers")
+
+
+def expect_odometry(message: Message, odometry: list[float]) -> None:
+    """ValueError unless a field `odometry` is empty, or a pose x, y, z, qx, qy, qz, qw."""
+    expect_count(message, "odometry", 7)
+    if odometry:
+        x, y, z, *q = odometry
+        expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
+
+
+def expect_pose(t: Vector, q: Quaternion) -> None:
+    """ValueError unless these are finite, and the quaternion xyzw of unit length."""
+    if not (all(map(math.isfinite, t)) and all(map(math.isfinite, q))):
+        raise ValueError(f"pose t = {t}, q = {q}: expected finite numbers")
+    norm = math.hypot(*q)
+    if abs(norm - 1) > 1e-3:
+        raise ValueError(f"pose q has norm {norm:.4f}: expected a unit quaternion xyzw")
