@@ -60,7 +60,12 @@ class Arena:
         """
         dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape) * dtype.itemsize
-        self._path(name, ".bin").stat()  # PyTorch would make the file, of zeros
+        try:
+            self._path(name, ".bin").stat()  # PyTorch would make the file, of zeros
+        except FileNotFoundError:
+            if self.exists(name):
+                raise
+            raise KeyError(name) from None  # removed since its header was read
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
         )

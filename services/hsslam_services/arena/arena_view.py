@@ -66,7 +66,12 @@ class ArenaView:
     def open(self, name: str) -> np.ndarray:
         """The array as a read-only view of the shared memory; KeyError if there is none yet."""
         header = ArrayHeader.read(self._folder / f"{name}.json")
-        return np.memmap(self._folder / f"{name}.bin", header.dtype, "r", shape=header.shape)
+        try:
+            return np.memmap(self._folder / f"{name}.bin", header.dtype, "r", shape=header.shape)
+        except FileNotFoundError:
+            if self.exists(name):
+                raise
+            raise KeyError(name) from None  # removed since its header was read
 
     def exists(self, name: str) -> bool:
         """Whether an array of this name is ready."""

@@ -50,10 +50,13 @@ class AskedMap:
         self, keyframes: MapKeyframes, parameters: FieldParameters, points: np.ndarray
     ) -> tuple[int, MapAnswers]:
         """In place; if the map is overwritten meanwhile, as with many points, again in a copy."""
-        layout, sampling = parameters.layout, self._config.sampling
 
         def ask(params: np.ndarray) -> MapAnswers:
-            return DenseMap(layout, params, keyframes, sampling, seen=self._seen).query(points)
+            layout = (
+                parameters.layout
+            )  # of these parameters: reading them may have followed a growth
+            asked = DenseMap(layout, params, keyframes, self._config.sampling, seen=self._seen)
+            return asked.query(points)
 
         version, params = parameters.published()
         found = ask(params)

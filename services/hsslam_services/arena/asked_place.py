@@ -42,6 +42,7 @@ class AskedPlace:
         self._near: Whereabouts | None = None
         self._result: TrackResult | None = None  # of the newest frame in which it was looked for
         self._frames = 0
+        self._is_closed = False
 
     @property
     def near(self) -> Whereabouts | None:
@@ -78,6 +79,12 @@ class AskedPlace:
                 return Refusal(reason="failed", text=_far_from_all(at, frames, known))
             return self._looked_for(near, at, frames, up_by)
 
+    def close(self) -> None:
+        """No frame comes any more: nothing waits for one."""
+        with self._changed:
+            self._is_closed, self._near = True, None
+            self._changed.notify_all()
+
     def _floor(self, store: KeyframeStore) -> tuple[FloorFrames, UpSource]:
         """The frame of the floor as `hsslam-map grid` and `--grid` have it, and what up is by."""
         if self._T_level_world is not None:
@@ -90,9 +97,11 @@ class AskedPlace:
         self, near: Whereabouts, at: FloorPose, frames: FloorFrames, up_by: UpSource
     ) -> Located | Refusal:
         with self._changed:
-            self._result, self._frames, self._near = None, 0, near
+            self._result, self._frames, self._near = None, 0, None if self._is_closed else near
             self._changed.wait_for(lambda: self._near is None, _LONGEST_S)
             self._near, result = None, self._result
+        if result is None and self._is_closed:
+            return Refusal(reason="not_now", text="locate: the run ends: expected one that goes on")
         if result is None:
             text = f"locate: no frame within {_LONGEST_S:g} s: expected a camera that sends frames"
             return Refusal(reason="not_now", text=text)

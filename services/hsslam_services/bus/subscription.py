@@ -140,7 +140,8 @@ class Subscription(Generic[M]):
 
     def close(self) -> None:
         """Withdraw from the topic; what waits stays readable."""
-        self._subscriber.undeclare()
+        with contextlib.suppress(zenoh.ZError):  # it has withdrawn already
+            self._subscriber.undeclare()
         self._thread.join(timeout=2.0)
 
     def _read(self, handler: zenoh.Handler[zenoh.Sample], history: bool) -> None:

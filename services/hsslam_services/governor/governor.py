@@ -7,7 +7,7 @@ from typing import Final
 from hsslam_services.governor.levels import LEVELS
 
 _WINDOW_S: Final = 2.0
-_FEWEST_FRAMES: Final = 15  # in the window: fewer say nothing
+_FEWEST_FRAMES: Final = 15  # of a share: fewer say nothing
 _LATE_PERIODS: Final = 1.0  # beyond the least latency of the last time
 _UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # of the frames that are late or were dropped
 _TWO_UP_SHARE: Final = 0.25  # a larger share goes up two levels at once
@@ -28,7 +28,7 @@ class _Seen:
 
 
 class _Share:
-    """The share of late frames in the last seconds."""
+    """The share of late frames in the last seconds, or of the last frames where a camera sends fewer."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
@@ -41,7 +41,10 @@ class _Share:
         self._seen.append(seen)
         self._late += seen.late
         self.frames += seen.frames
-        while seen.at_s - self._seen[0].at_s > self._seconds:
+        while (
+            seen.at_s - self._seen[0].at_s > self._seconds
+            and self.frames - self._seen[0].frames >= _FEWEST_FRAMES
+        ):
             gone = self._seen.popleft()
             self._late -= gone.late
             self.frames -= gone.frames

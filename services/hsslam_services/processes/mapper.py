@@ -204,7 +204,7 @@ class _MapperLoop:
             return
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
         start, done = time.perf_counter(), 0
-        while done < n and time.monotonic() < end_s and not self._worker.is_orphan():
+        while done == 0 or (done < n and time.monotonic() < end_s and not self._worker.is_orphan()):
             with self._worker.arena.lease(PARAMETERS_LEASE):
                 for _ in range(min(_SLICE, n - done)):
                     report = self._mapper.refine_sparse(store)
@@ -232,15 +232,16 @@ class _MapperLoop:
         layout = FieldLayout.over(self._slam.field, bound)
         self._open(FieldParameters.create(self._worker.arena, layout, self._worker.options.seed))
         assert self._mapper is not None and self._parameters is not None
-        n = self._slam.mapper.first_iterations
+        n, done = self._slam.mapper.first_iterations, 0
         with self._worker.arena.lease(PARAMETERS_LEASE):
-            for _ in range(n):
-                if self._worker.should_stop():
-                    break
+            while True:
                 report = self._mapper.initialise(store)
+                done += 1
+                if done >= n or self._worker.should_stop():
+                    break
             self._mapper.publish()
         self._keyframes_seen = 1
-        self._iterations += n
+        self._iterations += done
         self._publish(report, store, start)
 
     def _open(self, parameters: FieldParameters) -> None:

@@ -52,6 +52,7 @@ _DEPTHS = {FRAME: 16, VIEW: 16, GRID: 16, MESH: 4, MESH_BLOCKS: 64}  # of large 
 _DEPTH = 8192
 _LARGE = (FRAME, VIEW, GRID, MESH, MESH_BLOCKS)
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
+_OUTSIDE_S = 2.0  # at the end, for frames and inputs on their way
 _TURN_S = 0.3  # for messages on their way from senders without heartbeats
 
 
@@ -174,10 +175,17 @@ class Recorder:
         }
 
     def _drain(self) -> None:
-        """Log until every process that was heard has sent its last heartbeat, which follows all it sent."""
-        deadline = time.monotonic() + _DRAIN_S
-        while self.spin_once(_TURN_S) or (self._is_owed() and time.monotonic() < deadline):
-            pass
+        """Log until every process that was heard has sent its last heartbeat, which follows all it sent.
+
+        A camera outside may send for ever: soon no more of it is taken.
+        """
+        outside = [s for s in self._subscriptions if s.topic.name.startswith("in/")]
+        begin_s = time.monotonic()
+        while self.spin_once(_TURN_S) or (
+            self._is_owed() and time.monotonic() < begin_s + _DRAIN_S
+        ):
+            if outside and time.monotonic() > begin_s + _OUTSIDE_S:
+                outside.pop().close()
 
     def _is_owed(self) -> bool:
         """Whether heartbeats are to come: without the router, as after the supervisor's death, none are."""

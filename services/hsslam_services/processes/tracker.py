@@ -140,6 +140,7 @@ class _TrackerLoop:
 
     def finish(self) -> None:
         """No frame comes any more: a fragment that is about to join the map does."""
+        self._asked.close()
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
 

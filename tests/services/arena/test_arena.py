@@ -1,9 +1,11 @@
 """Shared arrays: re-attached by others, zero-filled, leased, refused where memory is short."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from hsslam_services.arena.arena_folder import (
     remove_dead_arenas,
     try_own,
 )
+from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.arena.process_registry import enter_process, living_processes
 from hsslam_services.arena.unsaved_marker import mark_unsaved, read_unsaved
 
@@ -64,6 +67,28 @@ def test_a_removed_array_stays_with_those_who_use_it(tmp_path: Path):
         arena.open("a")
     assert (array == 5).all()
     assert arena.create("a", (2,), np.float32).tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("view", [Arena, ArenaView])
+def test_an_array_that_is_removed_while_it_is_opened_is_a_key_error(tmp_path: Path, view):
+    is_over = threading.Event()
+
+    def replace_it() -> None:
+        arena = Arena(tmp_path)
+        while not is_over.is_set():
+            arena.create("a", (8,), np.int64)
+            arena.remove("a")
+
+    mapper = threading.Thread(target=replace_it)
+    mapper.start()
+    try:
+        until_s = time.monotonic() + 1.0
+        while time.monotonic() < until_s:  # most turns find it, or not; some in between
+            with contextlib.suppress(KeyError):
+                view(tmp_path).open("a")
+    finally:
+        is_over.set()
+        mapper.join()
 
 
 def test_memory_survives_a_killed_writer_and_its_lease_is_freed(tmp_path: Path):

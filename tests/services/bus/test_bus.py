@@ -31,7 +31,7 @@ def test_messages_arrive_in_order_with_their_envelope(endpoint):
 _LAST_WORDS = """
 import sys
 from hsslam_services.bus.bus import Bus
-from hsslam_proto import messages, topics
+from hsslam_proto import run_messages, topics
 with Bus(sys.argv[1], "r", "a") as bus:
     events, end = bus.publisher(topics.EVENT), bus.publisher(topics.SOURCE_END)
     for index in range(20):

@@ -105,3 +105,14 @@ def test_each_level_takes_more_than_the_one_before():
         assert b.mesh_every >= a.mesh_every and b.image_every_s >= a.image_every_s
         assert b.iterations <= a.iterations and b.rays <= a.rays and b.ba_every >= a.ba_every
     assert (LEVELS[0].iterations, LEVELS[0].rays, LEVELS[0].mesh_every) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5, 30])
+def test_a_slow_camera_is_judged_by_as_many_frames(rate_hz: int):
+    calm, late = Governor(5), Governor()
+    for index in range(120 * rate_hz):
+        now_s = index / rate_hz
+        calm.frame(now_s, index, now_s, 0.02)
+        late.frame(now_s, index, now_s, 0.02 if index % 2 else 0.3 + 1 / rate_hz)
+    assert calm.level == 0
+    assert late.level == len(LEVELS) - 1

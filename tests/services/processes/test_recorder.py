@@ -1,6 +1,7 @@
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -51,6 +52,31 @@ def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint
         recorder.close()
         told = [(step.stage, step.index) for step in steps.drain()]
     assert told == [("logged", 1), ("logged", 2)]
+
+
+def test_a_camera_that_goes_on_sending_does_not_hold_up_the_end(endpoint, tmp_path):
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        recorder = Recorder(bus, tmp_path, "run-1", "none", lambda *_: None)
+        frames, is_over = outside.publisher(topics.FRAME), threading.Event()
+        _wait_for_subscriber(frames)
+
+        def send() -> None:
+            index = 0
+            while not is_over.wait(0.05):
+                frames.put(frame(index))
+                index += 1
+
+        camera = threading.Thread(target=send)
+        camera.start()
+        _spin(recorder, 0.3)
+        begin_s = time.monotonic()
+        summary = recorder.close()
+        took_s = time.monotonic() - begin_s
+        is_over.set()
+        camera.join()
+    assert took_s < 10
+    assert summary["complete"] is True
+    assert 0 < summary["frames_logged"] == len(read_log(tmp_path / "run.mcap")["in/frame"])
 
 
 def test_a_run_is_logged_whole(endpoint, tmp_path):
