@@ -13,6 +13,7 @@ _STEP_PX = 8  # at 640 px width
 _TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + second z^2, m
 _BLUR_PX = 2.0  # at 640 px width: poses are good to some pixels only
 _FEWEST = 30  # grey levels for a correlation
+_LEAST_CONTRAST = 2.0  # deviation of grey levels: less is dark, blown out, a bare wall, or noise
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class DenseAgreement:
 
     overlap: float  # share of the points of a frame that lie on the other's surface, smaller one
     consistency: float  # agreeing over agreeing and seen through, smaller one; 0 without any
-    similarity: float  # correlation of grey levels at agreeing points, -1..1; 0 without any
+    similarity: float  # correlation of grey levels at agreeing points, -1..1; 0 without any; nan: no contrast
     residual_m: float  # median depth difference of agreeing points; nan without any
 
 
@@ -37,7 +38,7 @@ def dense_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -> 
     return DenseAgreement(
         overlap=min(forth.overlap, back.overlap),
         consistency=min(forth.consistency, back.consistency),
-        similarity=min(forth.similarity, back.similarity),
+        similarity=float(np.minimum(forth.similarity, back.similarity)),  # nan if either is
         residual_m=float(np.median(residual_m)) if len(residual_m) else float("nan"),
     )
 
@@ -86,5 +87,7 @@ def _grey(frame: Frame) -> np.ndarray:
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     if len(a) < _FEWEST:
         return 0.0
+    if min(a.std(), b.std()) < _LEAST_CONTRAST:
+        return float("nan")
     a, b = a - a.mean(), b - b.mean()
-    return float(a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-6))
+    return float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))

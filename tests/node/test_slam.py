@@ -41,6 +41,29 @@ def test_accuracy():
     assert all(r.map_version > 0 and r.residual_m < 0.01 for r in results[1:])
 
 
+@pytest.mark.parametrize("gap", [None, 1, 6])  # a frame without depth
+@pytest.mark.parametrize(
+    "lit", ["after the first", "from the fifth on", "never", "until the fifth"]
+)
+def test_geometry_alone_tracks_the_camera_in_the_dark(lit: str, gap: int | None):
+    is_lit = {
+        "after the first": lambda k: k > 0,
+        "from the fifth on": lambda k: k >= 5,
+        "never": lambda _: False,
+        "until the fifth": lambda k: k < 5,
+    }[lit]
+    noise = np.random.default_rng(0)
+    slam, found = Slam(CONFIG, 0), []
+    for k, frame in enumerate(room_frames()[:10]):
+        dark = noise.normal(2, 1.5, frame.color.shape).clip(0, 255).astype(np.uint8)
+        seen = frame if is_lit(k) else replace(frame, color=dark)
+        found.append(slam.process(with_black(seen) if k == gap else seen).status)
+    expected = ["initial"] + 9 * ["tracked"]
+    if gap is not None:
+        expected[gap] = "lost"
+    assert found == expected
+
+
 def test_bundle_adjustment_takes_part():
     slam, _ = _run(0)
     assert slam.store and slam.store.pose_version > 0

@@ -85,17 +85,18 @@ def is_confirmed(
 
     A camera that was carried away, or seen again after a gap, sees surfaces that can be laid on those of
     the map a few centimetres from where it was; the whole images then contradict each other. None: there
-    is no prediction that could be trusted.
+    is no prediction that could be trusted. Images without contrast, as in the dark, say nothing: the
+    camera must then be near where it was.
     """
     if prediction is not None and _is_near(T_world_cam, prediction):
         return True
     least = _SIMILARITY_AFTER_GAP if prediction is None else _SIMILARITY
     agreement = dense_agreement(last.frame, frame, inverse(T_world_last) @ T_world_cam)
-    return (
-        agreement.overlap >= _OVERLAP
-        and agreement.consistency >= _CONSISTENCY
-        and agreement.similarity >= least
-    )
+    if agreement.overlap < _OVERLAP or agreement.consistency < _CONSISTENCY:
+        return False
+    if np.isnan(agreement.similarity):
+        return _is_near(T_world_cam, T_world_last)
+    return agreement.similarity >= least
 
 
 def _is_near(T_world_cam: np.ndarray, prediction: np.ndarray) -> bool:

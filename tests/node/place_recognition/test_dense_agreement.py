@@ -1,5 +1,7 @@
 """Whole images agree at the true pose and at no other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,12 @@ def test_frames_that_share_nothing():
         found = dense_agreement(frame, other, T)
         assert found.overlap == found.consistency == found.similarity == 0
         assert np.isnan(found.residual_m)
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_the_similarity_of_an_image_without_contrast_is_not_known(level: int):
+    frames, poses = room_frames(), room_poses()
+    flat = replace(frames[4], color=np.full_like(frames[4].color, level))
+    found = dense_agreement(frames[0], flat, inverse(poses[0]) @ poses[4])
+    assert np.isnan(found.similarity)
+    assert found.overlap > 0.8 and found.consistency > 0.97

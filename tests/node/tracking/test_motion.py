@@ -48,6 +48,17 @@ def test_the_prediction_follows_a_correction_of_the_keyframe(motion, store):
     np.testing.assert_allclose(motion.predicted(FRAMES[3].stamp_ns), expected, atol=1e-9)
 
 
+def test_a_camera_that_begins_is_at_rest(store):
+    motion = CameraMotion(SMALL.tracker, store)
+    motion.begin(FRAMES[0], 0)
+    assert motion.is_foreseen(FRAMES[1].stamp_ns) and not motion.is_known
+    np.testing.assert_array_equal(motion.predicted(FRAMES[1].stamp_ns), POSES[0])
+    late_ns = FRAMES[0].stamp_ns + round(1e9 * SMALL.tracker.longest_gap_s) + 10**6
+    assert not motion.is_foreseen(late_ns)
+    motion.unaligned(is_lost=True)
+    assert not motion.is_foreseen(FRAMES[2].stamp_ns)
+
+
 def test_after_a_gap_nothing_is_foreseen(motion):
     late_ns = FRAMES[2].stamp_ns + 5 * PERIOD_NS
     assert not motion.is_foreseen(late_ns)
