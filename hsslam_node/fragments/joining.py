@@ -3,6 +3,7 @@
 import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
@@ -60,12 +61,12 @@ class Joining:
         if not ids:
             self._next = 0
             return None
-        poses = own.poses()
+        poses, R = own.poses(), self._T_map_fragment[:3, :3]  # R: covariances are in the map's axes
         gaps = [_GAP, *(own.gap_covariance(k) for k in ids[1:])]
         with self._store.appending():
             shown = self._store.append_staged(
                 self._staging, self._T_map_fragment @ poses[ids],
-                np.stack([own.covariance(k) + _UNSURE for k in ids]), np.stack(gaps),
+                np.stack([turned(own.covariance(k), R) + _UNSURE for k in ids]), np.stack(gaps),
                 self._fragment.number,
             )  # fmt: skip
         return _joined(self._fragment.number, np.array(ids), shown, poses)

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Literal
 
-import numpy as np
-
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import LensModel, expect_lens
 from hsslam_node.odometry.noise import USUAL_NOISE
@@ -327,5 +325,5 @@ def _to_and_fro(rows: Sequence[int], times: int) -> list[int]:
 
 
 def _expect_range(option: str, value: float, low: float, high: float) -> None:
-    if not (np.isfinite(value) and low <= value <= high):
+    if not low <= value <= high:  # nan is not
         raise UserError(f"--{option} {value}: expected {low} to {high}")

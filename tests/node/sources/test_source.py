@@ -19,6 +19,7 @@ def test_selected_takes_every_nth_up_to_a_limit():
     [
         (lambda: SourceOptions(noise="salt"), "noise"),  # type: ignore[arg-type]
         (lambda: SourceOptions(start=-1), "start"),
+        (lambda: SourceOptions(start=10**25), "start"),
         (lambda: SourceOptions(stride=0), "stride"),
         (lambda: SourceOptions(frames=0), "frames"),
         (lambda: SourceOptions(seed=-1), "seed"),
