@@ -36,6 +36,18 @@ def test_the_parameters_name_what_a_run_publishes():
     assert {*_values(parameters, "sensor_frame")} == {ros2_out.CAMERA}
 
 
+def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
+    """Nav2's own parameters name the frame base_footprint and a lidar, without which the robot stands."""
+    parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    monitor = parameters["collision_monitor"]["ros__parameters"]
+    assert (monitor["base_frame_id"], monitor["odom_frame_id"]) == (ros2_out.BASE, ros2_out.ODOM)
+    (source,) = (monitor[name] for name in monitor["observation_sources"])
+    assert (source["type"], source["topic"]) == ("pointcloud", "/hsslam/points")
+    costmap = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
+    heights = (costmap["depth"]["min_obstacle_height"], costmap["depth"]["max_obstacle_height"])
+    assert (source["min_height"], source["max_height"]) == heights
+
+
 def test_the_topics_of_the_page_are_those_of_the_code():
     services = ROOT / "services/hsslam_services"
     files = ("processes/ros2_out.py", "ros2/floor_out.py")
