@@ -1,7 +1,7 @@
 """Which way is up, and how high the floor lies: from the floor that cameras saw, else from their poses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -31,6 +31,8 @@ class FloorPlane:
     up: tuple[float, float, float]  # unit length, world
     height_m: float  # along `up`, of the floor over the world's origin; negative below it
     source: UpSource
+    # a frame whose z is `up`, [4, 4], which the floor's keeps but for its height
+    T_level_world: np.ndarray | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if not np.isclose(np.linalg.norm(self.up), 1.0, atol=1e-6):
@@ -48,10 +50,15 @@ class FloorPlane:
 
     @property
     def T_floor_world(self) -> np.ndarray:
-        """World to a frame with z up whose origin lies on the floor, under that of the world, [4, 4].
+        """World to a frame with z up whose origin lies on the floor, [4, 4].
 
-        Its x points the way that the first camera looked, as far as that is horizontal.
+        It is `T_level_world` but for the height. Without that, its origin lies under that of the world, and
+        its x points the way that the first camera looked, as far as that is horizontal.
         """
+        if self.T_level_world is not None:
+            T = self.T_level_world.copy()
+            T[2, 3] = -self.height_m
+            return T
         up = np.asarray(self.up)
         ahead = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
         x = ahead - (ahead @ up) * up
@@ -63,9 +70,16 @@ class FloorPlane:
 
 
 def floor_by(
-    gravity: Gravity | None, views: Sequence[tuple[np.ndarray, np.ndarray]], camera: Camera
+    gravity: Gravity | None,
+    views: Sequence[tuple[np.ndarray, np.ndarray]],
+    camera: Camera,
+    T_level_world: np.ndarray | None = None,
 ) -> FloorPlane:
-    """The floor, with up against gravity if the map knows it; see `find_floor`."""
+    """The floor, with the axes of a frame whose z is up, [4, 4] (`level_frame`), if there is one, else with
+    up against gravity if the map knows it; see `find_floor`."""
+    if T_level_world is not None:
+        found = find_floor(views, camera, T_level_world[2, :3], "--base-T-camera")
+        return replace(found, T_level_world=T_level_world)
     if gravity is None:
         return find_floor(views, camera)
     return find_floor(views, camera, np.array(gravity.up), "gravity")

@@ -5,7 +5,7 @@ from collections import OrderedDict
 import numpy as np
 
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
-from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
+from hsslam_node.distance.floor_plane import FloorPlane, floor_by
 from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.distance.whole_map import VOXEL_M
@@ -87,11 +87,7 @@ class RollingWindow:
         keyframes = keyframes_of_store(self._store)
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
-        if self._T_level_world is None:
-            found = floor_by(gravity, views, keyframes.camera)
-        else:
-            up = self._T_level_world[2, :3]
-            found = find_floor(views, keyframes.camera, up, "--base-T-camera")
+        found = floor_by(gravity, views, keyframes.camera, self._T_level_world)
         T_before, before = self.T_floor_world, self.floor
         self.floor = found
         if before is not None:
@@ -104,13 +100,7 @@ class RollingWindow:
     @property
     def T_floor_world(self) -> np.ndarray:
         """World to the frame of the window, [4, 4]; the identity before the first frame."""
-        if self.floor is None:
-            return np.eye(4)
-        if self._T_level_world is None:
-            return self.floor.T_floor_world
-        T = self._T_level_world.copy()
-        T[2, 3] = -self.floor.height_m
-        return T
+        return np.eye(4) if self.floor is None else self.floor.T_floor_world
 
     def _keyframes_moved(self) -> bool:
         """Whether corrections since have moved what was marked."""

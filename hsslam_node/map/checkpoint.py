@@ -44,12 +44,16 @@ class MapCheckpoint:
     second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
     step: int = 0  # Adam steps that the map has seen
     gravity: Gravity | None = None  # as an IMU tells it; None: not known
+    # to the frame `map` of the robot that made it, [4, 4] (`level_frame`); None: the robot is not known
+    T_level_world: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.keyframe_stamps_ns)
         _expect("params", self.params, (self.layout.parameter_count,), np.float32)
         _expect("keyframe_stamps_ns", self.keyframe_stamps_ns, (n,), np.int64)
         _expect("T_world_keyframe", self.T_world_keyframe, (n, 4, 4), np.float64)
+        if self.T_level_world is not None:
+            _expect("T_level_world", self.T_level_world, (4, 4), np.float64)
         if self.images is not None and len(self.images) != n:
             raise ValueError(f"images of {len(self.images)} keyframes, not {n}")
         if self.second_moment is not None:
@@ -83,6 +87,8 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     metadata["step"] = str(checkpoint.step)
     if checkpoint.gravity is not None:
         metadata["gravity"] = json.dumps(dataclasses.asdict(checkpoint.gravity))
+    if checkpoint.T_level_world is not None:
+        metadata["T_level_world"] = json.dumps(checkpoint.T_level_world.tolist())
     if checkpoint.second_moment is not None:
         tensors["adam/second_moment"] = _to_bfloat16(checkpoint.second_moment)
     if (images := checkpoint.images) is not None:
@@ -123,6 +129,7 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             second_moment=None if moment is None else _from_bfloat16(moment),
             step=int(metadata.get("step", "0")),
             gravity=_part(metadata, "gravity", Gravity),
+            T_level_world=_level_frame(metadata),
         )
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         text = " ".join(str(error).split())
@@ -182,6 +189,11 @@ def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
         return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
     except (UserError, AttributeError) as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def _level_frame(metadata: Mapping[str, str]) -> np.ndarray | None:
+    rows = json.loads(metadata.get("T_level_world", "null"))
+    return None if rows is None else np.array(rows, np.float64)
 
 
 def _images(

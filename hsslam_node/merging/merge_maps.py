@@ -34,6 +34,7 @@ class JoinedMap:
     parts: tuple[Trajectory, Trajectory]  # the keyframes of both as they were saved, own worlds
     meetings: tuple[Meeting, ...]  # that the pose graph confirms
     places: int  # of them that are apart
+    T_level_world: np.ndarray | None  # as of the first map's checkpoint
 
     @property
     def seam(self) -> int:
@@ -83,7 +84,7 @@ def merge_maps(
         Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
         Trajectory(other.keyframe_stamps_ns, poses),
     )
-    return JoinedMap(config, store, parameters, parts, tuple(meetings), places)
+    return JoinedMap(config, store, parameters, parts, tuple(meetings), places, saved.T_level_world)
 
 
 def _refit(

@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import Any
 
-from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
+from hsslam_services.run.options import ServeOptions
 
 
 def save_map(
-    run_dir: Path, store: KeyframeStore, parameters: FieldParameters, slam: SlamConfig
+    run_dir: Path, store: KeyframeStore, parameters: FieldParameters, options: ServeOptions
 ) -> dict[str, Any]:
     """Write the newest published map; not if it is still the one that was loaded.
 
@@ -21,7 +21,7 @@ def save_map(
         UserError: the file cannot be written.
     """
     if store.count > store.inherited or parameters.version > 1:
-        checkpoint = map_snapshot(store, parameters, slam.sampling)
+        checkpoint = map_snapshot(store, parameters, options.slam.sampling, options.T_level_world)
         save_checkpoint(run_dir / "map.safetensors", checkpoint)
     return {
         "keyframes": store.count,

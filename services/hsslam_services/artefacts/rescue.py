@@ -121,9 +121,9 @@ def _save_trajectories(
 def _save_map(
     run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Report
 ) -> None:
-    slam = run.options.slam
-    if (published := SharedMap(Arena(arena_dir), slam).published()) is not None:
-        sections |= save_map(run_dir, *published, slam)
+    options = run.options
+    if (published := SharedMap(Arena(arena_dir), options.slam).published()) is not None:
+        sections |= save_map(run_dir, *published, options)
 
 
 def _save_mesh(

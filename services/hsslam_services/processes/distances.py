@@ -19,7 +19,6 @@ from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.robot_frames import level_frame
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
@@ -99,9 +98,7 @@ class _DistancesLoop:
         self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose
     ) -> None:
         if self._window is None:
-            options = self._worker.options
-            level = level_frame(options.base_T_camera, in_ros=bool(options.ros2_out))
-            self._window = RollingWindow(store, level)
+            self._window = RollingWindow(store, self._worker.options.T_level_world)
         depth_m = depth_raw * np.float32(1 / image.depth_units_per_m)
         camera = Camera(image.width_px, image.height_px, image.fx, image.fy, image.cx, image.cy)
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))

@@ -14,11 +14,10 @@ def main() -> None:
 
 
 def _run(worker: Worker) -> None:
-    slam = worker.options.slam
-    published = SharedMap(worker.arena, slam).published()
+    published = SharedMap(worker.arena, worker.options.slam).published()
     if published is not None:
         worker.event("info", f"saving the map: {published[0].count} keyframes")
-        worker.add_to_summary(save_map(worker.run.path, *published, slam))
+        worker.add_to_summary(save_map(worker.run.path, *published, worker.options))
 
 
 if __name__ == "__main__":

@@ -25,8 +25,11 @@ def _run(worker: Worker) -> None:
     path = map_path(worker.options.maps, request.name)
     if path.exists() and not request.replace:
         raise UserError(f"map {request.name} already exists: expected another name, or --replace")
-    link = SharedMap(worker.arena, worker.options.slam)
-    checkpoint = map_snapshot(link.store(), link.parameters(), worker.options.slam.sampling)
+    options = worker.options
+    link = SharedMap(worker.arena, options.slam)
+    checkpoint = map_snapshot(
+        link.store(), link.parameters(), options.slam.sampling, options.T_level_world
+    )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

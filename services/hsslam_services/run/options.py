@@ -6,11 +6,13 @@ import sys
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
-from hsslam_node.geometry.robot_frames import RobotFrames, mounting
+from hsslam_node.geometry.robot_frames import RobotFrames, level_frame, mounting
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.sources.options import (
     BagOptions,
@@ -264,6 +266,11 @@ class ServeOptions:
     def source_options(self) -> SourceOptions:
         """The options of the source alone, for `open_source` and `open_ground_truth`."""
         return SourceOptions.among(self)
+
+    @property
+    def T_level_world(self) -> np.ndarray | None:
+        """To the frame `map` of the robot, [4, 4]; None if neither the robot nor ROS is known."""
+        return level_frame(self.base_T_camera, in_ros=bool(self.ros2_out))
 
     @property
     def has_camera_process(self) -> bool:

@@ -9,6 +9,7 @@ from safetensors.numpy import save_file
 from hsslam_node.config import FieldConfig
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.map.initialisation import initial_parameters
 from hsslam_node.map.layout import FieldLayout
@@ -42,6 +43,16 @@ def test_what_was_saved_is_loaded(checkpoint, saved):
     for name in ("params", "keyframe_stamps_ns", "T_world_keyframe"):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(checkpoint, name))
     assert [p.name for p in saved.parent.iterdir()] == [saved.name]
+
+
+def test_the_robot_that_made_a_map_is_kept(checkpoint, saved):
+    assert load_checkpoint(saved).T_level_world is None
+    level = RobotFrames.mounted((0.3, 0.1, 0.35, 0.1, 0.7, 0.1, 0.7)).T_base_cam
+    save_checkpoint(saved, replace(checkpoint, T_level_world=level))
+    np.testing.assert_array_equal(load_checkpoint(saved).T_level_world, level)
+    _rewrite_metadata(saved, version="1", T_level_world="[1, 2]")  # no checksum then
+    with pytest.raises(UserError, match="damaged map: T_level_world"):
+        load_checkpoint(saved)
 
 
 def test_a_map_that_has_grown_is_loaded(checkpoint, tmp_path):

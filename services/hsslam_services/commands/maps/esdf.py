@@ -28,8 +28,8 @@ class EsdfOptions:
 
     Arrays: distance_m [nx, ny, nz] (m, negative inside, nan where nothing is known), states [nx, ny, nz]
     (0 unknown, 1 free, 2 occupied), voxel_m, first [3] (voxel i, j, k has its middle at voxel_m times
-    first + i, j, k + 0.5), T_grid_world [4, 4] (from the world of the map to a frame with z up and the floor
-    at z = 0), up [3], up_source, floor_height_m.
+    first + i, j, k + 0.5), T_grid_world [4, 4] (from the world of the map to the frame of hsslam-map grid,
+    z up and the floor at z = 0), up [3], up_source, floor_height_m.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -49,18 +49,20 @@ class EsdfOptions:
     """Highest height above the floor that is kept, m (inf: all)."""
     up: tuple[float, ...] = ()
     """Direction against gravity in the world frame of the map (none: found)."""
+    base_T_camera: tuple[float, ...] = ()
+    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
     voxel: float = 0.05
     """Side of a voxel, m."""
 
     def __post_init__(self) -> None:
-        expect_space(self.from_height_m, self.to_height_m, self.up, self.voxel)
+        expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
 
 
 def write_distances(options: EsdfOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "esdf"), "cpu")
     expect_out(options.out, ".npz")
-    floor, whole = floor_and_distances(saved, options.up, options.voxel)
+    floor, whole = floor_and_distances(saved, options.up, options.base_T_camera, options.voxel)
     distances = whole.between(options.from_height_m, options.to_height_m)
     write_esdf(options.out, distances, floor)
     shape = " x ".join(map(str, distances.grid.shape))

@@ -27,9 +27,10 @@ class GridOptions:
 
     A cell is occupied if a keyframe measured a surface over it, between the two heights above the floor.
     A cell is free if no keyframe measured a surface there and keyframes saw a third of that height or more.
-    All other cells are unknown. The frame of the map has z up and the floor at z = 0. Up is against
-    gravity if the run had an IMU, else the normal of the floor that the keyframes saw, else the mean up of
-    their images. The command says which.
+    All other cells are unknown. The frame of the map has z up and the floor at z = 0. It is that of
+    hsslam-serve --grid: of a run with --base-T-camera or --ros2-out, x and y are those of the frame map in
+    ROS. Of another, up is against gravity if it had an IMU, else the normal of the floor that the keyframes
+    saw, else the mean up of their images. The command says which.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -49,18 +50,20 @@ class GridOptions:
     """Highest height above the floor that is looked at, m."""
     up: tuple[float, ...] = ()
     """Direction against gravity in the world frame of the map (none: found)."""
+    base_T_camera: tuple[float, ...] = ()
+    """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
     voxel: float = 0.05
     """Side of a cell, m."""
 
     def __post_init__(self) -> None:
-        expect_space(self.from_height_m, self.to_height_m, self.up, self.voxel)
+        expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
 
 
 def write_grid(options: GridOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "grid"), "cpu")
     expect_out(options.out, ".yaml")
-    floor, distances = floor_and_distances(saved, options.up, options.voxel)
+    floor, distances = floor_and_distances(saved, options.up, options.base_T_camera, options.voxel)
     grid = grid_map(distances, options.from_height_m, options.to_height_m)
     picture = write_nav2_files(options.out, grid, floor)
     height, width = grid.cells.shape

@@ -80,7 +80,9 @@ def merge_runs(options: MergeOptions) -> None:
         write_tum(folder / "trajectory.second.txt", second)
         keyframes = Trajectory(found.store.stamps_ns(), poses)
         write_tum(folder / "keyframes.txt", keyframes)
-        snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
+        snapshot = map_snapshot(
+            found.store, found.parameters, found.config.sampling, found.T_level_world
+        )
         save_checkpoint(folder / MAP_NAME, snapshot)
         save_mesh(folder, mesh)
         update_summary(folder, _section(options, found) | mesh_section(mesh))

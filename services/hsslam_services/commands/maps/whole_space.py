@@ -11,6 +11,7 @@ from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
 
 MAP_NAME = "map.safetensors"
 
@@ -28,9 +29,13 @@ def map_file(text: str, command: str) -> Path:
 
 
 def expect_space(
-    from_height_m: float, to_height_m: float, up: tuple[float, ...], voxel_m: float
+    from_height_m: float,
+    to_height_m: float,
+    up: tuple[float, ...],
+    base_T_camera: tuple[float, ...],
+    voxel_m: float,
 ) -> None:
-    """UserError unless heights rise, `up` is a direction or not given, and the voxel makes sense."""
+    """UserError unless heights rise, up is a direction and given once at most, and the voxel makes sense."""
     if not from_height_m < to_height_m:
         given = f"--from-height-m {from_height_m:g} --to-height-m {to_height_m:g}"
         raise UserError(f"{given}: expected the second above the first")
@@ -38,6 +43,9 @@ def expect_space(
     if up and not (len(up) == 3 and math.isfinite(length) and length > 0):
         given = " ".join(f"{number:g}" for number in up)
         raise UserError(f"--up {given}: expected a direction X Y Z in the world frame of the map")
+    RobotFrames.mounted(base_T_camera)
+    if up and base_T_camera:
+        raise UserError("--up, --base-T-camera: both say what is up: expected one of the two")
     if not (math.isfinite(voxel_m) and 0.01 <= voxel_m <= 0.5):
         raise UserError(f"--voxel {voxel_m}: expected 0.01 to 0.5 m")
 
@@ -49,17 +57,21 @@ def expect_out(path: Path, suffix: str) -> None:
 
 
 def floor_and_distances(
-    saved: SavedMap, up: tuple[float, ...], voxel_m: float
+    saved: SavedMap, up: tuple[float, ...], base_T_camera: tuple[float, ...], voxel_m: float
 ) -> tuple[FloorPlane, DistanceMap]:
     """The floor, and the distances in voxels whose frame has z up and the floor at z = 0.
 
-    Up is `up` if it is given, else against gravity if the map knows it, else that of the floor that was seen.
+    Up is `up` if it is given. Else the frame is that of a running service: `map` of the robot, but for the
+    height, if `base_T_camera` or the map tells it; else up is against gravity if the map knows it, else that
+    of the floor that was seen.
     """
-    views, camera = saved.keyframes.views, saved.keyframes.camera
+    views, camera, known = saved.keyframes.views, saved.keyframes.camera, saved.checkpoint
     if up:
         floor = find_floor(views, camera, np.array(up))
     else:
-        floor = floor_by(saved.checkpoint.gravity, views, camera)
+        given = level_frame(base_T_camera, in_ros=False)
+        level = known.T_level_world if given is None else given
+        floor = floor_by(known.gravity, views, camera, level)
     return floor, DistanceMeter().measure(whole_map(views, camera, floor, voxel_m))
 
 

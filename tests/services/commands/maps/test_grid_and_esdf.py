@@ -6,15 +6,22 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml as yaml_file
+from scipy.spatial.transform import Rotation
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.distance.esdf_file import read_esdf
+from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
+from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.evaluation.ground_truth import open_ground_truth
+from hsslam_node.geometry.robot_frames import RobotFrames
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_services.commands.maps.command import main
-from tests.small_room import OPTIONS, SMALL, mapped_room
+from hsslam_services.run.options import ServeOptions
+from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +48,41 @@ def test_up_is_against_gravity_if_the_map_knows_it(run_folder, tmp_path, capsys)
     out = str(tmp_path / "map.yaml")
     assert main(["grid", str(tmp_path / "known.safetensors"), "-o", out]) == 0
     assert f"up is {x:.3f} {y:.3f} {z:.3f} by its gravity, the floor at " in capsys.readouterr().out
+
+
+def _looks_left() -> tuple[float, ...]:
+    """`--base-T-camera` of the room's camera, tilted as it is, on the left side of a robot."""
+    up = _true_up()
+    ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up  # the camera's right
+    ahead /= np.linalg.norm(ahead)
+    R_base_cam = np.stack([ahead, np.cross(up, ahead), up])
+    return (0.3, 0.1, 0.35, *Rotation.from_matrix(R_base_cam).as_quat().tolist())
+
+
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_the_grid_of_a_robot_is_that_of_its_run_and_in_the_frame_of_ros(
+    run_folder, tmp_path, capsys, is_kept
+):
+    options = ServeOptions(base_T_camera=_looks_left())
+    room, path, out = mapped_room(), tmp_path / "map.safetensors", tmp_path / "map.yaml"
+    kept = options.T_level_world if is_kept else None
+    save_checkpoint(path, replace(load_checkpoint(run_folder / path.name), T_level_world=kept))
+    given = () if is_kept else ("--base-T-camera", *map(str, options.base_T_camera))
+    assert main(["grid", str(path), "-o", str(out), *given]) == 0
+    assert "by its --base-T-camera, the floor at " in capsys.readouterr().out
+    window = RollingWindow(room.store, options.T_level_world)
+    for frame, T in zip(room_frames()[::4], room_poses()[::4], strict=True):
+        known = window.take(frame.depth_m(), frame.camera, T, -1)
+    live, robot = grid_map(known), RobotFrames.mounted(options.base_T_camera)
+    T_map_base = robot.base_pose(room_poses()[20])  # as /tf has it
+    T_live_base = live.T_floor_world @ room_poses()[20] @ inverse(robot.T_base_cam)
+    np.testing.assert_allclose(T_live_base[:2], T_map_base[:2], atol=1e-9)
+    x, y, _ = yaml_file.safe_load(out.read_text())["origin"]
+    grey = np.flipud(cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED))
+    for value, cell in ((0, CELL_OCCUPIED), (254, CELL_FREE)):
+        row, column = np.nonzero(grey == value)
+        middles = np.stack([column, row], axis=1) * 0.05 + (x + 0.025, y + 0.025)
+        assert len(row) > 50 and (live.cells_at(middles) == cell).mean() > 0.8
 
 
 def test_the_grid_is_free_where_distances_say_so(run_folder, tmp_path, capsys):
@@ -84,6 +126,11 @@ def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
         (("esdf", "/nowhere"), "/nowhere: no such file: expected a map"),
         (("grid", "m", "--up", "0", "0"), "--up 0 0: expected a direction X Y Z"),
         (("grid", "m", "--up", "0", "0", "0"), "--up 0 0 0: expected a direction X Y Z"),
+        (("grid", "m", "--base-T-camera", "1", "2"), "--base-T-camera 1 2: expected 7 numbers"),
+        (
+            ("esdf", "m", "--up", *"001", "--base-T-camera", *"0000001"),
+            "--up, --base-T-camera: both say what is up: expected one of the two",
+        ),
         (("esdf", "m", "--voxel", "0"), "--voxel 0.0: expected 0.01 to 0.5 m"),
         (("grid", "m", "--to-height-m", "0.1"), "--from-height-m 0.15 --to-height-m 0.1: expected"),
         (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected the second above"),
