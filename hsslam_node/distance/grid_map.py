@@ -13,6 +13,7 @@ from hsslam_node.distance.kernels.distance_transform import (
     padded_width,
 )
 from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.voxel_grid import layers_between
 from hsslam_node.errors import UserError
 
 CELL_UNKNOWN, CELL_FREE, CELL_OCCUPIED = -1, 0, 100
@@ -75,22 +76,28 @@ def grid_map(
 ) -> GridMap:
     """The cells of a map, or of what is known now, whose grid has z up and the floor at z = 0.
 
-    A cell is occupied if a voxel over it is, from `low_m` to `high_m` above the floor; it is free if no
-    voxel is occupied and a third or more are known to be free. Cells are as wide as voxels.
+    A cell is occupied if a voxel over it is, of the layers that begin from `low_m` to `high_m` above the
+    floor; it is free if no voxel is occupied and a third or more are known to be free. Cells are as wide as
+    voxels.
 
     Raises:
         UserError: no voxel lies between the two heights.
     """
     grid = space.grid
     states = space.states() if isinstance(space, Occupancy) else space.states
-    heights = np.clip(np.divide([low_m, high_m], grid.voxel_m) - grid.first[2], 0, grid.shape[2])
-    first, end = np.rint(heights).astype(int).tolist()
+    layers = layers_between(low_m, high_m, grid.voxel_m)
+    if low_m < high_m and layers[0] == layers[1]:
+        raise UserError(
+            f"heights {low_m:g} to {high_m:g} m: no layer of voxels of {grid.voxel_m:g} m begins between "
+            "them: expected heights that are farther apart, or smaller voxels"
+        )
+    first, end = np.clip(np.subtract(layers, grid.first[2]), 0, grid.shape[2]).tolist()
     if not (low_m < high_m and first < end):
         raise UserError(
             f"heights {low_m} to {high_m} m: expected two that rise, within the map's "
             f"{grid.low[2]:.2f} to {grid.high[2]:.2f} m above the floor"
         )
-    over = states.T[first:end]  # [layers, ny, nx]
+    over = states.T[int(first) : int(end)]  # [layers, ny, nx]
     free, occupied = np.zeros(over.shape[1:], np.int32), np.zeros(over.shape[1:], np.uint8)
     look_down(np.ascontiguousarray(over), free, occupied)
     cells = np.full(free.shape, CELL_UNKNOWN, np.int8)

@@ -7,8 +7,7 @@ import numpy as np
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
 from hsslam_node.distance.floor_plane import FloorPlane, floor_by
 from hsslam_node.distance.occupancy import Occupancy
-from hsslam_node.distance.voxel_grid import VoxelGrid
-from hsslam_node.distance.whole_map import VOXEL_M
+from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.map.store import KeyframeStore

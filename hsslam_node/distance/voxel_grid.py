@@ -8,7 +8,9 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 
+VOXEL_M = 0.05  # of a grid of which nothing else is said
 _MOST_VOXELS = 1 << 30
+_ON_LATTICE = 1e-6  # voxels
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,15 @@ class VoxelGrid:
         T = np.diag([1 / self.voxel_m] * 3 + [1.0])
         T[:3, 3] = -np.asarray(self.first) - 0.5
         return T
+
+
+def layers_between(low_m: float, high_m: float, voxel_m: float) -> tuple[float, float]:
+    """First and end of the layers of voxels that begin between two heights, the lower one included.
+
+    They are counted along z from the one that begins at z = 0; a height of inf has the layer inf.
+    """
+    first, end = np.ceil(np.divide([low_m, high_m], voxel_m) - _ON_LATTICE).tolist()
+    return first, end
 
 
 def _expect_voxel(voxel_m: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.distance.floor_plane import FloorPlane
 from hsslam_node.distance.occupancy import Occupancy
-from hsslam_node.distance.voxel_grid import VoxelGrid
+from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
@@ -15,7 +15,6 @@ from hsslam_node.geometry.projection import world_points
 _STRIDE_PX = 8
 _OUTLIERS = 0.002  # share of the points of a view that may lie outside, on each side
 _MARGIN_M = 0.2
-VOXEL_M = 0.05
 
 
 def whole_map(

@@ -10,6 +10,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
+from hsslam_node.distance.voxel_grid import VOXEL_M, layers_between
 from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame, mounting
@@ -223,11 +224,15 @@ class ServeOptions:
             raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
         RobotFrames.mounted(self.base_T_camera)
         mounting("--camera-T-imu", self.camera_T_imu)
-        if not 0 <= self.grid_from_height_m < self.grid_to_height_m <= _MOST_HEIGHT_M:
+        low_m, high_m = self.grid_from_height_m, self.grid_to_height_m
+        heights = f"--grid-from-height-m {low_m:g} --grid-to-height-m {high_m:g}"
+        if not 0 <= low_m < high_m <= _MOST_HEIGHT_M:
             raise UserError(
-                f"--grid-from-height-m {self.grid_from_height_m:g} --grid-to-height-m "
-                f"{self.grid_to_height_m:g}: expected two heights that rise, from 0 to {_MOST_HEIGHT_M} m"
+                f"{heights}: expected two heights that rise, from 0 to {_MOST_HEIGHT_M} m"
             )
+        first, end = layers_between(low_m, high_m, VOXEL_M)
+        if first == end:
+            raise UserError(f"{heights}: expected a multiple of {VOXEL_M} m between them")
         if self.seed < 0:
             raise UserError(f"--seed {self.seed}: expected 0 or more")
         if self.start < 0:

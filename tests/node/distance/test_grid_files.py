@@ -127,6 +127,25 @@ def test_heights_without_voxels_are_refused(distances, heights):
         grid_map(distances, *heights)
 
 
+@pytest.mark.parametrize("first_z", [-1, -2])
+def test_layers_count_if_they_begin_between_the_heights(first_z):
+    """The floor lies in the layers that end and begin at 0, a beam in that from 1.6 to 2.0 m."""
+    grid = VoxelGrid(0.4, (0, 0, first_z), (2, 1, 8))
+    states = np.full(grid.shape, FREE, np.uint8)
+    states[:, :, : 1 - first_z] = OCCUPIED
+    states[1, :, 4 - first_z] = OCCUPIED
+    space = DistanceMap(grid, np.zeros(grid.shape, np.float32), states)
+    for heights, cells in (
+        ((0.15, 1.6), [0, 0]),
+        ((0.2, 1.6), [0, 0]),
+        ((0.4, 1.7), [0, 100]),
+        ((0.0, 1.6), [100, 100]),
+    ):
+        assert grid_map(space, *heights).cells.tolist() == [cells]
+    with pytest.raises(UserError, match=r"heights 0.41 to 0.42 m: no layer of voxels of 0.4 m"):
+        grid_map(space, 0.41, 0.42)
+
+
 def test_names_and_places_that_do_not_work_are_refused(distances, tmp_path):
     grid = grid_map(distances)
     with pytest.raises(UserError, match=r"ends in \.yaml"):

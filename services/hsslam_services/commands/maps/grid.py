@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
 from hsslam_node.distance.nav2_files import write_nav2_files
+from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.whole_space import (
     expect_out,
     expect_space,
@@ -45,7 +46,7 @@ class GridOptions:
     out: Path = Path("map.yaml")
     """Output file .yaml; the picture .pgm is written beside it."""
     from_height_m: float = 0.15
-    """Lowest height above the floor that is looked at, m."""
+    """Lowest height above the floor that is looked at, m; --voxel at least, or 0 or below."""
     to_height_m: float = 1.6
     """Highest height above the floor that is looked at, m."""
     up: tuple[float, ...] = ()
@@ -53,10 +54,15 @@ class GridOptions:
     base_T_camera: tuple[float, ...] = ()
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
     voxel: float = 0.05
-    """Side of a cell, m."""
+    """Side of a cell and height of a layer, m; layers that begin between the two heights count."""
 
     def __post_init__(self) -> None:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
+        if 0 < self.from_height_m < self.voxel:
+            raise UserError(
+                f"--voxel {self.voxel:g} --from-height-m {self.from_height_m:g}: expected a voxel no larger "
+                "than that height, as one on the floor does not tell the two apart"
+            )
 
 
 def write_grid(options: GridOptions) -> None:
