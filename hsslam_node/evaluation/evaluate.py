@@ -21,7 +21,7 @@ from hsslam_node.evaluation.scores import protocol
 from hsslam_node.evaluation.trajectory.ate import AteResult
 from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
@@ -70,7 +70,7 @@ class Evaluation:
 
 
 class Evaluator:
-    """Measures one subject; what has no truth is left out.
+    """Measures one subject; what has no truth is left out, as are meshes that too few poses align with it.
 
     Raises:
         UserError: the source or a file is missing or malformed, or there is nothing to judge.
@@ -80,12 +80,24 @@ class Evaluator:
         self._subject, self._wanted, self._track = subject, wanted, track
         self._truth = open_ground_truth(subject.source, subject.options)
 
+    def expect_pairs(self, name: str) -> None:
+        """UserError, which begins with `name`, if the final trajectory has poses, but none of a true one."""
+        final, truth = self._final, self._truth
+        if final is None or truth is None or self._ates["final"].scored or len(final) == 0:
+            return
+        raise UserError(
+            f"{name}: none of its poses, {_span(final)}, is within 20 ms of a true one of "
+            f"{self._subject.source}, {_span(truth.trajectory)}: expected stamps of that source"
+        )
+
     def evaluate(self) -> Evaluation:
         """All figures that are wanted and possible."""
         figures: dict[str, Any] = {"protocol": protocol()}
         if self._truth is not None and self._ates:
             figures |= {"ate": self._ates, "rpe": self._rpes}
         meshes = self._meshes()
+        if self._unaligned and (self._subject.mesh is not None or self._wanted.tsdfs):
+            figures["left_out"] = {"mesh": self._unaligned}
         judge = self._judge if meshes else None
         if judge is not None and "ours" in meshes:
             figures |= self._mesh_figures(judge, meshes["ours"])
@@ -127,15 +139,25 @@ class Evaluator:
             self._truth, s.source, s.options, views, w.cull_views, w.seed, self._track
         )
 
-    def _meshes(self) -> dict[str, trimesh.Trimesh]:
-        """In the truth's world where there is one."""
+    @property
+    def _unaligned(self) -> str:
+        """Why meshes cannot be brought into the truth's world; empty if they can."""
         final = self._ates.get("final")
-        is_aligned = final is not None and math.isfinite(final.rmse_m)
-        T = final.T_truth_estimate if final is not None and is_aligned else np.eye(4)
+        if final is None or math.isfinite(final.rmse_m):
+            return ""
+        poses = len(self._subject.trajectories["final"])
+        return f"{final.scored} of {poses} poses have a true one: expected 3 or more to align the mesh by"
+
+    def _meshes(self) -> dict[str, trimesh.Trimesh]:
+        """In the truth's world where there is one; none if they cannot be brought there."""
+        final = self._ates.get("final")
+        T = final.T_truth_estimate if final is not None else np.eye(4)
         found = {}
         if self._subject.mesh is not None:
             mesh = self._subject.mesh
             found["ours"] = load_mesh(mesh) if isinstance(mesh, Path) else mesh.copy()
+        if self._unaligned:
+            return {}
         if self._wanted.tsdfs:
             found |= fuse_tsdfs(self._posed_frames(1, "TSDF"), self._wanted.tsdfs)
         for mesh in found.values():
@@ -201,3 +223,11 @@ class Evaluator:
         for frame in self._track(source.frames(), source.frame_count, description=what):
             if isinstance(frame, Frame):
                 yield frame
+
+
+def _span(trajectory: Trajectory) -> str:
+    """From when to when it has poses, for people."""
+    if len(trajectory) == 0:
+        return "no poses"
+    first, last = (format_stamp(stamp) for stamp in np.sort(trajectory.stamps_ns)[[0, -1]])
+    return f"{first} to {last} s"

@@ -17,6 +17,7 @@ from hsslam_node.evaluation.mesh.published_protocol import (
 )
 from hsslam_node.evaluation.mesh.virtual_views import virtual_views
 from hsslam_node.evaluation.mesh.visibility import Views
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.progress import Track, silently
@@ -28,6 +29,7 @@ CULL_TOLERANCE_M = 0.03
 # virtual cameras that cull in the literature's protocol: the first of those drawn
 CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
+_Y_UP = (".glb", ".gltf")
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
 
@@ -113,7 +115,7 @@ def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
 
 
 def load_mesh(path: object) -> trimesh.Trimesh:
-    """A triangle mesh from a file, as it is.
+    """A triangle mesh from a file, as it is; one of glTF, which has y up, is turned back to y down.
 
     Raises:
         UserError: not a file with triangles.
@@ -124,6 +126,8 @@ def load_mesh(path: object) -> trimesh.Trimesh:
         raise UserError(f"{path}: {error}: expected a mesh") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise UserError(f"{path}: holds no triangles: expected a mesh")
+    if str(path).lower().endswith(_Y_UP):
+        mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))
     return mesh
 
 

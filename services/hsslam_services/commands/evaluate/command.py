@@ -51,11 +51,15 @@ def _evaluate(options: EvalOptions) -> None:
         seed=options.seed,
     )
     with terminal_progress() as progress:
-        found = Evaluator(subject, wanted, progress.track).evaluate()
+        evaluator = Evaluator(subject, wanted, progress.track)
+        evaluator.expect_pairs(options.run or f"--trajectory {options.trajectory}")
+        found = evaluator.evaluate()
     figures: dict[str, Any] = scores_as_json({**about, **found.figures})
     console = Console(emoji=False, highlight=False, markup=False)
     for table in eval_table(figures):
         console.print(table)
+    for what, why in figures.get("left_out", {}).items():
+        _echo(f"{what}: not scored: {why}")
     written: list[Path] = []
     if options.json is not None:
         written.append(_write_json(options.json, figures))
@@ -86,6 +90,8 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     assert source is not None  # expect_subject
     source = recorded_source(source.spec, source.options, _echo)
     trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
+    if any(len(trajectory) == 0 for trajectory in trajectories.values()):
+        raise UserError(f"--trajectory {options.trajectory}: no poses: expected some in TUM format")
     about |= {"source": options.source, "noise": options.noise}
     return Subject(source.spec, source.options, trajectories, options.mesh), about
 

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_judge import given_views, load_mesh
+from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 
 _HALL = SourceOptions(
@@ -28,6 +31,23 @@ def test_given_cameras_see_exactly_but_only_where_their_sensor_measured():
     assert far.any()
     assert not measured[far].any()
     assert measured[(exact.depths_m > 0) & (exact.depths_m < 4.0)].mean() > 0.95
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".glb", ".GLB", ".gltf"])
+def test_a_mesh_has_the_axes_that_it_had_before_it_was_written(tmp_path, suffix):
+    box = trimesh.creation.box((1.0, 2.0, 3.0), transform=se3_exp(np.array([1, 2, 3, 0, 0, 0])))
+    written = box.copy()
+    if suffix != ".ply":
+        written.apply_transform(OPENGL_FROM_OPENCV)
+    kind = suffix[1:].lower()
+    if kind == "gltf":
+        for name, data in written.export(file_type=kind).items():
+            (tmp_path / name).write_bytes(data)
+        path = tmp_path / "model.gltf"
+    else:
+        path = tmp_path / f"mesh{suffix}"
+        path.write_bytes(written.export(file_type=kind))
+    np.testing.assert_allclose(load_mesh(path).bounds, box.bounds, atol=1e-6)
 
 
 def test_what_is_no_mesh_is_named(tmp_path):

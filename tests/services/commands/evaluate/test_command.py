@@ -65,6 +65,31 @@ def test_table_json_and_pictures(result, tmp_path, capsys):
     assert len(views) == figures["depth_l1"]["views"]
 
 
+def test_a_mesh_that_too_few_poses_align_is_not_scored(result, tmp_path, capsys):
+    poses, two = read_tum(result / "trajectory.txt"), tmp_path / "two.txt"
+    write_tum(two, Trajectory(poses.stamps_ns[:2], poses.T_world_cam[:2]))
+    files = ("--trajectory", str(two), "--mesh", str(result / "mesh.ply"))
+    main([*files, *_SOURCE, "--no-consistency", "--json", str(tmp_path / "score.json")])
+    captured = capsys.readouterr()
+    text = "2 of 2 poses have a true one: expected 3 or more to align the mesh by"
+    assert captured.err == f"mesh: not scored: {text}\n" and "2/60" in captured.out
+    figures = json.loads((tmp_path / "score.json").read_text())
+    assert figures["left_out"] == {"mesh": text} and "mesh" not in figures
+
+
+def test_a_trajectory_of_other_frames_is_bad_input(result, tmp_path, capsys):
+    poses, other = read_tum(result / "trajectory.txt"), tmp_path / "other.txt"
+    write_tum(other, Trajectory(poses.stamps_ns + 10**12, poses.T_world_cam))
+    empty = tmp_path / "empty.txt"
+    empty.write_text("# none\n")
+    for path, text in ((other, "none of its poses, 1000"), (empty, "no poses: expected some")):
+        with pytest.raises(SystemExit) as end:
+            main(["--trajectory", str(path), "--mesh", str(result / "mesh.ply"), *_SOURCE])
+        told = capsys.readouterr().err
+        assert end.value.code == 2 and told.count("\n") == 1
+        assert told.startswith(f"error: --trajectory {path}: {text}")
+
+
 def test_tsdfs_of_both_settings_are_scored_by_both_protocols(result, tmp_path, capsys):
     pytest.importorskip("open3d", exc_type=ImportError)
     poses = ("--trajectory", str(result / "trajectory.txt"), *_SOURCE, "--against", "tsdf")
