@@ -39,12 +39,12 @@ def _look_into(
     half = seen_half_m * 2 ** np.ceil(np.log2(half / seen_half_m))
     while len(of):
         depth_m = shapes.distance_m(centres, of)
-        touches = (depth_m <= _TO_CORNER * half) & free[of]
+        touches = ~(depth_m > _TO_CORNER * half) & free[of]  # nan: it may
         centres, half, of, depth_m = (part[touches] for part in (centres, half, of, depth_m))
         is_finest = half <= _FINEST_M
         distance_m, known = ask(centres)
         has_surface, is_unknown = ~(distance_m > _TO_CORNER * half), ~known
-        is_body = is_finest | (depth_m <= 0)
+        is_body = is_finest | ~(depth_m > 0)
         free[of[(has_surface & is_finest) | (is_unknown & is_body)]] = False
         is_open = (has_surface | is_unknown | (half > seen_half_m)) & ~is_finest & free[of]
         centres, half, of = (part[is_open] for part in (centres, half, of))

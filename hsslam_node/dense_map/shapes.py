@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from hsslam_node.errors import UserError
 
+_MOST_M = 1e6  # of a body; far larger than a map, and far from what overflows
+
 
 class Shapes(Protocol):
     """N bodies."""
@@ -28,7 +30,7 @@ class Spheres:
     """Spheres about `centres` [N, 3] m, world; `radius_m` [N] or one for all.
 
     Raises:
-        UserError: a shape is not as said, or a radius not above 0.
+        UserError: a shape is not as said, or a radius not above 0 and at most 1000 km.
     """
 
     centres: np.ndarray
@@ -37,8 +39,10 @@ class Spheres:
     def __post_init__(self) -> None:
         object.__setattr__(self, "centres", finite_rows("centres", self.centres, 3))
         radius_m = np.asarray(self.radius_m, np.float64)
-        if radius_m.shape not in ((), (len(self),)) or not (radius_m > 0).all():
-            raise UserError(f"radius_m {_short(radius_m)}: expected metres above 0, one or [N]")
+        if radius_m.shape not in ((), (len(self),)) or not _are_sizes(radius_m):
+            raise UserError(
+                f"radius_m {_short(radius_m)}: expected metres above 0, at most {_MOST_M:g}, one or [N]"
+            )
         object.__setattr__(self, "radius_m", np.broadcast_to(radius_m, (len(self),)))
 
     def __len__(self) -> int:
@@ -58,7 +62,7 @@ class Boxes:
     """Boxes about the origins of their frames: `T_world_box` [N, 4, 4]; `size_m` [N, 3] or one [3] for all.
 
     Raises:
-        UserError: a shape is not as said, or a side not above 0.
+        UserError: a shape is not as said, or a side not above 0 and at most 1000 km.
     """
 
     T_world_box: np.ndarray
@@ -69,8 +73,10 @@ class Boxes:
         if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
             raise UserError(f"T_world_box {_short(T)}: expected finite transforms [N, 4, 4]")
         size_m = np.asarray(self.size_m, np.float64)
-        if size_m.shape not in ((3,), (len(T), 3)) or not (size_m > 0).all():
-            raise UserError(f"size_m {_short(size_m)}: expected metres above 0, [3] or [N, 3]")
+        if size_m.shape not in ((3,), (len(T), 3)) or not _are_sizes(size_m):
+            raise UserError(
+                f"size_m {_short(size_m)}: expected metres above 0, at most {_MOST_M:g}, [3] or [N, 3]"
+            )
         object.__setattr__(self, "T_world_box", T)
         object.__setattr__(self, "size_m", np.broadcast_to(size_m, (len(T), 3)))
 
@@ -105,6 +111,18 @@ def finite_rows(name: str, values: ArrayLike, width: int) -> np.ndarray:
     if rows.ndim != 2 or rows.shape[1] != width or not np.isfinite(rows).all():
         raise UserError(f"{name} {_short(rows)}: expected finite numbers [N, {width}]")
     return rows
+
+
+def finite_transform(name: str, values: ArrayLike) -> np.ndarray:
+    """A transform [4, 4] of finite float64; UserError with `name` if it is none."""
+    T = np.asarray(values, np.float64)
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        raise UserError(f"{name} {_short(T)}: expected a finite transform [4, 4]")
+    return T
+
+
+def _are_sizes(lengths_m: np.ndarray) -> bool:
+    return bool(((lengths_m > 0) & (lengths_m <= _MOST_M)).all())
 
 
 def _short(array: np.ndarray) -> str:

@@ -54,5 +54,19 @@ def test_a_box_is_free_however_it_is_turned():
     assert 20 < free.sum() < 180
 
 
+def test_the_largest_bodies_are_not_free():
+    inside = np.array([[0.0, 0.0, -0.6]])
+    assert not are_free(Spheres(inside, 1e6), _ask).any()
+    assert not are_free(Boxes.between(inside - 5e5, inside + 5e5), _ask).any()
+
+
+def test_a_body_of_which_no_distance_is_known_is_not_free():
+    class Nowhere(Spheres):
+        def distance_m(self, points, of):
+            return np.full(len(points), np.nan)
+
+    assert not are_free(Nowhere(np.array([[0.0, 0.0, 0.0]]), 0.1), _ask).any()
+
+
 def test_no_bodies_are_no_answer():
     assert are_free(Spheres(np.zeros((0, 3)), 0.1), _ask).shape == (0,)

@@ -52,6 +52,10 @@ def test_a_sphere_has_one_radius_or_each_its_own():
         (lambda: Spheres(np.zeros((2, 3)), np.ones(3)), "radius_m"),
         (lambda: Boxes(np.eye(4), np.ones(3)), "T_world_box .*expected finite transforms"),
         (lambda: Boxes(np.eye(4)[None], np.zeros(3)), "size_m .*expected metres above 0"),
+        (lambda: Spheres(np.zeros((1, 3)), np.inf), "radius_m inf: expected .* at most 1e.06"),
+        (lambda: Spheres(np.zeros((1, 3)), 1e200), "radius_m 1e.200: expected"),
+        (lambda: Boxes(np.eye(4)[None], np.array([1, np.inf, 1])), "size_m .*inf.*at most 1e.06"),
+        (lambda: Boxes.between([[-1e200] * 3], [[1e200] * 3]), "size_m .*e.200"),
         (lambda: Boxes.between(np.ones((1, 3)), np.zeros((1, 3))), "size_m"),
     ],
 )
