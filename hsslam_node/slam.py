@@ -156,7 +156,7 @@ class Slam:
         return self.map.is_free(shapes)
 
     def render(
-        self, T_world_cam: np.ndarray, camera: Camera | None = None
+        self, T_world_cam: ArrayLike, camera: Camera | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
         return self.map.render(T_world_cam, camera)

@@ -12,7 +12,7 @@ from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.dense_map.measuring import TRUSTED, answers_at
 from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
-from hsslam_node.dense_map.shapes import Shapes, finite_rows
+from hsslam_node.dense_map.shapes import Shapes, finite_rows, finite_transform
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.errors import UserError
@@ -130,21 +130,33 @@ class DenseMap:
         return are_free(shapes, ask)
 
     def render(
-        self, T_world_cam: np.ndarray, camera: Camera | None = None
+        self, T_world_cam: ArrayLike, camera: Camera | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] float32 m as seen from T_world_cam [4, 4].
 
         Where the camera (none: that of the keyframes) sees no surface: black, depth 0.
+
+        Raises:
+            UserError: the pose is not [4, 4], or not finite; the camera has a lens.
         """
-        camera = camera or self.camera
-        depth_m = self._rays.depth(camera, T_world_cam)
-        color, _ = self._renderer.render(depth_m, camera, T_world_cam)
+        T = finite_transform("T_world_cam", T_world_cam)
+        camera = camera or self.camera.undistorted()
+        if camera.has_lens:
+            raise UserError(
+                f"camera.distortion = {list(camera.distortion)}: expected a camera without a lens, as of "
+                "Camera.undistorted()"
+            )
+        depth_m = self._rays.depth(camera, T)
+        color, _ = self._renderer.render(depth_m, camera, T)
         return (255 * color + 0.5).astype(np.uint8), depth_m
 
     def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
         """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty.
 
         `everywhere`: of all that the map says in its bound, guesses included.
+
+        Raises:
+            UserError: the voxel is not above 0, or not finite.
         """
         from hsslam_node.meshing.extract_mesh import (  # a tracker needs no mesh
             extract_mesh,

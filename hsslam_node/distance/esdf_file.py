@@ -30,12 +30,13 @@ def write_esdf(path: Path, distances: DistanceMap, floor: FloorPlane) -> None:
     Raises:
         UserError: the path does not end in .npz, or cannot be written.
     """
-    if path.suffix != ".npz":
+    if path.suffix.lower() != ".npz":
         raise UserError(f"{path}: expected a name that ends in .npz, as esdf.npz")
     try:
-        with durable_file(path) as partial:
+        # a stream, as NumPy adds .npz to a name that ends in .NPZ
+        with durable_file(path) as partial, partial.open("wb") as stream:
             np.savez_compressed(
-                partial,
+                stream,
                 format=np.array(_FORMAT),
                 distance_m=distances.distance_m,
                 states=distances.states,

@@ -23,7 +23,7 @@ def write_nav2_files(path: Path, grid: GridMap, floor: FloorPlane | None = None)
     Raises:
         UserError: the path does not end in .yaml, or cannot be written.
     """
-    if path.suffix != ".yaml":
+    if path.suffix.lower() != ".yaml":
         raise UserError(f"{path}: expected a name that ends in .yaml, as map.yaml")
     picture = path.with_suffix(".pgm")
     grey = np.full(grid.cells.shape, _UNKNOWN_GREY, np.uint8)

@@ -18,11 +18,11 @@ class BlockGrid:
         block_cells: cells along a side of a block.
 
     Raises:
-        UserError: the distance is not above 0.
+        UserError: the distance is not above 0, or not finite.
     """
 
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:
-        if not voxel_m > 0:
+        if not 0 < voxel_m < np.inf:
             raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
         self.bound = bound
         self.voxel_m = voxel_m

@@ -1,5 +1,6 @@
 """What the map of the small room says of places, rays and bodies, against the room's true surface."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -139,6 +140,13 @@ def test_a_view_is_what_the_camera_saw():
     assert np.median(difference) < 25
 
 
+def test_a_pose_may_be_a_list():
+    color, depth_m = _map().render(room_poses()[6].tolist())
+    again, again_m = _map().render(room_poses()[6])
+    np.testing.assert_array_equal(color, again)
+    np.testing.assert_array_equal(depth_m, again_m)
+
+
 def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframes():
     mesh = _map().mesh(0.05)
     assert len(mesh.faces) > 1000
@@ -155,9 +163,16 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
         (lambda m: m.query([[0, np.nan, 0]]), "points .*nan.*: expected finite numbers"),
         (lambda m: m.raycast([[0, 0, 0]], [[0, 0, 0]]), "directions .*none of length 0"),
         (lambda m: m.raycast([[0, 0, 0]], np.ones((2, 3))), "expected one for each of 1 origins"),
+        (lambda m: m.render(np.eye(4)[:3]), r"T_world_cam \[3, 4\]: expected a finite transform"),
+        (lambda m: m.render(np.full((4, 4), np.nan)), "T_world_cam .*expected a finite transform"),
+        (
+            lambda m: m.render(np.eye(4), replace(m.camera, distortion=(0.3, 0.0, 0.0, 0.0))),
+            r"camera.distortion = \[0.3, 0.0, 0.0, 0.0\]: expected a camera without a lens",
+        ),
+        *((lambda m, v=v: m.mesh(v), "voxel_m = .*above 0") for v in (0.0, np.nan, np.inf)),
     ],
 )
-def test_bad_points_are_one_line(ask, text):
+def test_bad_questions_are_one_line(ask, text):
     with pytest.raises(UserError, match=text):
         ask(_map())
 

@@ -146,6 +146,13 @@ def test_layers_count_if_they_begin_between_the_heights(first_z):
         grid_map(space, 0.41, 0.42)
 
 
+def test_a_suffix_may_be_in_capitals(distances, tmp_path):
+    picture = write_nav2_files(tmp_path / "MAP.YAML", grid_map(distances))
+    write_esdf(tmp_path / "ESDF.NPZ", distances, FLOOR)
+    assert read_esdf(tmp_path / "ESDF.NPZ")[1] == FLOOR
+    assert {path.name for path in tmp_path.iterdir()} == {"MAP.YAML", picture.name, "ESDF.NPZ"}
+
+
 def test_names_and_places_that_do_not_work_are_refused(distances, tmp_path):
     grid = grid_map(distances)
     with pytest.raises(UserError, match=r"ends in \.yaml"):

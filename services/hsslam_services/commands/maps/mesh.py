@@ -11,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.maps.surface import expect_voxel, out_file, surface
+from hsslam_services.commands.maps.whole_space import map_file
 
 _FORMATS = (".ply", ".glb", ".obj", ".stl")
 _PROG = "hsslam-mesh"
@@ -21,7 +22,7 @@ class MeshOptions:
     """Makes a mesh of a saved map, without the service.
 
     Example:
-      hsslam-mesh map.safetensors --voxel 0.01 --out room.ply
+      hsslam-mesh runs/desk --voxel 0.01 --out room.ply
 
     The mesh has coloured triangles of the surface that the keyframes observed, in m and in the world frame; a
     .glb has y up and z back, as glTF requires. With --voxel equal to --slam.mesher.final-voxel-m (0.03) it
@@ -39,7 +40,7 @@ class MeshOptions:
     ALIASES: ClassVar = {"out": "-o"}
 
     map: str = ""
-    """File of a saved map, such as map.safetensors of a run."""
+    """Run folder, or the file of a saved map."""
     voxel: float = 0.02
     """Voxel size of marching cubes, m."""
     out: Path = Path("mesh.ply")
@@ -52,29 +53,24 @@ class MeshOptions:
         if self.out.suffix.lower() not in _FORMATS:
             raise UserError(f"--out {self.out}: expected a file {', '.join(_FORMATS)}")
 
-    def expect_map(self) -> None:
-        """UserError if no map is named, or the folder of the mesh does not exist."""
-        if not self.map:
-            raise UserError("no map: expected hsslam-mesh MAP, as map.safetensors")
+    def expect_map(self) -> Path:
+        """The map; UserError if none is named, or the folder of the mesh does not exist."""
+        path = map_file(self.map, "mesh")
         if not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")
+        return path
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command; exit code 0, 1 or 2, see `MeshOptions`."""
     given = sys.argv[1:] if args is None else args
-    if code := exit_code(lambda: _mesh(_options(given))):
+    if code := exit_code(lambda: _mesh(parse_options(MeshOptions, _PROG, given))):
         sys.exit(code)
 
 
-def _options(args: Sequence[str]) -> MeshOptions:
-    options = parse_options(MeshOptions, _PROG, args)
-    options.expect_map()
-    return options
-
-
 def _mesh(options: MeshOptions) -> None:
-    mesh = surface(SavedMap.open(options.map, options.device), options.map, options.voxel)
+    path = options.expect_map()
+    mesh = surface(SavedMap.open(path, options.device), path, options.voxel)
     if options.out.suffix.lower() == ".glb":
         mesh.apply_transform(OPENGL_FROM_OPENCV)
     with out_file(options.out) as partial:

@@ -15,6 +15,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
+from hsslam_services.commands.maps.whole_space import map_file
 
 _PROG = "hsslam-render"
 _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
@@ -25,7 +26,7 @@ class RenderOptions:
     """Renders images of a saved map along a trajectory, without the service.
 
     Example:
-      hsslam-render map.safetensors --trajectory poses.txt --video flight.mp4
+      hsslam-render runs/desk --trajectory poses.txt --video flight.mp4
 
     The command writes one PNG a pose: 000000.png, 000001.png, ... Pixels without surface are black.
 
@@ -40,7 +41,7 @@ class RenderOptions:
     ALIASES: ClassVar = {"out": "-o"}
 
     map: str = ""
-    """File of a saved map, such as map.safetensors of a run."""
+    """Run folder, or the file of a saved map."""
     trajectory: Path | None = None
     """Poses in TUM format (s, m, unit quaternion; camera to world), in the world frame of the map."""
     out: Path = Path("views")
@@ -70,13 +71,12 @@ class RenderOptions:
         if self.video is not None and self.video.suffix.lower() not in (".mp4", ".avi"):
             raise UserError(f"--video {self.video}: expected a file .mp4 or .avi")
 
-    def expect_inputs(self) -> Path:
-        """The trajectory; UserError if the map or the trajectory is missing."""
-        if not self.map:
-            raise UserError("no map: expected hsslam-render MAP --trajectory FILE")
+    def expect_inputs(self) -> tuple[Path, Path]:
+        """The map and the trajectory; UserError if one is not given."""
+        path = map_file(self.map, "render")
         if self.trajectory is None:
             raise UserError("--trajectory: missing: expected poses in TUM format")
-        return self.trajectory
+        return path, self.trajectory
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -87,11 +87,12 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _render(options: RenderOptions) -> None:
-    poses = read_tum(options.expect_inputs()).T_world_cam[:: options.every]
+    map_path, trajectory = options.expect_inputs()
+    poses = read_tum(trajectory).T_world_cam[:: options.every]
     if len(poses) == 0:
-        raise UserError(f"--trajectory {options.trajectory}: no poses: expected one or more")
-    saved = SavedMap.open(options.map, options.device)
-    camera = _camera(saved.camera, options)
+        raise UserError(f"--trajectory {trajectory}: no poses: expected one or more")
+    saved = SavedMap.open(map_path, options.device)
+    camera = _camera(saved.camera.undistorted(), options)
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

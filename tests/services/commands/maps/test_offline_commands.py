@@ -98,6 +98,17 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
     assert video.stat().st_size > 1000
 
 
+def test_a_run_folder_stands_for_its_map(mapped_run, tmp_path, capsys):
+    out = tmp_path / "room.ply"
+    mesh_command.main([str(mapped_run), "--voxel", "0.1", "-o", str(out), "--device", "cpu"])
+    poses, views = tmp_path / "poses.txt", tmp_path / "views"
+    write_tum(poses, Trajectory(np.zeros(1, np.int64), room_poses()[:1]))
+    more = ["--trajectory", str(poses), "--downscale", "4", "-o", str(views), "--device", "cpu"]
+    render_command.main([str(mapped_run), *more])
+    told = capsys.readouterr().out
+    assert f"{out}: " in told and f"{views}: 1 images, 40 x 30 px" in told
+
+
 @pytest.mark.parametrize("command", [mesh_command, render_command])
 @pytest.mark.parametrize(
     ("damage", "text"),
@@ -123,7 +134,8 @@ def test_a_bad_map_is_one_line_and_code_2(saved, tmp_path, capsys, command, dama
 @pytest.mark.parametrize(
     ("command", "arguments", "text"),
     [
-        (mesh_command, (), "no map"),
+        (mesh_command, (), "mesh: no map: expected a run folder or map.safetensors"),
+        (render_command, (), "render: no map: expected a run folder or map.safetensors"),
         (mesh_command, ("m", "--voxel", "0"), "--voxel 0.0: expected 0.001 to 1 m"),
         (mesh_command, ("m", "-o", "x.txt"), "--out x.txt: expected a file .ply"),
         (mesh_command, ("m", "--voxle", "1"), "did you mean --voxel"),
