@@ -13,11 +13,9 @@ from rich.live import Live
 from rich.text import Text
 
 from hsslam_proto.messages import Pose
-from hsslam_proto.run_messages import TopicCounts
-from hsslam_proto.topics import FRAME
 from hsslam_services.health.resilient_stream import ResilientStream
 from hsslam_services.health.run_state import RunState
-from hsslam_services.health.status import load_level
+from hsslam_services.health.status import frames_dropped, load_level
 from hsslam_services.launch.child import Child
 
 _REDRAW_S = 0.25
@@ -88,9 +86,7 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
     """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
     pose = state.pose
     camera = children["camera"].health if "camera" in children else None
-    tracker = children["tracker"].health
     sent = camera.counters.get("sent", 0) if camera else 0
-    frames = tracker.topics.get(FRAME.name, TopicCounts()) if tracker else TopicCounts()
     now_s = time.monotonic()
     is_silent = state.tracking(now_s) == "none"
     quality = _quality(pose)
@@ -99,7 +95,7 @@ def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int =
         f"frame {frame}/{sent}  {state.fps(now_s):.1f} FPS  {state.latency_ms(now_s):.0f} ms  "
         f"quality {'-' if is_silent else quality}  "
         f"keyframes {state.last_keyframe + 1}  map {state.map.version if state.map else 0}  "
-        f"dropped {frames.dropped}  lost {state.lost}  memory {memory_mb} MB  "
+        f"dropped {frames_dropped(children)}  lost {state.lost}  memory {memory_mb} MB  "
     )
     if level := load_level(children):
         text.append(f"load level {level}  ", style="yellow")
