@@ -21,7 +21,7 @@ from hsslam_proto.message import (
 
 
 class SourceEnd(Message, frozen=True, kw_only=True):
-    """The source has no more frames; `last_index`: of the last frame (-1: the sender does not say).
+    """The source has no more frames; `last_index`: of the last one sent (-1: none, or not told).
 
     `frame_count`: frames that were sent, and those that a slow recording left out (`skipped_frame_count`).
     """

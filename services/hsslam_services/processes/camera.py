@@ -10,6 +10,7 @@ import time
 from collections.abc import Generator
 from pathlib import Path
 
+from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.source import BadFrame, LateFrame, Source, frames_in_time
 from hsslam_proto import topics
@@ -64,6 +65,9 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     progress = CameraProgress.read(Path(worker.run.arena_dir))
+    if is_live(options.source) and progress.next_index == options.frames:
+        _end(worker, progress, LastFrame(worker))  # the camera before had all of `--frames`
+        return
     after = progress.next_index if is_live(options.source) else 0
     source = open_with_patience(worker, had_frames=progress.sent > 0, after=after)
     if source is None:
@@ -84,7 +88,7 @@ def _run(worker: Worker) -> None:
             worker, frames_topic, progress, scale, RobotSensors.heard(worker.bus, options), period_s
         )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
-    last_frame, last_sent = LastFrame(worker), -1
+    last_frame, first_bad = LastFrame(worker), ""
     map_epoch = mode.map_epoch
     with contextlib.closing(_items(worker, source, progress.next_index, pace)) as items:
         pace.wait_for_peers()
@@ -103,27 +107,34 @@ def _run(worker: Worker) -> None:
                     worker.event("warning", f"frame {item.index}: {_SLOW_SOURCE}")
             elif isinstance(item, BadFrame):
                 progress.bad += 1
+                first_bad = first_bad or item.reason
                 worker.event("warning", f"frame {item.index} skipped: {item.reason}")
             else:
                 pace.send(item)
                 progress.sent += 1
-                last_sent = item.index
+                progress.last_index = item.index
                 progress.last_source_ns = item.stamp_ns
             progress.next_index += 1
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
-    reason = "stopped" if worker.should_stop() else "end of source"
+    if first_bad and not progress.sent and not worker.should_stop():
+        raise UserError(f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}")
+    _end(worker, progress, last_frame)
+
+
+def _end(worker: Worker, progress: CameraProgress, last_frame: LastFrame) -> None:
+    """Say that no more frames come, and wait until the last one is in the log."""
     worker.bus.publisher(topics.SOURCE_END).put(
         SourceEnd(
             frame_count=progress.sent + progress.skipped,
             bad_frame_count=progress.bad,
             skipped_frame_count=progress.skipped,
-            last_index=progress.next_index - 1,
-            reason=reason,
+            last_index=progress.last_index,
+            reason="stopped" if worker.should_stop() else "end of source",
         )
     )
-    if last_sent >= 0:
-        last_frame.wait_until_logged(progress.publisher, last_sent)
+    if progress.last_index >= 0:
+        last_frame.wait_until_logged(progress.publisher, progress.last_index)
 
 
 def _items(

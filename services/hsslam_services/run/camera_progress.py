@@ -7,7 +7,7 @@ from pathlib import Path
 from hsslam_proto.frame_order import new_publisher
 from hsslam_services.run.run_info import write_atomically
 
-_LAYOUT = struct.Struct("<qqqqqqqq")
+_LAYOUT = struct.Struct("<qqqqqqqqq")
 
 
 @dataclass
@@ -25,6 +25,7 @@ class CameraProgress:
     publisher: int = field(default_factory=new_publisher)
     last_source_ns: int = -1  # stamp of the last frame that was sent; -1: none was
     skipped: int = 0  # late frames that were not read
+    last_index: int = -1  # of the last frame that was sent; -1: none was
 
     def due_ns(self, source_ns: int) -> int:
         """Monotonic time at which the sensor would have delivered the frame of this source stamp."""

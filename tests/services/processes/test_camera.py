@@ -3,19 +3,26 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from hsslam_node.sources.options import SynthOptions
 from hsslam_proto import topics
+from hsslam_proto.codec import encode
 from hsslam_proto.messages import Frame, MapVersion
 from hsslam_proto.run_messages import Health, Hold, Step, TopicCounts
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import PROCESSES
+from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
+from tests.sequence_folders import write_tum_camera
+from tests.services.wire_samples import frame as sample_frame
 
 _ROOM = SynthOptions(width_px=64, height_px=48)
 _CAMERA = next(spec for spec in PROCESSES if spec.name == "camera")
@@ -85,8 +92,12 @@ class _OtherEnd:
 def other_end(make_run: Callable[..., RunInfo]) -> Iterator[Callable[..., _OtherEnd]]:
     started: list[_OtherEnd] = []
 
-    def start(**options) -> _OtherEnd:
-        started.append(_OtherEnd(make_run(synth=_ROOM, **options)))
+    def start(progress: CameraProgress | None = None, **options) -> _OtherEnd:
+        """`progress`: that of a camera that was there before and died."""
+        run = make_run(synth=_ROOM, **options)
+        if progress is not None:
+            progress.write(Path(run.arena_dir))
+        started.append(_OtherEnd(run))
         return started[-1]
 
     yield start
@@ -223,3 +234,44 @@ def test_in_a_new_map_epoch_the_clock_waits_for_the_new_map(other_end):
     end.maps.put(first_map)
     after = [end.frames.wait(5) for _ in range(3)]
     assert [frame.index for frame in after] == [last.index + k for k in range(2, 5)]
+
+
+def test_a_restarted_live_camera_that_had_all_its_frames_says_so(other_end):
+    """It died before it could; there is no camera any more."""
+    had_all = CameraProgress(next_index=4, sent=3, bad=1, last_index=2)
+    end = other_end(had_all, source="ros2:/camera", frames=4)
+    source_end = end.end.wait(30)
+    assert (source_end.frame_count, source_end.bad_frame_count) == (3, 1)
+    assert (source_end.last_index, source_end.reason) == (2, "end of source")
+    end.expect_clean_end()
+
+
+def test_the_end_names_the_index_of_the_last_frame_of_a_log_with_gaps(other_end, tmp_path: Path):
+    (tmp_path / "logged").mkdir()
+    log = PartedLog(tmp_path / "logged", "robot", LogSettings("png"))
+    for sequence, index in enumerate((0, 3, 7)):
+        logged = msgspec.structs.replace(sample_frame(index), publisher=5)
+        log.write(topics.FRAME, encode(topics.FRAME, logged), logged.stamp_ns, 0, sequence)
+    log.close()
+    end = other_end(source=f"mcap:{tmp_path / 'logged'}", pace="lockstep")
+    for index in (0, 3, 7):
+        sent = end.next_frame()
+        assert sent.index == index
+        end.done(sent)
+    assert end.end.wait(5).last_index == 7
+    end.expect_clean_end()
+
+
+def test_a_source_without_any_frame_that_can_be_used_is_bad_input(other_end, tum_folder: Path):
+    write_tum_camera(tum_folder, width=128, height=96)
+    end = other_end(source=f"tum:{tum_folder}")
+    deadline = time.monotonic() + 30
+    while end.camera.state != "failed" and time.monotonic() < deadline:
+        end.beat()
+        end.camera.tick()
+        time.sleep(0.02)
+    assert end.camera.user_error == (
+        f"source tum:{tum_folder}: none of 5 frames is usable: {tum_folder}/rgb/0.png: 64x48 pixels: "
+        "expected 128x96"
+    )
+    assert end.end.poll() is None
