@@ -154,6 +154,20 @@ def test_what_is_missing_is_said(tmp_path):
         source_of(folder)
 
 
+def test_images_at_the_beginning_that_are_broken_are_bad_frames(tmp_path):
+    names = [f"{k}.png" for k in range(4)]
+    folder = record(tmp_path, names, names)
+    whole = (folder / "color/0.png").read_bytes()
+    (folder / "color/0.png").write_bytes(whole[:50])
+    cv2.imwrite(str(folder / "depth/1.png"), np.ones((HEIGHT, 9), np.uint16))
+    items = list(source_of(folder).frames())
+    assert [type(item) for item in items] == [BadFrame, BadFrame, Frame, Frame]
+    for name in names:
+        (folder / "color" / name).write_bytes(whole[:50])
+    with pytest.raises(UserError, match=r"first frame: .*color/0\.png: truncated at 50 bytes"):
+        source_of(folder)
+
+
 def test_images_that_do_not_fit(tmp_path):
     folder = record(tmp_path, ["0.png", "1.png"], ["0.png", "1.png"])
     cv2.imwrite(str(folder / "depth/1.png"), np.ones((HEIGHT, 9), np.uint16))
