@@ -19,7 +19,7 @@ class ImuReading:
     series is of use, also if readings in between are missing. `numbers`, [8], are the same as on the wire, so
     that a replay computes with the same bits: the unit quaternion xyzw of the camera, the integral of its
     specific force (m/s), and the time since the series began (s). `series` names the series: its first
-    stamp, ns.
+    stamp, ns, or a later number if the clock was set back.
 
     Raises:
         UserError: other numbers, or some that are not finite.

@@ -1,6 +1,7 @@
 """Samples of an IMU by their own stamps, integrated and read at the stamps of frames."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from hsslam_node.inertial.reading import ImuReading
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
+_STEP_BACK_S = 1.0  # a clock that was set back; a smaller step is a sample that was overtaken
 
 
 @dataclass(frozen=True)
@@ -23,40 +25,60 @@ class _State:
     rotation: np.ndarray  # [3, 3] camera to series
     velocity: np.ndarray  # [3] m/s of the IMU, axes of the series
     series: int
+    began_ns: int  # stamp of the first sample of the series
 
 
 class ImuTrack:
     """Integrates angular velocity and specific force, and reads both at any stamp near the samples.
 
     Between two samples the angular velocity is their mean, and so is the force, in axes that do not turn
-    (trapezoid). After a gap of more than 0.1 s it begins anew. The newest sample holds for at most 0.03 s.
+    (trapezoid). After a gap of more than 0.1 s, and at a stamp that is more than 1 s before the newest, it
+    begins anew. The newest sample holds for at most 0.03 s.
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
+        clock_set_back: is told by how many seconds stamps went back, each time they did.
     """
 
-    def __init__(self, T_cam_imu: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        T_cam_imu: np.ndarray | None = None,
+        clock_set_back: Callable[[float], None] = lambda _: None,
+    ) -> None:
         T = np.eye(4) if T_cam_imu is None else T_cam_imu
         self._R_cam_imu = T[:3, :3]
         self._lever_m = T[:3, 3]
+        self._clock_set_back = clock_set_back
+        self._newest_series: int | None = None
         self._states: deque[_State] = deque(maxlen=_KEPT)
 
     def add(self, stamp_ns: int, angular_velocity: np.ndarray, acceleration: np.ndarray) -> bool:
-        """Take a sample; False if it is not later than the newest.
+        """Take a sample; False if it is not later than the newest, and at most 1 s earlier.
 
         angular_velocity: [3] rad/s, axes of the IMU.
         acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
         """
         newest = self._states[-1] if self._states else None
-        if newest is not None and stamp_ns <= newest.stamp_ns:
+        back_s = -np.inf if newest is None else 1e-9 * (newest.stamp_ns - stamp_ns)
+        if 0 <= back_s <= _STEP_BACK_S:
             return False
+        if back_s > _STEP_BACK_S:
+            self._states.clear()
+            self._clock_set_back(back_s)
+            newest = None
         turn_rate, force = self._R_cam_imu @ angular_velocity, self._R_cam_imu @ acceleration
         if newest is None or stamp_ns - newest.stamp_ns > _LONGEST_NS:
-            begin = (np.eye(3), np.zeros(3), stamp_ns)
+            begin = (np.eye(3), np.zeros(3), self._next_series(stamp_ns), stamp_ns)
             self._states.append(_State(stamp_ns, turn_rate, force, *begin))
         else:
             self._states.append(_integrated(newest, stamp_ns, turn_rate, force))
         return True
+
+    def _next_series(self, stamp_ns: int) -> int:
+        """The first stamp of a series names it; if stamps went back, a number that no other series has."""
+        before = self._newest_series
+        self._newest_series = stamp_ns if before is None else max(stamp_ns, before + 1)
+        return self._newest_series
 
     def at(self, stamp_ns: int) -> ImuReading | None:
         """What is integrated up to this stamp, of the camera's centre; None without samples near it."""
@@ -79,7 +101,7 @@ class ImuTrack:
             force = force + share * (after.force - force)
         here = _integrated(before, stamp_ns, turn_rate, force)
         of_lever = here.rotation @ np.cross(turn_rate, self._lever_m)
-        seconds = 1e-9 * (stamp_ns - here.series)
+        seconds = 1e-9 * (stamp_ns - here.began_ns)
         return ImuReading.at(here.rotation, here.velocity - of_lever, seconds, here.series)
 
 
@@ -88,4 +110,4 @@ def _integrated(before: _State, stamp_ns: int, turn_rate: np.ndarray, force: np.
     R = before.rotation @ so3_exp(0.5 * seconds * (before.turn_rate + turn_rate))
     change = 0.5 * seconds * (before.rotation @ before.force + R @ force)
     velocity = before.velocity + change
-    return _State(stamp_ns, turn_rate, force, R, velocity, before.series)
+    return _State(stamp_ns, turn_rate, force, R, velocity, before.series, before.began_ns)

@@ -1,7 +1,9 @@
 """Odometry messages by their own stamps, read at the stamps of frames."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from hsslam_node.odometry.reading import OdometryReading
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading across a longer gap
 _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
+_SPEED_OVER_S = 0.05  # poses whose motion goes on: stamps of receipt come in bursts
+_STEP_BACK_S = 1.0  # a clock that was set back; a smaller step is a message that was overtaken
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
 
 
@@ -21,42 +25,59 @@ class _Pose:
     stamp_ns: int
     T_odom_cam: np.ndarray  # [4, 4]
     covariance: np.ndarray  # [6, 6] as of `OdometryReading`
+    is_after_jump: bool = False
 
 
 class OdometryTrack:
     """Poses of a robot's base, read as poses of its camera at any stamp near them.
 
-    The motion between two poses is even, and goes on for at most 0.1 s after the newest. Its covariance is
-    that of the usual noise plus the growth of the poses' covariances. A jump is an unknown motion.
+    The motion between two poses is even, and that of the last 0.05 s goes on for at most 0.1 s after the
+    newest. Its covariance is that of the usual noise plus the growth of the poses' covariances. A jump is an
+    unknown motion. A stamp that is more than 1 s before the newest begins anew, as after a jump.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
         noise: standard deviation after 1 m (m) and after 1 rad (rad).
+        clock_set_back: is told by how many seconds, each time it begins anew.
     """
 
-    def __init__(self, T_base_cam: np.ndarray, noise: float = USUAL_NOISE) -> None:
+    def __init__(
+        self,
+        T_base_cam: np.ndarray,
+        noise: float = USUAL_NOISE,
+        clock_set_back: Callable[[float], None] = lambda _: None,
+    ) -> None:
         self._T_base_cam = T_base_cam
         self._noise = noise
+        self._clock_set_back = clock_set_back
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
         self._of_base = np.zeros((6, 6))  # covariance that the newest pose came with
 
     def add(
         self, stamp_ns: int, T_odom_base: np.ndarray, covariance: np.ndarray | None = None
     ) -> bool:
-        """Take a pose [4, 4]; False if it is not later than the newest.
+        """Take a pose [4, 4]; False if it is not later than the newest, and at most 1 s earlier.
 
         covariance: [6, 6] of translation (m) and of rotation (rad) about the base's centre, axes of odom.
         """
         T = T_odom_base @ self._T_base_cam
+        back_s = 1e-9 * (self._poses[-1].stamp_ns - stamp_ns) if self._poses else -np.inf
         of_base = np.zeros((6, 6)) if covariance is None else covariance
         if not self._poses:
             self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
-        elif stamp_ns <= self._poses[-1].stamp_ns:
+        elif back_s > _STEP_BACK_S:
+            unknown = self._poses[-1].covariance + of_jump()
+            self._poses.clear()
+            self._poses.append(_Pose(stamp_ns, T, unknown))
+            self._clock_set_back(back_s)
+        elif back_s >= 0:
             return False
         else:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
-            doubt = self._doubt(stamp_ns, T) + carried(increase(self._of_base, of_base), lever_m)
-            self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt))
+            jumps = self._jumps(stamp_ns, T)
+            doubt = of_jump() if jumps else growth(self._poses[-1].T_odom_cam, T, self._noise)
+            doubt = doubt + carried(increase(self._of_base, of_base), lever_m)
+            self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, jumps))
         self._of_base = of_base
         return True
 
@@ -77,19 +98,28 @@ class OdometryTrack:
         return _between(before, after, stamp_ns)
 
     def _ahead(self, stamp_ns: int) -> OdometryReading | None:
-        if len(self._poses) < 2 or stamp_ns - self._poses[-1].stamp_ns > 1e9 * _AHEAD_S:
+        newest, before = self._poses[-1], None
+        if stamp_ns - newest.stamp_ns > 1e9 * _AHEAD_S:
             return None
-        return _between(self._poses[-2], self._poses[-1], stamp_ns)
+        after = newest
+        for pose in islice(reversed(self._poses), 1, None):
+            span_ns = newest.stamp_ns - pose.stamp_ns
+            if after.is_after_jump or span_ns > 1e9 * _LONGEST_S:
+                break
+            before = after = pose
+            if span_ns >= 1e9 * _SPEED_OVER_S:
+                break
+        return None if before is None else _between(before, newest, stamp_ns)
 
-    def _doubt(self, stamp_ns: int, T: np.ndarray) -> np.ndarray:
+    def _jumps(self, stamp_ns: int, T: np.ndarray) -> bool:
+        """Whether no robot moves so fast as from the newest pose to this one."""
         newest = self._poses[-1]
         seconds = 1e-9 * (stamp_ns - newest.stamp_ns)
         way = se3_log(inverse(newest.T_odom_cam) @ T)
-        jumps = (
+        return bool(
             np.linalg.norm(way[:3]) > _FASTEST_M_S * seconds
             or np.linalg.norm(way[3:]) > _FASTEST_RAD_S * seconds
         )
-        return of_jump() if jumps else growth(newest.T_odom_cam, T, self._noise)
 
 
 def _between(a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:

@@ -53,7 +53,8 @@ class Frame(Message, frozen=True, kw_only=True):
     `imu`: what an IMU has integrated up to the stamp, in the camera's axes (x right, y down, z forward) and
     those that it had when the series began: qx, qy, qz, qw of the camera, the integral of its specific force
     vx, vy, vz (m/s; at rest it grows upwards), and the time since then (s). `imu_series` names the series:
-    its first stamp. Only differences between frames of one series count. Empty: not known.
+    its first stamp, or a later number if the clock was set back. Only differences between frames of one
+    series count. Empty: not known.
     """
 
     index: FrameIndex

@@ -88,3 +88,22 @@ def test_a_gap_a_late_sample_and_silence():
 def test_a_reading_of_other_numbers_is_refused(numbers):
     with pytest.raises(UserError, match=r"imu .*: expected 8 finite numbers"):
         ImuReading(numbers, 0)
+
+
+def test_a_clock_that_was_set_back_begins_a_series_with_a_name_of_its_own():
+    steps_s: list[float] = []
+    track = ImuTrack(clock_set_back=steps_s.append)
+    series = []
+    for turn_rate in (np.array([0.0, 0.5, 0.0]), np.zeros(3), np.zeros(3)):
+        for k in range(400):  # 2 s, from the same stamp each time
+            assert track.add(k * _STEP_NS, turn_rate, _UP)
+        assert not track.add(300 * _STEP_NS, turn_rate, _UP)  # overtaken on its way
+        last, middle = track.at(399 * _STEP_NS), track.at(200 * _STEP_NS)
+        motion = motion_between(middle, last)
+        assert motion is not None and last is not None
+        assert motion.seconds == pytest.approx(199 * 0.005)
+        np.testing.assert_allclose(motion.rotation, so3_exp(199 * 0.005 * turn_rate), atol=1e-9)
+        assert last.seconds == pytest.approx(399 * 0.005)
+        series.append(last.series)
+    assert len(set(series)) == 3
+    assert steps_s == [pytest.approx(399 * 0.005)] * 2

@@ -89,3 +89,50 @@ def test_after_a_jump_nothing_is_known_of_the_motion():
     motion = since.to(_read(track, 6 * _PERIOD_NS))
     assert motion is not None and motion.is_surer_than(0.01, 0.01)
     np.testing.assert_allclose(motion.T_from_to, se3_exp(0.02 * _SPEED), atol=1e-9)
+
+
+def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
+    steps_s: list[float] = []
+    track = OdometryTrack(np.eye(4), clock_set_back=steps_s.append)
+    for k in range(150):  # 3 s at 1 m/s
+        track.add(k * _PERIOD_NS, se3_exp(np.array([0.02 * k, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    assert not track.add(149 * _PERIOD_NS - 1_000_000_000, np.eye(4))  # overtaken on its way
+    since = MotionSince()
+    since.restart(_read(track, 149 * _PERIOD_NS))
+    for k in range(50):  # the simulator begins anew, the robot stands
+        assert track.add(k * _PERIOD_NS, np.eye(4))
+    assert steps_s == [pytest.approx(149 * 0.02)]
+    for k in range(50):
+        np.testing.assert_allclose(_read(track, k * _PERIOD_NS).T_odom_cam, np.eye(4))
+    motion = since.to(_read(track, 0))
+    assert motion is not None and not motion.is_surer_than(0.5, 0.5)
+    since.restart(_read(track, 0))
+    motion = since.to(_read(track, 49 * _PERIOD_NS))
+    assert motion is not None and motion.is_surer_than(0.01, 0.01)
+
+
+def test_one_stamp_from_the_future_costs_no_further_poses():
+    track = OdometryTrack(np.eye(4))
+    track.add(1_700_000_000_000_000_000, np.eye(4))
+    assert all(track.add(k * _PERIOD_NS, np.eye(4)) for k in range(100))
+
+
+def test_poses_stamped_on_receipt_in_bursts_go_on_at_the_speed_of_the_robot():
+    """At 100 Hz and 1 m/s; two arrive at a time, 2 ms apart."""
+    track = OdometryTrack(np.eye(4))
+    for k in range(20):
+        for n in range(2):
+            T = se3_exp(np.array([0.01 * (2 * k + n), 0.0, 0.0, 0.0, 0.0, 0.0]))
+            track.add(k * _PERIOD_NS + n * 2_000_000, T)
+        if k > 4:
+            read_ns = k * _PERIOD_NS + 17_000_000
+            centre_m = _read(track, read_ns).T_odom_cam[0, 3]
+            assert centre_m == pytest.approx(0.01 * (2 * k + 1) + 0.015, abs=1e-6)
+
+
+def test_after_a_jump_nothing_is_read_ahead_of_it():
+    track = _track(np.eye(4), 5)
+    track.add(5 * _PERIOD_NS, np.eye(4))
+    assert track.at(5 * _PERIOD_NS + 1) is None
+    track.add(6 * _PERIOD_NS, np.eye(4))
+    np.testing.assert_allclose(_read(track, 7 * _PERIOD_NS).T_odom_cam, np.eye(4), atol=1e-12)
