@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.doctor.camera import check_camera_motion, check_intrinsics, check_registration
 from hsslam_node.doctor.depth import check_coverage, check_depth_range, check_depth_scale
-from hsslam_node.doctor.finding import Finding
+from hsslam_node.doctor.finding import Check, Finding
 from hsslam_node.doctor.images import (
     check_exposure,
     check_readable,
@@ -25,12 +25,15 @@ from hsslam_node.doctor.stamps import (
 )
 
 _ALIGNED_PAIRS = 20
+_SENSORS = Check("sensors", "messages", "messages that can be used, of a clock that runs on")
 
 
 def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
     """One finding a check, as they come; `stamps` of all images, where the source has them."""
     yield from _of_stamps(sample, stamps)
     yield check_readable(len(sample.frames), [bad.reason for bad in sample.bad])
+    if sample.reports:
+        yield _SENSORS.note(len(sample.reports), sample.reports[0].text)
     if not sample.frames:
         return
     yield check_intrinsics(sample.frames[0].camera)

@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame, Source
 
 RUN_FRAMES = 3
@@ -23,6 +24,7 @@ class Sample:
     rows: tuple[int, ...]  # numbers within the source
     frames: tuple[Frame, ...]
     bad: tuple[BadFrame, ...]
+    reports: tuple[Report, ...] = ()  # of what is wrong beside the frames
 
     @property
     def spread(self) -> list[Frame]:
@@ -79,7 +81,9 @@ def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
     read = list(itertools.islice(source.frames(), len(rows)))
     frames = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, Frame))
     bad = tuple(replace(f, index=i) for i, f in enumerate(read) if isinstance(f, BadFrame))
-    return Sample(source.name, count, rows[: len(read)], frames, bad)
+    return Sample(
+        source.name, count, rows[: len(read)], frames, bad, tuple(reports_of(source).take())
+    )
 
 
 def _sample_rows(count: int, frames: int) -> tuple[int, ...]:

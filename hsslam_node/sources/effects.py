@@ -14,6 +14,7 @@ from scipy.special import ndtri
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError, read_color
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import (
     BadFrame,
     IsLate,
@@ -37,6 +38,7 @@ class ChangedSource(ReadsInTime):
         self.rate_hz = source.rate_hz
         self.frame_count = source.frame_count
         self.depth_units_per_m = source.depth_units_per_m
+        self.reports = reports_of(source)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """The frames of the other source, changed; late ones are left out if it can do that."""

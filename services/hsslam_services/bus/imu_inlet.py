@@ -1,6 +1,6 @@
 """An IMU on `in/imu` for the frames of this run's camera; a file of its own, as `odometry_inlet.py` is."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
+from hsslam_node.sources.reports import Report
 from hsslam_proto.messages import ImuSamples
 from hsslam_services.bus.subscription import Subscription
 
@@ -17,11 +18,20 @@ class ImuInlet:
 
     Args:
         camera_T_imu: numbers of `--camera-T-imu`.
+        tell: is told of each time that its clock was set back.
     """
 
-    def __init__(self, messages: Subscription[ImuSamples], camera_T_imu: Sequence[float]) -> None:
+    def __init__(
+        self,
+        messages: Subscription[ImuSamples],
+        camera_T_imu: Sequence[float],
+        tell: Callable[[Report], None] = lambda _: None,
+    ) -> None:
         self._messages = messages
-        self._track = ImuTrack(mounting("--camera-T-imu", camera_T_imu))
+        self._track = ImuTrack(
+            mounting("--camera-T-imu", camera_T_imu),
+            lambda seconds: tell(Report.clock_set_back(messages.topic.name, seconds)),
+        )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
         """The frame with the reading at this stamp; unchanged if it has one, or if there is none."""

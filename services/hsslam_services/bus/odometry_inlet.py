@@ -1,11 +1,12 @@
 """Odometry on `in/odometry` for the frames of this run's camera; a file of its own as two paces use it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
+from hsslam_node.sources.reports import Report
 from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.subscription import Subscription
@@ -17,6 +18,7 @@ class OdometryInlet:
     Args:
         base_T_camera: numbers of `--base-T-camera`.
         noise: as in `OdometryTrack`.
+        tell: is told of each time that its clock was set back.
     """
 
     def __init__(
@@ -24,9 +26,14 @@ class OdometryInlet:
         messages: Subscription[RobotOdometry],
         base_T_camera: Sequence[float],
         noise: float,
+        tell: Callable[[Report], None] = lambda _: None,
     ) -> None:
         self._messages = messages
-        self._track = OdometryTrack(RobotFrames.mounted(base_T_camera).T_base_cam, noise)
+        self._track = OdometryTrack(
+            RobotFrames.mounted(base_T_camera).T_base_cam,
+            noise,
+            lambda seconds: tell(Report.clock_set_back(messages.topic.name, seconds)),
+        )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:
         """The frame with the odometry at this stamp; unchanged if it has some, or if there is none."""

@@ -1,6 +1,9 @@
 """Other sensors of the robot, on the bus; a file of its own as three paces name it."""
 
+from collections.abc import Callable
+
 from hsslam_node.frame import Frame
+from hsslam_node.sources.reports import Report
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.imu_inlet import ImuInlet
@@ -19,12 +22,14 @@ class RobotSensors:
         self._imu = imu
 
     @classmethod
-    def heard(cls, bus: Bus, options: ServeOptions) -> "RobotSensors":
-        """Subscribe to both."""
+    def heard(
+        cls, bus: Bus, options: ServeOptions, tell: Callable[[Report], None] = lambda _: None
+    ) -> "RobotSensors":
+        """Subscribe to both; `tell` is told what is wrong with their messages."""
         wheels = bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
         return cls(
-            OdometryInlet(wheels, options.base_T_camera, options.odometry_noise),
-            ImuInlet(bus.subscribe(topics.IMU, _IMU_RING), options.camera_T_imu),
+            OdometryInlet(wheels, options.base_T_camera, options.odometry_noise, tell),
+            ImuInlet(bus.subscribe(topics.IMU, _IMU_RING), options.camera_T_imu, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

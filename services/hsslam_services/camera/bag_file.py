@@ -56,6 +56,7 @@ class BagFile:
         self.name = f"bag:{place}"
         self._path = Path(place).expanduser()
         self._is_ros1 = self._path.suffix == ".bag"
+        self._has_stamps: dict[str, bool] = {}  # by topic, of those that were read
         self.decode = CdrMessages(f"source {self.name}", self._is_ros1)
         if not self._path.exists():
             raise UserError(
@@ -75,12 +76,16 @@ class BagFile:
     def messages(self, topics: Collection[str]) -> Generator[BagMessage, None, None]:
         """The messages of these topics in the order in which they were recorded.
 
+        Where all headers of a topic have stamp 0, its messages have the times at which they were recorded.
+
         Raises:
             UserError: the bag is damaged.
         """
         with self._reported():
-            for topic, type_name, payload in self._payloads(topics):
-                yield BagMessage(topic, type_name, self._stamp_ns(payload), payload)
+            unstamped = self._without_stamps(topics)
+            for topic, type_name, recorded_ns, payload in self._payloads(topics):
+                stamp_ns = recorded_ns if topic in unstamped else self._stamp_ns(payload)
+                yield BagMessage(topic, type_name, stamp_ns, payload)
 
     def static_transforms(self) -> StaticTransforms:
         """All of `/tf_static`; none if the bag has no such topic.
@@ -90,21 +95,37 @@ class BagFile:
         """
         found = StaticTransforms()
         with self._reported():
-            for _, type_name, payload in self._payloads((TOPIC,)):
+            for _, type_name, _, payload in self._payloads((TOPIC,)):
                 try:
                     found.take(self.decode.transforms(payload, type_name))
                 except (BadImageError, UserError) as error:
                     raise UserError(f"source {self.name}: {error}") from None
         return found
 
-    def _payloads(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes]]:
-        """Topic, type and bytes of each message of these topics."""
+    def _without_stamps(self, topics: Collection[str]) -> set[str]:
+        """Those of which all headers have stamp 0; reads until each of the others has another stamp."""
+        unknown = {t.name for t in self.topics if t.name in topics and t.message_count}
+        unknown -= self._has_stamps.keys()
+        zero = set(unknown)
+        with contextlib.closing(self._payloads(tuple(unknown))) as payloads:
+            for topic, _, _, payload in payloads if unknown else ():
+                if topic in zero and self._stamp_ns(payload) != 0:
+                    zero.remove(topic)
+                if not zero:
+                    break
+        self._has_stamps |= {topic: topic not in zero for topic in unknown}
+        return {topic for topic in topics if not self._has_stamps.get(topic, True)}
+
+    def _payloads(
+        self, topics: Collection[str]
+    ) -> Generator[tuple[str, str, int, bytes], None, None]:
+        """Topic, type, time of recording (ns) and bytes of each message of these topics."""
         with self._open() as reader:
             wanted = [connection for connection in reader.connections if connection.topic in topics]
             if not wanted:
                 return
-            for connection, _, payload in reader.messages(wanted):
-                yield connection.topic, connection.msgtype, payload
+            for connection, recorded_ns, payload in reader.messages(wanted):
+                yield connection.topic, connection.msgtype, recorded_ns, payload
 
     def _open(self) -> "Ros1Reader | Ros2Reader":
         from rosbags.rosbag1 import Reader as Ros1Reader

@@ -2,7 +2,9 @@
 
 import contextlib
 from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 from types import MappingProxyType
 
 from hsslam_node.errors import UserError
@@ -10,11 +12,13 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import Report, Reports
+from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.bag_topics import find_camera, imu_topic, odometry_topic
-from hsslam_services.camera.ros_frames import RosFrames
+from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_decoded
 from hsslam_services.ros2.imu_in import RosImu
 from hsslam_services.ros2.odometry_in import RosOdometry
 from hsslam_services.ros2.static_transforms import StaticTransforms
@@ -31,6 +35,7 @@ class BagSource(ReadsInTime):
     """
 
     def __init__(self, place: str, options: SourceOptions) -> None:
+        self.reports = Reports()
         self._bag = BagFile(place)
         found = find_camera(self._bag, options.bag)
         self._color, self._depth = found.color, found.depth
@@ -42,7 +47,8 @@ class BagSource(ReadsInTime):
         self._camera_frame = found.first[0].frame_id
         self._max_dt_ms = options.bag.max_dt_ms
         depth_scale = options.camera.depth_scale
-        self._frames = RosFrames(self._bag.name, found.camera, found.first, depth_scale)
+        first = found.first if can_be_decoded(found.first) else self._first_pair() or found.first
+        self._frames = RosFrames(self._bag.name, found.camera, first, depth_scale)
         pairs = self._new_pairs()
         stamps_ns = [color.stamp_ns for color, _ in self._paired(pairs)]
         if not stamps_ns:
@@ -83,18 +89,39 @@ class BagSource(ReadsInTime):
                 if row == rows[-1]:
                     return
 
+    def _first_pair(self) -> tuple[RawImage, RawImage] | None:
+        """The first that can be decoded; None if the first ones cannot."""
+        with contextlib.closing(self._paired(self._new_pairs())) as pairs:
+            for messages in islice(pairs, MOST_BROKEN):
+                with contextlib.suppress(BadImageError):
+                    if can_be_decoded(pair := self._images(*messages)):
+                        return pair
+        return None
+
+    def _images(self, color: BagMessage, depth: BagMessage) -> tuple[RawImage, RawImage]:
+        """Both, not decoded yet, with the stamps of the messages; raises BadImageError."""
+        color_image, depth_image = (
+            replace(self._bag.decode.image(m.payload, m.type_name), stamp_ns=m.stamp_ns)
+            for m in (color, depth)
+        )
+        return color_image, depth_image
+
     def _new_pairs(self) -> StampPairs[BagMessage]:
         return StampPairs(round(1e6 * self._max_dt_ms))
 
     def _sensors(self) -> dict[str, RosOdometry | RosImu]:
         """Those beside the camera, by topic."""
         sensors: dict[str, RosOdometry | RosImu] = {}
-        if self._odometry_topic:
-            sensors[self._odometry_topic] = RosOdometry(self._options)
-        if self._imu_topic:
+        if topic := self._odometry_topic:
+            sensors[topic] = RosOdometry(self._options, partial(self._clock_set_back, topic))
+        if topic := self._imu_topic:
             mounted_at = partial(self._mountings.between, self._camera_frame)
-            sensors[self._imu_topic] = RosImu(self._options, mounted_at)
+            set_back = partial(self._clock_set_back, topic)
+            sensors[topic] = RosImu(self._options, mounted_at, set_back)
         return sensors
+
+    def _clock_set_back(self, topic: str, seconds: float) -> None:
+        self.reports.add(Report.clock_set_back(topic, seconds))
 
     def _paired(
         self,
@@ -115,13 +142,13 @@ class BagSource(ReadsInTime):
         decode = self._bag.decode
         of_kind = decode.imu if isinstance(sensor, RosImu) else decode.odometry
         try:
-            sensor.take(of_kind(message.payload, message.type_name))
+            sensor.take(of_kind(message.payload, message.type_name), message.stamp_ns)
         except (BadImageError, UserError) as error:
-            raise UserError(f"source {self._bag.name}: {message.topic}: {error}") from None
+            self.reports.add(Report.unusable(message.topic, error))
 
     def _frame(self, index: int, color: BagMessage, depth: BagMessage) -> Frame | BadFrame:
         try:
-            images = [self._bag.decode.image(m.payload, m.type_name) for m in (color, depth)]
+            images = self._images(color, depth)
         except BadImageError as error:
             return BadFrame(index, color.stamp_ns, str(error))
         return self._frames.frame(index, *images)

@@ -1,11 +1,12 @@
 """A source that is away for a while: opened again with growing pauses, once it has given frames."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source, SourceLostError
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import Worker
@@ -53,7 +54,7 @@ def live_frames(
     opened: Source | None = source
     while opened is not None:
         try:
-            for item in opened.frames():
+            for item in with_reports(worker, opened, opened.frames()):
                 yield replace(item, index=index)
                 index, used = index + 1, used + isinstance(item, Frame)
             return
@@ -66,6 +67,19 @@ def live_frames(
             return
         _pause(worker, _FIRST_PAUSE_S)
         opened = open_with_patience(worker, had_frames=True, after=index)
+
+
+def with_reports(
+    worker: Worker, source: Source, items: Iterable[Frame | BadFrame]
+) -> Iterator[Frame | BadFrame]:
+    """The items of a source; what it has to tell beside them is counted and told to the operator."""
+    reports = reports_of(source)
+    for item in items:
+        for report in reports.take():
+            worker.warn_once(report)
+        yield item
+    for report in reports.take():
+        worker.warn_once(report)
 
 
 def _rest(options: SourceOptions, after: int) -> SourceOptions:

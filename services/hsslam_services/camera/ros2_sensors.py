@@ -1,7 +1,8 @@
 """Sensors beside a camera of ROS 2: odometry of the robot, an IMU, and where that is mounted."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import Report, Reports
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
@@ -34,9 +36,16 @@ class Ros2Sensors:
     """Subscribes to the sensors that the options name."""
 
     def __init__(
-        self, name: str, options: SourceOptions, session: zenoh.Session, cdr: CdrMessages
+        self,
+        name: str,
+        options: SourceOptions,
+        session: zenoh.Session,
+        cdr: CdrMessages,
+        reports: Reports,
     ) -> None:
         self._cdr = cdr
+        self._reports = reports
+        self.problem = ""  # why the newest message that cannot be used cannot
         self.camera_frame = ""  # that ROS names the optical frame by, once it is known
         self._mountings = StaticTransforms()
         ros2 = options.ros2
@@ -50,7 +59,7 @@ class Ros2Sensors:
             )
         self._sensors = [
             _Sensor(
-                *(option, topic, kind, make(options)),
+                *(option, topic, kind, make(options, partial(self._clock_set_back, topic))),
                 session.declare_subscriber(
                     topic_keys(ros2.domain, topic), zenoh.handlers.RingChannel(_RING)
                 ),
@@ -68,11 +77,7 @@ class Ros2Sensors:
         return next((s for s in self._sensors if not s.sensor.has_any), None)
 
     def hear(self) -> None:
-        """Take what has come.
-
-        Raises:
-            UserError: a message is of another type or cannot be used; names its topic.
-        """
+        """Take what has come; a message that is of another type or cannot be used is reported."""
         self._hear_transforms()
         for sensor in self._sensors:
             for payload, type_name in _received(sensor.subscriber):
@@ -80,7 +85,7 @@ class Ros2Sensors:
                 try:
                     sensor.sensor.take(decode(payload, type_name))
                 except (BadImageError, UserError) as error:
-                    raise UserError(f"{sensor.topic}: {error}") from None
+                    self._is_unusable(sensor.topic, error)
 
     def _hear_transforms(self) -> None:
         if self._transforms is None:
@@ -88,18 +93,25 @@ class Ros2Sensors:
         for payload, type_name in _received(self._transforms):
             try:
                 self._mountings.take(self._cdr.transforms(payload, type_name))
-            except BadImageError as error:
-                raise UserError(f"{TOPIC}: {error}") from None
+            except (BadImageError, UserError) as error:
+                self._is_unusable(TOPIC, error)
 
-    def _imu(self, options: SourceOptions) -> RosImu:
-        return RosImu(options, self._mounted_at)
+    def _is_unusable(self, topic: str, error: Exception) -> None:
+        self.problem = f"; {topic}: {error}"
+        self._reports.add(Report.unusable(topic, error))
+
+    def _clock_set_back(self, topic: str, seconds: float) -> None:
+        self._reports.add(Report.clock_set_back(topic, seconds))
+
+    def _imu(self, options: SourceOptions, clock_set_back: Callable[[float], None]) -> RosImu:
+        return RosImu(options, self._mounted_at, clock_set_back)
 
     def _mounted_at(self, imu_frame: str) -> np.ndarray | None:
         """T_camera_imu, [4, 4], by what was heard of `/tf_static`."""
         return self._mountings.between(self.camera_frame, imu_frame)
 
     def given(self, frame: Frame) -> Frame:
-        """The frame with what they say at its stamp; raises as `hear`."""
+        """The frame with what they say at its stamp."""
         self.hear()
         for sensor in self._sensors:
             frame = sensor.sensor.given(frame)

@@ -11,6 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, SourceLostError
@@ -23,7 +24,7 @@ from hsslam_services.camera.ros2_messages import (
     type_of,
 )
 from hsslam_services.camera.ros2_sensors import Ros2Sensors
-from hsslam_services.camera.ros_frames import RosFrames
+from hsslam_services.camera.ros_frames import MOST_BROKEN, RosFrames, can_be_decoded
 
 _RING = 4  # images of a topic that wait for us: the newest
 _POLL_S = 0.001
@@ -60,7 +61,8 @@ class Ros2Source:
             )
             for topic in self._topics
         )
-        self._sensors = Ros2Sensors(name, options, self._session, self._cdr)
+        self.reports = Reports()
+        self._sensors = Ros2Sensors(name, options, self._session, self._cdr, self.reports)
         try:
             camera, first = self._wait(name)
             depth_scale = options.camera.depth_scale
@@ -95,7 +97,8 @@ class Ros2Source:
                 continue
             if pair is not None:
                 heard_s, silences = time.monotonic(), 0
-                yield self._with_sensors(self._frames.frame(0, *pair))
+                frame = self._frames.frame(0, *pair)
+                yield self._sensors.given(frame) if isinstance(frame, Frame) else frame
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
                 yield BadFrame(0, time.time_ns(), f"nothing for {_SILENCE_S:g} s{self._why_none()}")
@@ -105,15 +108,6 @@ class Ros2Source:
                     )
             else:
                 time.sleep(_POLL_S)
-
-    def _with_sensors(self, frame: Frame | BadFrame) -> Frame | BadFrame:
-        """The frame with what other sensors say at its stamp; reports a bad message of one in its place."""
-        if isinstance(frame, BadFrame):
-            return frame
-        try:
-            return self._sensors.given(frame)
-        except UserError as error:
-            return BadFrame(0, frame.stamp_ns, str(error))
 
     def _next_pair(self) -> tuple[RawImage, RawImage] | None:
         """A pair of what has come, None if there is none yet; raises BadImageError."""
@@ -135,6 +129,7 @@ class Ros2Source:
     def _wait(self, name: str) -> tuple[Camera, tuple[RawImage, RawImage]]:
         """Intrinsics and the first pair."""
         camera, pair, problem = None, None, ""
+        broken: list[tuple[RawImage, RawImage]] = []
         is_rectified = "rect" in self._topics[0]
         deadline = time.monotonic() + self._options.ros2.timeout_s
         while (
@@ -146,24 +141,31 @@ class Ros2Source:
                 if camera is None and (sample := self._info.try_recv()) is not None:
                     kind = type_of(str(sample.key_expr))
                     camera = self._cdr.camera(sample.payload.to_bytes(), kind, is_rectified)
-                pair = self._next_pair() or pair
-                if pair is not None:
-                    self._sensors.camera_frame = pair[0].frame_id
+                if (newest := self._next_pair()) is not None:
+                    self._sensors.camera_frame = newest[0].frame_id
+                    if can_be_decoded(newest):
+                        pair = newest
+                    elif len(broken) < MOST_BROKEN:
+                        broken.append(newest)
+                if pair is None and len(broken) == MOST_BROKEN:
+                    pair = broken[0]
                 self._sensors.hear()
             except (BadImageError, UserError) as error:
                 problem = f"; {error}"
             time.sleep(_POLL_S)
+        pair = pair or next(iter(broken), None)
         if camera is None or pair is None:
             missing = "no camera_info" if camera is None else "no colour with its depth"
             waited = f"within {self._options.ros2.timeout_s:g} s"
             raise UserError(
                 f"source ros2:{name}: {missing} {waited} on {', '.join(self._topics)}"
-                f"{problem or self._why_none()}; heard: {self._heard()}"
+                f"{problem or self._sensors.problem or self._why_none()}; heard: {self._heard()}"
             )
         if silent := self._sensors.silent:
             raise UserError(
                 f"source ros2:{name}: no {silent.name} within {self._options.ros2.timeout_s:g} s on "
-                f"{silent.topic}{problem}: expected {silent.type_name}, or no --ros2.{silent.name}"
+                f"{silent.topic}{self._sensors.problem}: expected {silent.type_name}, or no "
+                f"--ros2.{silent.name}"
             )
         return camera, pair
 

@@ -8,6 +8,19 @@ from hsslam_node.sources.files.undistortion import Undistortion
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.source import BadFrame
 
+MOST_BROKEN = 30  # pairs before the first that can be decoded
+
+
+def can_be_decoded(pair: tuple[RawImage, RawImage]) -> bool:
+    """Whether size and encodings of a source can be told from this pair of colour and depth."""
+    color, depth = pair
+    try:
+        color.color()
+        depth.depth()
+    except BadImageError:
+        return False
+    return True
+
 
 class RosFrames:
     """Makes frames of pairs of images; `camera` is that of colour, with its distortion.

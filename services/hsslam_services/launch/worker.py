@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
+from hsslam_node.sources.reports import Report
 from hsslam_proto import topics
 from hsslam_proto.run_messages import Event, Health, TopicCounts
 from hsslam_services.bus.bus import Bus
@@ -125,6 +126,12 @@ class Worker:
         self._events.put(
             Event(process=self.name, level=level, text=text[:4096], stamp_ns=time.time_ns())
         )
+
+    def warn_once(self, report: Report) -> None:
+        """Count it by its kind, and tell the operator of the first of them."""
+        self.count(report.kind)
+        if self.counters[report.kind] == 1:
+            self.event("warning", f"{report.text} (further ones are counted)")
 
     def add_to_summary(self, section: Mapping[str, Any]) -> None:
         """Leave a section of summary.json for the supervisor, beside those left before."""

@@ -21,7 +21,7 @@ from hsslam_services.camera.last_frame import LastFrame
 from hsslam_services.camera.pacing import Live, Lockstep, Pace
 from hsslam_services.camera.prefetch import Prefetch
 from hsslam_services.camera.realtime import Realtime
-from hsslam_services.camera.reopening import live_frames, open_with_patience
+from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.camera_progress import CameraProgress
@@ -75,17 +75,23 @@ def _run(worker: Worker) -> None:
     # in lockstep all wait for a frame that is lost: rather wait for room on the way
     frames_topic = worker.bus.publisher(topics.FRAME, block=options.pace == "lockstep")
     pace: Pace
+    told = worker.warn_once
     if options.pace == "lockstep":
         pace = Lockstep(worker, frames_topic, progress.publisher)
     elif is_live(options.source):
         pace = Live(
-            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options)
+            worker, frames_topic, progress.publisher, RobotSensors.heard(worker.bus, options, told)
         )
     else:
         scale = _clock_scale(options.rate_hz, source.rate_hz)
         period_s = 1 / (options.rate_hz or source.rate_hz)
         pace = Realtime(
-            worker, frames_topic, progress, scale, RobotSensors.heard(worker.bus, options), period_s
+            worker,
+            frames_topic,
+            progress,
+            scale,
+            RobotSensors.heard(worker.bus, options, told),
+            period_s,
         )
     pause, mode = PauseListener(worker), MapState(worker.run.arena_dir)
     last_frame, first_bad = LastFrame(worker), ""
@@ -118,7 +124,9 @@ def _run(worker: Worker) -> None:
             progress.write(Path(worker.run.arena_dir))
             worker.counters.update(sent=progress.sent, bad=progress.bad, skipped=progress.skipped)
     if first_bad and not progress.sent and not worker.should_stop():
-        raise UserError(f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}")
+        raise UserError(
+            f"source {source.name}: none of {progress.bad} frames is usable: {first_bad}"
+        )
     _end(worker, progress, last_frame)
 
 
@@ -143,7 +151,8 @@ def _items(
     """What comes from index `first` on: files are read ahead, of a live camera what comes now is used."""
     if is_live(worker.options.source):
         return live_frames(worker, source, first)
-    return Prefetch(frames_in_time(source, first, pace.is_late), _AHEAD, worker.should_stop)
+    items = with_reports(worker, source, frames_in_time(source, first, pace.is_late))
+    return Prefetch(items, _AHEAD, worker.should_stop)
 
 
 def _clock_scale(rate_hz: float | None, source_rate_hz: float) -> float:

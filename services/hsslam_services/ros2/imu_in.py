@@ -24,20 +24,26 @@ class RosImu:
 
     Args:
         mounted_at: T_camera_imu, [4, 4], of an IMU with this frame of ROS; None: not known.
+        clock_set_back: is told by how many seconds stamps went back, each time they did.
     """
 
     def __init__(
         self,
         options: SourceOptions,
         mounted_at: Callable[[str], np.ndarray | None] = lambda _: None,
+        clock_set_back: Callable[[float], None] = lambda _: None,
     ) -> None:
-        self._track = ImuTrack(mounting("--camera-T-imu", options.camera_T_imu))
+        self._clock_set_back = clock_set_back
+        T_camera_imu = mounting("--camera-T-imu", options.camera_T_imu)
+        self._track = ImuTrack(T_camera_imu, clock_set_back)
         self._is_mounted = bool(options.camera_T_imu)
         self._mounted_at = mounted_at
         self.has_any = False
 
-    def take(self, message: Any) -> None:
+    def take(self, message: Any, stamp_ns: int | None = None) -> None:
         """Take a message, decoded by rosbags; one that is not later than the last is ignored.
+
+        stamp_ns: of the message; None: that of its header.
 
         Raises:
             UserError: its numbers are not finite, or it says that it measures only one of the two.
@@ -59,8 +65,8 @@ class RosImu:
                 )
         self._mount(str(message.header.frame_id))
         stamp = message.header.stamp
-        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        self._track.add(stamp_ns, turn_rate, force)
+        header_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        self._track.add(header_ns if stamp_ns is None else stamp_ns, turn_rate, force)
         self.has_any = True
 
     def _mount(self, frame_id: str) -> None:
@@ -69,7 +75,7 @@ class RosImu:
             return
         T_camera_imu = self._mounted_at(frame_id)
         if T_camera_imu is not None:
-            self._track = ImuTrack(T_camera_imu)
+            self._track = ImuTrack(T_camera_imu, self._clock_set_back)
             self._is_mounted = True
 
     def given(self, frame: Frame) -> Frame:

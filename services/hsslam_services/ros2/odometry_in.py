@@ -1,5 +1,6 @@
 """Odometry of ROS, `nav_msgs/Odometry`, read for the frames of a camera."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,15 +21,20 @@ class RosOdometry:
     """Takes messages as they come, and adds odometry to frames at their stamps.
 
     The messages are poses of `base_link`; `--base-T-camera` is the pose of the camera in it.
+    `clock_set_back` is told by how many seconds stamps went back, each time they did.
     """
 
-    def __init__(self, options: SourceOptions) -> None:
-        mounted = RobotFrames.mounted(options.base_T_camera)
-        self._track = OdometryTrack(mounted.T_base_cam, options.odometry_noise)
+    def __init__(
+        self, options: SourceOptions, clock_set_back: Callable[[float], None] = lambda _: None
+    ) -> None:
+        T_base_cam = RobotFrames.mounted(options.base_T_camera).T_base_cam
+        self._track = OdometryTrack(T_base_cam, options.odometry_noise, clock_set_back)
         self.has_any = False
 
-    def take(self, message: Any) -> None:
+    def take(self, message: Any, stamp_ns: int | None = None) -> None:
         """Take a message, decoded by rosbags; one that is not later than the last is ignored.
+
+        stamp_ns: of the message; None: that of its header.
 
         Raises:
             UserError: its pose has numbers that are not finite, or no unit quaternion.
@@ -41,8 +47,8 @@ class RosOdometry:
             )
         covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
         stamp = message.header.stamp
-        stamp_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        self._track.add(stamp_ns, transform(t, q), covariance)
+        header_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        self._track.add(header_ns if stamp_ns is None else stamp_ns, transform(t, q), covariance)
         self.has_any = True
 
     def given(self, frame: Frame) -> Frame:

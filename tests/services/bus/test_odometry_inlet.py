@@ -11,6 +11,7 @@ from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.reports import Report
 from hsslam_node.sources.synth import synth_truth
 from hsslam_proto import topics
 from hsslam_proto.messages import RobotOdometry
@@ -48,6 +49,21 @@ def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
         own = OdometryReading.at(np.eye(4))
         kept = Frame(**{**vars(_FRAME), "odometry": own})
         assert inlet.given(kept, last).odometry is own
+
+
+def test_a_clock_that_was_set_back_is_told(endpoint):
+    told: list[Report] = []
+    with Bus(endpoint, "r", "outside") as outside, Bus(endpoint, "r", "camera") as camera:
+        messages = camera.subscribe(topics.ODOMETRY, 64)
+        inlet = OdometryInlet(messages, _AHEAD, USUAL_NOISE, told.append)
+        wheels = outside.publisher(topics.ODOMETRY)
+        for stamp_ns in (_START_NS + 9_000_000_000, _START_NS):
+            wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=(0.0, 0.0, 0.0), q=(0.0, 0.0, 0.0, 1.0)))
+        given_up_s = time.monotonic() + 20
+        while inlet.given(_FRAME, _START_NS).odometry is None:
+            assert time.monotonic() < given_up_s
+    assert [report.kind for report in told] == ["in/odometry: clock set back"]
+    assert "set back by 9.0 s" in told[0].text
 
 
 @pytest.mark.e2e

@@ -21,7 +21,10 @@ _STORAGE = {"db3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
 
 
 class BagWriter:
-    """Makes messages of one version of ROS, and writes them at the times of their stamps."""
+    """Makes messages of one version of ROS, and writes them at the times of their stamps, or so much later
+    as `recorded_later_ns` says."""
+
+    recorded_later_ns = 0
 
     def __init__(self, writer: Any, is_ros1: bool) -> None:
         self._writer = writer
@@ -49,7 +52,8 @@ class BagWriter:
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
         serialize = store.serialize_ros1 if self._is_ros1 else store.serialize_cdr
-        self._writer.write(self._connections[topic], stamp_ns, serialize(message, kind))
+        recorded_ns = stamp_ns + self.recorded_later_ns
+        self._writer.write(self._connections[topic], recorded_ns, serialize(message, kind))
 
     def image(self, topic: str, stamp_ns: int, pixels: np.ndarray, encoding: str) -> None:
         """An `Image` of pixels [H, W] or [H, W, channels]."""

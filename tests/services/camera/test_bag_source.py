@@ -1,5 +1,6 @@
 """Bags as a source: the frames that were written come back, of each kind of bag."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,12 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
+from hsslam_node.doctor.examine import examine
+from hsslam_node.doctor.sample import take_sample
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import BagOptions, CameraOptions, SourceOptions, SynthOptions
+from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_services.camera.open_source import open_any_source
 from tests.late_frames import expect_late_frames_left_out
@@ -300,6 +304,98 @@ def test_a_static_transform_that_is_none_is_one_line(room: list[Frame], tmp_path
     ):
         opened(path, bag=BagOptions(imu="/imu/data"))
     assert all(frame.imu is None for frame in whole_frames(opened(path)))
+
+
+def _with_odometry(path: Path, room: list[Frame], at: Callable[[int], tuple[float, ...]]) -> Source:
+    """The bag of the room with 50 messages a second, from its first frame's stamp on."""
+    with new_bag(path, "mcap") as bag:
+        for frame in room:
+            for stamp_ns in range(frame.stamp_ns, frame.stamp_ns + 33_000_000, 10_000_000):
+                bag.odometry("/odom", stamp_ns, at(stamp_ns))
+            bag.frame(frame)
+    return opened(path, bag=BagOptions(odometry="/odom"))
+
+
+@pytest.mark.parametrize("bad", [(0.0,) * 7, (np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)])
+def test_an_odometry_message_that_cannot_be_used_costs_no_frame(bad, room, tmp_path: Path):
+    still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    worst_ns = room[3].stamp_ns
+    source = _with_odometry(tmp_path / "bag", room, lambda ns: bad if ns == worst_ns else still)
+    frames = whole_frames(source)
+    assert [frame.odometry is not None for frame in frames] == [True] * 6
+    (report,) = reports_of(source).take()
+    assert report.kind == "/odom: unusable messages"
+    assert report.text.startswith("/odom: odometry: position [")
+    assert not reports_of(source).take()
+
+
+def test_odometry_that_is_never_usable_costs_no_frame(room, tmp_path: Path):
+    source = _with_odometry(tmp_path / "bag", room, lambda _: (0.0,) * 7)
+    asked = SourceOptions(bag=BagOptions(odometry="/odom"))
+    sample = take_sample(f"bag:{tmp_path / 'bag'}", asked, 6, open_any_source)
+    (found,) = (f for f in examine(sample, None) if f.name == "sensors")
+    assert found.severity == "note" and found.seen.startswith("/odom: odometry: position [")
+    assert all(frame.odometry is None for frame in whole_frames(source))
+    assert len(reports_of(source).take()) > 6
+
+
+def test_a_bag_of_a_clock_that_was_set_back_has_the_odometry_of_each_run(room, tmp_path: Path):
+    """The robot drives, the simulator is reset, and the robot stands."""
+    moved = [replace(f, stamp_ns=f.stamp_ns + (k >= 3) * 2_000_000_000) for k, f in enumerate(room)]
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for run, speed_m_s in enumerate((1.0, 0.0)):
+            bag.recorded_later_ns = run * 5_000_000_000
+            for frame in moved:
+                at_m = 1e-9 * frame.stamp_ns * speed_m_s
+                bag.odometry("/odom", frame.stamp_ns, (at_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+                bag.frame(frame)
+    ahead = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    source = opened(tmp_path / "bag", base_T_camera=ahead, bag=BagOptions(odometry="/odom"))
+    second = whole_frames(source)[6:]
+    assert [f.odometry.numbers[0] for f in second if f.odometry is not None] == [0.0] * 6
+    (report,) = reports_of(source).take()
+    assert report.text.startswith("/odom: clock set back by 2.2 s")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_headers_without_stamps_have_the_times_of_the_recording(kind, room, tmp_path: Path):
+    path = tmp_path / ("a.bag" if kind == "bag" else "a")
+    with new_bag(path, kind) as bag:
+        for frame in room:
+            bag.recorded_later_ns = 10**18 + frame.stamp_ns
+            bag.odometry("/odom", 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+            bag.frame(replace(frame, stamp_ns=0))
+    frames = whole_frames(opened(path, bag=BagOptions(odometry="/odom")))
+    assert [frame.stamp_ns for frame in frames] == [10**18 + frame.stamp_ns for frame in room]
+    assert all(frame.odometry is not None for frame in frames)
+
+
+def test_only_all_stamps_of_a_topic_that_are_0_are_none(room, tmp_path: Path):
+    """As of a simulator whose clock begins at 0, recorded by the wall clock."""
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        bag.recorded_later_ns = 10**18
+        for frame in room:
+            bag.frame(frame)
+    assert room[0].stamp_ns == 0
+    stamps = [frame.stamp_ns for frame in whole_frames(opened(tmp_path / "bag"))]
+    assert stamps == [frame.stamp_ns for frame in room]
+
+
+def test_broken_images_at_the_beginning_are_bad_frames(room, tmp_path: Path):
+    def write(name: str, broken: int) -> Path:
+        with new_bag(tmp_path / name, "mcap") as bag:
+            bag.info(INFO, 0, room[0].camera)
+            for frame in room:
+                color = cv2.imencode(".jpg", frame.color[..., ::-1])[1]
+                kept = color[: len(color) // 2] if frame.index < broken else color
+                bag.file(f"{COLOR}/compressed", frame.stamp_ns, kept, "jpeg")
+                bag.image(DEPTH, frame.stamp_ns, frame.depth_raw, "16UC1")
+        return tmp_path / name
+
+    items = list(opened(write("two", 2)).frames())
+    assert [isinstance(item, BadFrame) for item in items] == [k < 2 for k in range(6)]
+    with pytest.raises(UserError, match=r"source bag:.*: image in format 'jpeg': truncated at"):
+        opened(write("all", 6))
 
 
 def test_images_of_late_frames_are_not_decoded(room: list[Frame], tmp_path: Path):

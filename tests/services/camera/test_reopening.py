@@ -5,17 +5,22 @@ import os
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.options import BagOptions, Ros2Options, SourceOptions, SynthOptions
 from hsslam_node.sources.source import BadFrame
+from hsslam_proto import topics
+from hsslam_services.bus.bus import Bus
 from hsslam_services.camera import ros2_source
-from hsslam_services.camera.reopening import live_frames, open_with_patience
+from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.run_info import RunInfo
+from tests.services.camera.ros_bags import new_bag
 from tests.services.camera.ros_camera import RosCamera
 
 _ROOM = SourceOptions(frames=6, synth=SynthOptions(width_px=160, height_px=120))
@@ -58,3 +63,23 @@ def test_a_driver_that_is_restarted_with_another_lens_goes_on(
     assert good[0].camera.fx != 99.0 and good[-1].camera.fx == 99.0
     lost = [item.reason for item in taken if isinstance(item, BadFrame)]
     assert len(lost) == 3 and all(reason.startswith("nothing for 0.2 s") for reason in lost)
+
+
+def test_what_a_source_has_to_tell_is_told_once_and_counted(
+    make_run: Callable[..., RunInfo], endpoint: str, room: list[Frame], tmp_path: Path
+):
+    with new_bag(tmp_path / "bag", "mcap") as bag:
+        for frame in room:
+            bag.odometry("/odom", frame.stamp_ns, (0.0,) * 7)
+            bag.frame(frame)
+    options = SourceOptions(bag=BagOptions(odometry="/odom"), cover_frames=1)
+    source = open_any_source(f"bag:{tmp_path / 'bag'}", options)
+    run = replace(make_run(), supervisor_pid=os.getppid())
+    with Bus(run.endpoint, run.robot, "test") as bus, Worker("camera", run) as worker:
+        events = bus.subscribe(topics.EVENT, 16)
+        items = list(with_reports(worker, source, source.frames()))
+        assert all(isinstance(item, Frame) for item in items) and len(items) == 6
+        assert worker.counters["/odom: unusable messages"] == 6
+        event = events.wait(20)
+        assert event is not None and event.text.startswith("/odom: odometry: position [")
+        assert events.wait(0.2) is None

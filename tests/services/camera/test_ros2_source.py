@@ -3,8 +3,10 @@
 import itertools
 import json
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
@@ -23,7 +26,16 @@ from hsslam_services.commands.doctor import main as doctor
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode
-from tests.services.camera.ros_camera import FIRST_NS, RosCamera, camera_info, image, imu, odometry
+from tests.services.camera.ros_camera import (
+    FIRST_NS,
+    CompressedImage,
+    RosCamera,
+    camera_info,
+    header,
+    image,
+    imu,
+    odometry,
+)
 
 ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
 
@@ -125,6 +137,58 @@ def test_messages_that_are_none_and_silence_are_told_and_it_goes_on(
     assert told.reason.startswith("nothing for 0.3 s")
     ended.set()
     assert list(itertools.islice(frames, 10)) == []
+
+
+def _put_each(
+    camera: RosCamera, room: list[Frame], ended: threading.Event, color: Callable
+) -> None:
+    """Frames whose colour is what `color` makes of its JPEG and its number, with odometry."""
+    for k in itertools.count():
+        if ended.wait(0.02):
+            return
+        stamp_ns, frame = FIRST_NS + k * 33_333_333, room[k % len(room)]
+        camera.put("/camera/color/camera_info", camera_info(stamp_ns, frame.camera), "CameraInfo")
+        numbers = (0.0,) * 7 if k % 3 == 2 else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        camera.put("/odom", odometry(stamp_ns, numbers), "Odometry")
+        jpeg = cv2.imencode(".jpg", frame.color[..., ::-1])[1].tobytes()
+        message = CompressedImage(header(stamp_ns), "jpeg", color(jpeg, k))
+        camera.put("/camera/color/image_raw/compressed", message, "CompressedImage")
+        depth = (frame.depth_m() * 1000).astype(np.uint16)
+        camera.put("/camera/aligned_depth_to_color/image_raw", image(stamp_ns, depth, "16UC1"))
+
+
+def _opened_of_jpegs(
+    endpoint: str, camera: RosCamera, room: list[Frame], color: Callable[[bytes, int], bytes]
+) -> tuple[list[Frame | BadFrame], list[Report]]:
+    """30 frames, and what is told beside them."""
+    ended = threading.Event()
+    thread = threading.Timer(0.5, _put_each, (camera, room, ended, color))
+    thread.start()
+    try:
+        name = "color/image_raw/compressed"
+        asked = options(endpoint, 30, color=name, odometry="/odom")
+        source = open_any_source("ros2:/camera", asked)
+        return list(source.frames()), reports_of(source).take()
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_first_image_that_is_broken_and_odometry_that_is_none_cost_no_frame(
+    endpoint, ros_camera, room
+):
+    items, reports = _opened_of_jpegs(
+        endpoint, ros_camera, room, lambda jpeg, k: jpeg[: len(jpeg) // 2] if k < 20 else jpeg
+    )
+    assert sum(isinstance(item, Frame) for item in items) >= 27
+    assert sum(isinstance(item, Frame) and item.odometry is not None for item in items) >= 25
+    assert {report.kind for report in reports} == {"/odom: unusable messages"}
+    assert len(reports) > 5
+
+
+def test_images_that_are_all_broken_are_refused(endpoint, ros_camera, room):
+    with pytest.raises(UserError, match=r"ros2:/camera: image in format 'jpeg': truncated at \d+"):
+        _opened_of_jpegs(endpoint, ros_camera, room, lambda jpeg, k: jpeg[: len(jpeg) // 2])
 
 
 def test_odometry_of_wheels_comes_with_the_frames(endpoint, ros_camera, room):
