@@ -2,6 +2,7 @@
 
 import re
 from datetime import UTC, datetime
+from decimal import Decimal
 
 from hsslam_node.geometry.trajectory import parse_stamp_ns
 
@@ -9,6 +10,7 @@ from hsslam_node.geometry.trajectory import parse_stamp_ns
 _DATE_AND_TIME = re.compile(
     r"(?<!\d)(\d{4})[-_.]?(\d\d)[-_.]?(\d\d)[T_ -](\d\d)[-_:.]?(\d\d)[-_:.]?(\d\d)[._-](\d{1,9})(?!\d)"
 )
+_SECONDS_DIGITS = 10  # before the point, of a time since 1970
 _NS_BY_DIGITS = {13: 1_000_000, 16: 1000, 19: 1}  # since 1970: ms, us, ns
 
 
@@ -16,7 +18,9 @@ def name_stamp_ns(stem: str) -> int | None:
     """Time in a file name, ns; None if there is none.
 
     `1305031102.175304` (s), `rgb_1700000000_123456789` (s and ns), `2024-01-31_12-30-55.250` (taken as
-    UTC), or whole numbers of 13, 16 or 19 digits, which do not begin with 0: ms, us or ns since 1970.
+    UTC), or numbers of 13, 16 or 19 digits before the point, if any, which do not begin with 0: ms, us or ns
+    since 1970. A number with a point right behind a letter is a time only if it is one since 1970:
+    `room1.0001` is image 1 of room1.
     """
     if both := re.search(r"(?<!\d)(\d{10})[_-](\d{9})(?!\d)", stem):
         return int(both[1]) * 1_000_000_000 + int(both[2])
@@ -27,16 +31,29 @@ def name_stamp_ns(stem: str) -> int | None:
         except ValueError:  # as of a 13th month
             return None
         return int(moment.timestamp()) * 1_000_000_000 + int(fraction.ljust(9, "0"))
-    numbers = re.findall(r"\d+\.\d+|\d+", stem)
+    numbers = list(re.finditer(r"\d+\.\d+|\d+", stem))
     if not numbers:
         return None
-    return parse_stamp_ns(numbers[-1]) if "." in numbers[-1] else whole_stamp_ns(numbers[-1])
+    number = numbers[-1].group()
+    stamp_ns = long_stamp_ns(number)
+    if stamp_ns is not None or "." not in number:
+        return stamp_ns
+    is_in_word = stem[: numbers[-1].start()][-1:].isalpha()
+    if is_in_word and number.index(".") < _SECONDS_DIGITS:
+        return None
+    try:
+        return parse_stamp_ns(number)
+    except ValueError:  # more than nanoseconds can hold
+        return None
 
 
-def whole_stamp_ns(digits: str) -> int | None:
-    """A whole number as a time since 1970, its unit told by its digits; None of other lengths."""
+def long_stamp_ns(number: str) -> int | None:
+    """A number as a time since 1970, its unit told by its digits before the point; None of other lengths."""
+    digits, _, fraction = number.partition(".")
     unit_ns = None if digits[0] == "0" else _NS_BY_DIGITS.get(len(digits))
-    return None if unit_ns is None else int(digits) * unit_ns
+    if unit_ns is None:
+        return None
+    return int(digits) * unit_ns + int(Decimal(f"0.{fraction or 0}") * unit_ns)
 
 
 def name_number(stem: str) -> int | None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import parse_stamp_ns
-from hsslam_node.sources.files.name_stamp import whole_stamp_ns
+from hsslam_node.sources.files.name_stamp import long_stamp_ns
 
 _NAMES = ("times.txt", "times.csv", "timestamps.txt", "timestamps.csv")
 
@@ -14,8 +14,9 @@ def read_times(folder: Path, files: list[Path]) -> dict[Path, int] | None:
     """Stamps in ns of these files, from `times.txt`, `times.csv`, `timestamps.txt` or `timestamps.csv`.
 
     A line is a stamp, or a stamp and a file in either order, separated by blanks, commas or semicolons;
-    without files the lines are in the files' order. Stamps are seconds, or whole numbers of 13, 16 or 19
-    digits (ms, us, ns). Comments (#) and a first line of titles are left out. None: there is no list.
+    without files the lines are in the files' order. Stamps are seconds, or numbers of 13, 16 or 19
+    digits before the point (ms, us, ns). Comments (#) and a first line of titles are left out. None: there
+    is no list.
 
     Raises:
         UserError: a line that cannot be read, or not one line a file.
@@ -55,6 +56,11 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
             continue
         if not stamps:
             raise UserError(f"{path}:{number}: {line.strip()!r}: expected 'stamp' or 'stamp file'")
+        if len(stamps) > 1:
+            raise UserError(
+                f"{path}:{number}: {line.strip()!r}: {len(stamps)} numbers, which may all be times: expected "
+                "'stamp' or 'stamp file'"
+            )
         if stamps[0] < 0:
             raise UserError(f"{path}:{number}: {line.strip()!r}: expected a time from 0 on")
         rows.append((names[0] if names else "", stamps[0]))
@@ -62,8 +68,9 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
 
 
 def listed_stamp_ns(word: str) -> int | None:
-    """Seconds, or a whole number of 13, 16 or 19 digits (ms, us, ns), in ns; None: no time."""
-    if word.isdigit() and (stamp := whole_stamp_ns(word)) is not None:
+    """Seconds, or a number of 13, 16 or 19 digits before the point, if any (ms, us, ns), in ns; None: no
+    time."""
+    if re.fullmatch(r"[0-9]+(\.[0-9]+)?", word) and (stamp := long_stamp_ns(word)) is not None:
         return stamp
     try:
         return parse_stamp_ns(word)

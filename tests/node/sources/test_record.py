@@ -81,6 +81,13 @@ def test_stamps_in_other_units(tmp_path, stems):
     assert stamps_of(source) == [1_700_000_000_123_000_000, 1_700_000_001_123_000_000]
 
 
+def test_names_with_a_point_behind_a_word_are_numbered(tmp_path):
+    names = [f"room1.{k:04d}.png" for k in range(3)]
+    source = source_of(record(tmp_path, names, names[1:]), rate_hz=10)
+    assert numbers_of(source) == [(1, 0), (2, 1)]
+    assert stamps_of(source) == [100_000_000, 200_000_000]
+
+
 def test_names_without_numbers_go_by_order(tmp_path):
     source = source_of(record(tmp_path, ["a.png", "b.png"], ["x.png", "y.png"]))
     assert numbers_of(source) == [(0, 0), (1, 1)]
@@ -112,6 +119,11 @@ def test_a_list_of_times(tmp_path, name, text):
     [
         ("1.0\n", "1 stamps: expected 2, one a colour image"),
         ("1.0\nnoon\n", "times.txt:2: 'noon': expected 'stamp'"),
+        (
+            "frame,time,file\n0,1.0,0.png\n",
+            "times.txt:2: '0,1.0,0.png': 2 numbers, which may all be",
+        ),
+        ("0 1.0\n1 2.0\n", "times.txt:1: '0 1.0': 2 numbers"),
         ("1.0 other.png\n", "names no image of .*color, as 0.png"),
     ],
 )
