@@ -13,7 +13,7 @@ from scipy.special import ndtri
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.files.image_files import BadImageError, read_color
+from hsslam_node.sources.files.image_files import BadImageError, read_mask
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import (
     BadFrame,
@@ -140,10 +140,9 @@ class Masked(ChangedSource):
     def __init__(self, source: Source, mask: str) -> None:
         super().__init__(source, "with a mask")
         try:
-            image = read_color(Path(mask), source.camera)
+            self._is_hidden = read_mask(Path(mask), source.camera)  # [H, W]
         except BadImageError as error:
             raise UserError(f"--mask {error}") from None
-        self._is_hidden = image.max(axis=2) == 0  # [H, W]
 
     def changed(self, frame: Frame) -> Frame:
         """The frame, without depth where it is hidden."""

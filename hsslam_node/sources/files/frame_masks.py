@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.files.image_files import read_color
+from hsslam_node.sources.files.image_files import read_mask
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 
@@ -47,4 +47,4 @@ class FrameMasks:
         Raises:
             BadImageError: the mask cannot be read, or has another size.
         """
-        return read_color(self._files[color_file.stem], camera).max(axis=2) == 0
+        return read_mask(self._files[color_file.stem], camera)

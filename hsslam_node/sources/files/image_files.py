@@ -33,6 +33,17 @@ def read_any_color(path: Path) -> np.ndarray:
     return _as_rgb(_decode(path, cv2.IMREAD_COLOR))
 
 
+def read_mask(path: Path, camera: Camera) -> np.ndarray:
+    """Where a mask is black, [H, W] bool; of a coloured one the brightest channel counts, alpha does not.
+
+    Raises:
+        BadImageError: missing, truncated, or of another size than the camera.
+    """
+    image = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH, camera)  # labels of 16 bit stay
+    _expect_size(path, image, camera)
+    return image.max(axis=2) == 0
+
+
 def decode_color(data: bytes, name: str) -> np.ndarray:
     """The same from memory; `name` is what messages call it."""
     return _as_rgb(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_COLOR))

@@ -47,6 +47,24 @@ def test_a_coloured_pixel_is_not_black(tmp_path):
     assert np.array_equal(_first(mask=str(tmp_path / "mask.png")).depth_raw, _first().depth_raw)
 
 
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_labels_of_16_bit_are_not_black(tmp_path, channels):
+    labels = np.ones((72, 96, channels), np.uint16)
+    labels[48:, :, :3] = 0  # alpha stays
+    cv2.imwrite(str(tmp_path / "mask.png"), labels)
+    masked, plain = _first(mask=str(tmp_path / "mask.png")), _first()
+    assert not masked.depth_raw[48:].any()
+    assert np.array_equal(masked.depth_raw[:48], plain.depth_raw[:48])
+    folder = _recording(tmp_path / "recorded")
+    (folder / "mask").rename(folder / "of_8_bit")
+    (folder / "mask").mkdir()
+    for file in (folder / "of_8_bit").iterdir():
+        label = (cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 0).astype(np.uint16)
+        cv2.imwrite(str(folder / "mask" / file.name), label)
+    every = [list(range(8 * n, 8 * (n + 1))) for n in range(4)]
+    assert _hidden_columns(open_source(f"record:{folder}")) == every
+
+
 def test_a_mask_has_the_size_of_the_frames_before_they_are_made_smaller(tmp_path):
     small = _first(mask=_mask(tmp_path / "mask.png"), downscale=2)
     assert small.depth_raw[:24].any() and not small.depth_raw[24:].any()
