@@ -13,6 +13,7 @@ from hsslam_node.sources.source_row import (
     find_row,
     guess_source,
     imported,
+    refuse_camera_options,
     source_name,
     unknown_source,
 )
@@ -64,6 +65,7 @@ def _plain_source(
         raise UserError(
             f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
         )
+    refuse_camera_options(row, spec, options.camera)
     if row.fault:
         raise UserError(f"source {spec}: package {row.package} does not work: {row.fault}")
     try:

@@ -13,7 +13,7 @@ from hsslam_node.odometry.noise import USUAL_NOISE
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """Camera of record:FOLDER; overrides its camera.json."""
+    """Camera of record: and 7scenes:, before their camera.json; bag: and ros2: take depth_scale alone."""
 
     fx: float | None = None
     """Focal length along x, pixels."""

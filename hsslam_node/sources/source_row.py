@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.sources.options import CameraOptions
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class SourceRow:
     """True: programs outside the run send the frames, so its router listens on a port."""
     only_forwards: bool = False
     """True: its frames cannot be played backwards or held; so it is with every live camera."""
+    camera_options: tuple[str, ...] | None = None
+    """Fields of `CameraOptions` that it reads; others are refused. None: all, or a plugin sees to it."""
     check: str | None = None
     """Import path of `(name, options)`; raises UserError if a live camera cannot be there. Opens nothing."""
     looks_like: Callable[[Path], bool] = lambda path: False
@@ -58,6 +61,22 @@ class SourceRow:
             return spec in self.examples
         # `orbbec` alone is an example, too: the first camera that there is
         return kind == self.kind and (bool(name) or spec in self.examples)
+
+
+def refuse_camera_options(row: SourceRow, spec: str, options: CameraOptions) -> None:
+    """Raises UserError if a `--camera` option is set that sources of this kind do not read."""
+    reads = row.camera_options
+    if reads is None:
+        return
+    for name, value in options.given().items():
+        if name not in reads:
+            number = " ".join(map(str, value)) if isinstance(value, list) else value
+            others = ", ".join(f"--camera.{read.replace('_', '-')}" for read in reads)
+            expected = f"only {others}" if others else "no --camera option"
+            raise UserError(
+                f"--camera.{name.replace('_', '-')} {number}: source {spec} brings its camera along: "
+                f"expected {expected}"
+            )
 
 
 def find_row(spec: str, rows: Sequence[SourceRow]) -> SourceRow | None:

@@ -8,6 +8,7 @@ ORBBEC = SourceRow(
     brief="an Orbbec camera on USB (not tried)",
     about="[an Orbbec camera](#orbbec-and-oak-d), not tried on hardware",
     opener="hsslam_node.sources.cameras.orbbec:OrbbecSource",
+    camera_options=(),
     is_live=True,
     check="hsslam_node.sources.cameras.orbbec:check_orbbec",
 )
@@ -17,6 +18,7 @@ OAK = SourceRow(
     brief="a Luxonis OAK-D camera (not tried)",
     about="[an OAK-D camera](#orbbec-and-oak-d), not tried on hardware",
     opener="hsslam_node.sources.cameras.oak:OakSource",
+    camera_options=(),
     is_live=True,
     check="hsslam_node.sources.cameras.oak:check_oak",
 )

@@ -7,7 +7,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.source import Source
-from hsslam_node.sources.source_row import find_row, imported, source_name
+from hsslam_node.sources.source_row import find_row, imported, refuse_camera_options, source_name
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import ALL_SOURCES
 
@@ -35,6 +35,7 @@ def check_source_exists(options: ServeOptions) -> None:
     """
     row = find_row(options.source, ALL_SOURCES)
     if row is not None and row.is_live:
+        refuse_camera_options(row, options.source, options.camera)
         if row.check is not None:
             imported(row.check)(source_name(options.source), options.source_options)
     elif options.has_camera_process:

@@ -25,7 +25,12 @@ from hsslam_node.sources.options import (
     SynthOptions,
 )
 from hsslam_services.run.exit_code import exit_code_help
-from hsslam_services.run.source_table import comes_over_bus, needs_port, sources_help
+from hsslam_services.run.source_table import (
+    comes_over_bus,
+    needs_port,
+    refuse_ignored_options,
+    sources_help,
+)
 
 _ZENOH_PORT = 7447
 _FINISH_S = 10.0  # in realtime: what `docker stop` allows
@@ -257,15 +262,12 @@ class ServeOptions:
             raise UserError(f"--cover-at {self.cover_at}: expected 0 or more")
         if not 0 <= self.cover_frames <= 10_000_000:
             raise UserError(f"--cover-frames {self.cover_frames}: expected 0 to 10000000")
-        if self.mask and not self.has_camera_process:
-            raise UserError(
-                f"--mask {self.mask}: another program sends the frames (--source {self.source}): "
-                "set their depth to 0 in that program"
-            )
         if not 1e-4 <= self.odometry_noise <= 1:
             raise UserError(f"--odometry-noise {self.odometry_noise}: expected 0.0001 to 1")
         if not 1 <= self.downscale <= 16:
             raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
+        if not self.has_camera_process:
+            refuse_ignored_options(self.source, self.source_options)
 
     @property
     def source_options(self) -> SourceOptions:

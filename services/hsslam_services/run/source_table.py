@@ -1,5 +1,7 @@
 """All sources of a run: the library's, those that need the bus or a log, and plugins; one row a kind."""
 
+from hsslam_node.errors import UserError
+from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import (
     SourceRow,
@@ -7,6 +9,7 @@ from hsslam_node.sources.source_row import (
     find_row,
     has_files,
     has_suffix,
+    refuse_camera_options,
     source_name,
 )
 from hsslam_services.run.source_plugins import plugin_rows
@@ -17,6 +20,7 @@ _LOG = SourceRow(
     brief="the frames of a log",
     about="the frames of a [log](logs.md#replay-a-log)",
     opener="hsslam_services.log.source:McapSource",
+    camera_options=(),
     looks_like=either(has_files("run*.mcap"), has_suffix(".mcap")),
     only_forwards=True,
     stamps="hsslam_services.log.source:log_stamps",
@@ -28,6 +32,7 @@ SERVICE_SOURCES = (
         brief="a ROS 1 or ROS 2 bag",
         about="[a ROS bag](#ros-bags): of ROS 2 (`metadata.yaml`, `.mcap`, `.db3`) or ROS 1 (`.bag`)",
         opener="hsslam_services.camera.bag_source:BagSource",
+        camera_options=("depth_scale",),
         looks_like=either(has_files("metadata.yaml"), has_suffix(".bag"), has_suffix(".db3")),
         only_forwards=True,
     ),
@@ -38,6 +43,7 @@ SERVICE_SOURCES = (
         brief="a ROS 2 camera, over rmw_zenoh",
         about="[a camera in ROS 2](#ros-2-cameras) over rmw_zenoh",
         opener="hsslam_services.camera.ros2_source:Ros2Source",
+        camera_options=("depth_scale",),
         is_live=True,
         needs_port=True,
         only_forwards=True,
@@ -49,9 +55,14 @@ SERVICE_SOURCES = (
         brief="frames that another program publishes",
         about="[frames that another program publishes](#a-camera-driver-of-your-own)",
         opener=None,
+        camera_options=(),
         only_examples=True,
         needs_port=True,
     ),
+)
+_OF_FRAMES = (  # options that select or change the frames of a source
+    *("noise", "exposure", "start", "stride", "frames", "to_and_fro", "hold_at", "hold_frames"),
+    *("cover_at", "cover_frames", "mask", "downscale"),
 )
 _EXAMPLES_WIDTH = 40  # characters of a line of `--help`
 OWN_SOURCES: tuple[SourceRow, ...] = (*SOURCES, *SERVICE_SOURCES)
@@ -79,6 +90,20 @@ def comes_over_bus(spec: str) -> bool:
     """Whether another program publishes the frames, and there is no camera process."""
     row = find_row(spec, ALL_SOURCES)
     return row is not None and row.opener is None
+
+
+def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
+    """Raises UserError if an option is set that would change frames; another program publishes them."""
+    if row := find_row(spec, ALL_SOURCES):
+        refuse_camera_options(row, spec, options.camera)
+    untouched = SourceOptions()
+    for name in _OF_FRAMES:
+        if (value := getattr(options, name)) != getattr(untouched, name):
+            what = "set their depth to 0" if name == "mask" else "choose or change them"
+            raise UserError(
+                f"--{name.replace('_', '-')} {value}: another program sends the frames (--source {spec}): "
+                f"{what} in that program"
+            )
 
 
 def needs_port(spec: str) -> bool:
