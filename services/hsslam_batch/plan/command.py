@@ -15,6 +15,7 @@ from hsslam_batch.plan.remote_listing import is_url, list_url
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-batch plan"
@@ -65,19 +66,19 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
     given = parse_command_line(of_serve)
     usual = ServeOptions(preset=given.preset, slam=given.slam)
     for name in _OF_EACH_RUN:
-        if getattr(given, name) != getattr(usual, name):
-            flag = f"--{name.replace('_', '-')}"
+        flag = f"--{name.replace('_', '-')}"
+        if getattr(given, name) != getattr(usual, name) or _names(of_serve, flag):
             raise UserError(f"{flag} {getattr(given, name)}: expected no such option: runs of a "
                             "batch have their own sources and folders and no ports")  # fmt: skip
     if given.pace == "realtime" and _names(of_serve, "--pace"):
         raise UserError("--pace realtime: expected lockstep, which uses every frame")
     if given.viewer not in ("auto", "none"):
         raise UserError(f"--viewer {given.viewer}: expected none: a batch shows no run")
-    maps = str(Path(given.maps).expanduser().absolute()) if given.map else given.maps
+    saved = str(find_map(given.maps, given.map)) if given.map else ""
     mask = str(Path(given.mask).expanduser().absolute()) if given.mask else ""
     if mask and not Path(mask).exists():
         raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
-    return replace(given, pace="lockstep", viewer="none", maps=maps, mask=mask)
+    return replace(given, pace="lockstep", viewer="none", map=saved, mask=mask)
 
 
 def _listing(logs: str, out: Path) -> Listing:
@@ -87,7 +88,7 @@ def _listing(logs: str, out: Path) -> Listing:
 
 
 def _names(args: Sequence[str], flag: str) -> bool:
-    return any(arg.partition("=")[0] == flag for arg in args)
+    return any(arg.partition("=")[0].replace("_", "-") == flag for arg in args)
 
 
 def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -56,6 +56,8 @@ def test_the_hash_follows_the_options_and_not_the_folder(logs: Path, tmp_path: P
         (["--seed", "x"], "--seed x: expected a whole number"),
         (["--preset", "reeltime"], "--preset reeltime: expected"),
         (["--source", "tum:fr1/desk"], "--source tum:fr1/desk: expected no such option"),
+        (["--source", "synth:room"], "--source synth:room: expected no such option"),
+        (["--source=synth:room"], "--source synth:room: expected no such option"),
         (["--metrics-port", "9000"], "--metrics-port 9000: expected no such option"),
         (["--pace", "realtime"], "--pace realtime: expected lockstep"),
         (["--viewer", "web"], "--viewer web: expected none"),
@@ -78,6 +80,21 @@ def test_a_mask_is_found_from_any_folder_and_looked_for_at_once(
     batch = _plan(logs, tmp_path / "out", "--mask", "mask.png")
     options = parse_command_line(["--config", str(batch.config)])
     assert options.mask == str(tmp_path / "mask.png")
+
+
+@pytest.mark.parametrize("named", ["room.safetensors", "./maps/desk.safetensors", "desk"])
+def test_a_map_is_found_from_any_folder_and_looked_for_at_once(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match=rf"^--map {named}: no such "):
+        _plan(logs, tmp_path / "out", "--map", named)
+    assert not (tmp_path / "out").exists()
+    saved = tmp_path / (named if "." in named else "maps/desk.safetensors")
+    saved.parent.mkdir(exist_ok=True)
+    saved.touch()
+    batch = _plan(logs, tmp_path / "out", "--map", named)
+    assert parse_command_line(["--config", str(batch.config)]).map == str(saved)
 
 
 def test_folders_that_are_none(tmp_path: Path):
