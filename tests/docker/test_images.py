@@ -3,6 +3,8 @@
 import json
 import re
 import shlex
+import subprocess
+import tomllib
 
 import pytest
 import yaml
@@ -67,6 +69,37 @@ def test_a_service_has_what_it_needs(name):
     assert set(mounted.values()) == set(compose["volumes"])
     made = next(v for i, v in _instructions("Dockerfile") if i == "RUN" and v.startswith("mkdir"))
     assert set(mounted) == {f"/home/hsslam/{folder}" for folder in made.split()[1:]}
+
+
+def test_kernels_of_the_gpu_are_kept_where_the_service_may_write():
+    (values,) = [v for name, v in _instructions("Dockerfile.cuda") if name == "ENV"]
+    folder = dict(word.split("=", 1) for word in shlex.split(values))["TRITON_CACHE_DIR"]
+    mounted = {volume.split(":")[1] for volume in _compose()["services"]["hsslam-cuda"]["volumes"]}
+    assert any(folder.startswith(f"{place}/") for place in mounted)
+
+
+def test_the_image_of_a_batch_has_the_extra_and_takes_any_command(tmp_path):
+    instructions = _instructions("Dockerfile.batch")
+    values = dict(instructions)
+    assert values["USER"] == "hsslam"  # the last one counts
+    assert json.loads(values["ENTRYPOINT"]) == []
+    assert json.loads(values["CMD"])[0] == "hsslam-batch"
+    assert "wget" in next(value for name, value in instructions if name == "RUN")
+    pins, install, _ = values["RUN"].split(" && ")
+    asked = shlex.split(install)
+    names = {_name(word) for word in asked[asked.index("--constraint") + 2 :]}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert {_name(wanted) for wanted in project["optional-dependencies"]["batch"]} <= names
+    assert "ray[client,default]" in asked  # jobs come by way of the dashboard
+    lock, _ = values["COPY"].split()[1:]
+    (tmp_path / "dev.lock").write_text((ROOT / lock).read_text())
+    subprocess.run(["sh", "-c", pins], cwd=tmp_path, check=True)
+    pinned = (tmp_path / "pins.txt").read_text().splitlines()
+    assert all("==" in pin for pin in pinned) and names <= {_name(pin) for pin in pinned}
+
+
+def _name(requirement: str) -> str:
+    return re.split(r"[\[=<>]", requirement)[0]
 
 
 def test_only_what_is_behind_certificates_has_a_port():

@@ -33,6 +33,14 @@ def test_the_array_of_slurm_is_a_script():
     assert "--index" in script
 
 
+def test_the_image_of_the_jobs_is_that_of_the_dockerfile():
+    text = (ROOT / "docs/batch.md").read_text()
+    (image,) = re.findall(r"^docker build -f docker/Dockerfile.batch -t (\S+) \.$", text, re.M)
+    definition, _ = map(json.loads, _blocks("json"))
+    assert definition["containerProperties"]["image"] == image
+    assert f"image: {image}\n" in _blocks("yaml")[0]
+
+
 def test_the_job_of_kuberay_is_whole():
     (text,) = _blocks("yaml")
     job = yaml.safe_load(text)
