@@ -23,7 +23,7 @@ MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
 
 
 class RequestMessage(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a client asks: a field that is not known is refused, so that nothing is done other than meant."""
+    """What a client asks: a field that is not known is refused, so that nothing else than asked is done."""
 
 
 class Ask(RequestMessage, frozen=True, kw_only=True):

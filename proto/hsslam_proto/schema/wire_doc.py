@@ -49,7 +49,7 @@ _REQUESTS = """## Requests
 
 A request is a zenoh query (`get`) on `hsslam/<robot>/rpc/<name>` whose payload is the message asked. No
 payload stands for a message without required fields; a field that the service does not know is refused
-here, so that nothing is done other than meant. There is one answer:
+here, so that the service never does something else than you asked. There is one answer:
 
 - a reply: done, the payload is the message answered;
 - an error reply with encoding `{refusal}`: refused, the payload says why;
