@@ -50,8 +50,8 @@ class Grid(Raster, frozen=True, kw_only=True):
 
     `cells` is [height, width] int8: -1 unknown, 0 free, 100 occupied from `low_m` to `high_m` above the
     floor. The corner of cell (0, 0) lies at `t` in the world, on the floor; rows go along y, columns along x
-    of the frame that `q` turns into the world, whose z is up. `up_by` says how up was found: "floor plane",
-    "camera poses" (no floor was seen yet), "--base-T-camera".
+    of the frame that `q` turns into the world, whose z is up. `up_by` says how up was found: "gravity"
+    (of an IMU), "floor plane", "camera poses" (no floor was seen yet), "--base-T-camera".
     """
 
     cells: memoryview

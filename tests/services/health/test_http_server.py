@@ -14,6 +14,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.health.http_server import MetricsServer
+from tests.repository import ROOT
 from tests.services.health.sample_snapshot import taken_at
 
 
@@ -48,6 +49,14 @@ def test_the_last_snapshot_is_served(server, port):
     taken: list[int] = []
     server.tick(lambda: taken.append(1) or taken_at(0.0))
     assert not taken  # the next is not due yet
+
+
+def test_the_page_shows_every_field_of_the_answer(server, port):
+    server.tick(lambda: taken_at(time.monotonic()))
+    fields = json.loads(_get(port, "/healthz")[1]).keys()
+    page = (ROOT / "docs/monitoring.md").read_text()
+    shown = [json.loads(line) for line in page.splitlines() if line.startswith('{"status"')]
+    assert len(shown) == 2 and all(answer.keys() == fields for answer in shown)
 
 
 def test_other_ways_of_asking(server, port):
