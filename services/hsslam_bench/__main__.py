@@ -27,7 +27,7 @@ from hsslam_bench.runs.session import Session
 from hsslam_bench.tables.command import table_command
 from hsslam_bench.tables.paper_tables import TABLES
 from hsslam_node.environment import BENCH_DATA
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, did_you_mean
 from hsslam_services.commands.cli import parse_options
 
 _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
@@ -43,6 +43,8 @@ def main() -> int:
         if sys.argv[1:2] and sys.argv[1] in RESULT_COMMANDS:
             RESULT_COMMANDS[sys.argv[1]](sys.argv[2:])
             return 0
+        if sys.argv[1:2] and not sys.argv[1].startswith("-"):
+            raise _unknown(sys.argv[1])
         options, extra = _parsed(sys.argv[1:])
         if options.docs:
             for document in options.docs:
@@ -52,6 +54,11 @@ def main() -> int:
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+
+
+def _unknown(word: str) -> UserError:
+    known = [*TABLES, "peers", *RESULT_COMMANDS]
+    return UserError(f"{word}: expected {', '.join(known)} or options{did_you_mean(word, known)}")
 
 
 def _parsed(args: Sequence[str]) -> tuple[BenchOptions, list[str]]:

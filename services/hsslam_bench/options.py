@@ -11,9 +11,16 @@ from hsslam_node.errors import UserError
 class BenchOptions:
     """Measures the figures of the README and stores them as JSON.
 
+    Subcommands, each with its own --help:
+      ablation, replica, tum, scannet   measure a table of the paper
+      peers                             runs other systems on the same sequences
+      compare A.json B.json             shows two results side by side
+      plots FILE...                     draws core time, latency and growth of runs
+      keep FILE...                      keeps the newest of every row, for the documents
+
     Examples:
       hsslam-bench --quick --only first-pose memory
-      hsslam-bench --docs README.md docs/results.md --from docs/figures/bench.json
+      hsslam-bench --docs README.md docs/results.md --from docs/figures/*.json
       hsslam-bench -- --slam.mapper.rays 500
 
     Options after -- are added to every hsslam-serve; the figures then differ from those of the protocol.

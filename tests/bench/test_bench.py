@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,11 @@ import pytest
 
 from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import select
+from hsslam_bench.result_commands import RESULT_COMMANDS
 from hsslam_bench.results.compare import circumstances, pairs
 from hsslam_bench.results.report import machine, read_report, report
 from hsslam_bench.runs.session import Session
+from hsslam_bench.tables.paper_tables import TABLES
 from tests.bench.result_files import row_of, stored
 
 _TINY = (
@@ -96,6 +99,17 @@ def test_unknown_row_is_one_line(tmp_path: Path):
     assert result.stderr.strip().startswith("error: --only ate:hose")
     assert "ate:house" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_subcommands_are_listed_and_suggested():
+    told = _run("--help").stdout
+    for name in (*TABLES, "peers", *RESULT_COMMANDS):
+        assert re.search(rf"^  .*\b{name}\b", told, re.M), name
+    wrong = _run("tun")
+    assert wrong.returncode == 2
+    assert (
+        wrong.stderr.endswith(" or options; did you mean tum?\n") and wrong.stderr.count("\n") == 1
+    )
 
 
 def test_groups_select_their_rows():

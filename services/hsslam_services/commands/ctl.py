@@ -29,7 +29,13 @@ from hsslam_proto.request_messages import (
     Status,
     TrajectoryRows,
 )
-from hsslam_services.bus.ask import NoServiceError, NotDoneError, UnfinishedError, ask
+from hsslam_services.bus.ask import (
+    NoAnswerError,
+    NoServiceError,
+    NotDoneError,
+    UnfinishedError,
+    ask,
+)
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.commands.ctl_options import CtlOptions
 from hsslam_services.commands.point_table import print_answers
@@ -121,14 +127,20 @@ def _ask(options: CtlOptions) -> None:
 def _answer(
     endpoint: str, robot: str, request: rpc.Request, message: Message, options: CtlOptions
 ) -> Message:
-    """Ask, and ask again as long as the service goes on with it."""
+    """Ask, and ask again as long as the service goes on with it.
+
+    It changes nothing to ask the map twice, so that is also done after a usual wait without an answer.
+    """
     end_s = time.monotonic() + (options.timeout_s or _LONGEST_S)
     while True:
         try:
             return ask(
                 endpoint, robot, request, message, options.timeout_s, security=options.security
             )
-        except UnfinishedError as error:
+        except (UnfinishedError, NoAnswerError) as error:
+            waited = isinstance(error, NoAnswerError)
+            if waited and (request is not rpc.QUERY or options.timeout_s is not None):
+                raise
             if time.monotonic() > end_s:
                 raise
             print(error, file=sys.stderr, flush=True)

@@ -134,5 +134,7 @@ class CtlOptions:
             self.numbers()
         if self.out is not None and self.request not in ("mesh", "trajectory"):
             raise UserError(f"--out {self.out}: expected with mesh or trajectory only")
+        if self.out is not None and self.request == "mesh" and self.out.suffix != ".ply":
+            raise UserError(f"--out {self.out}: expected a file .ply, which is what mesh writes")
         if self.out is not None and not self.out.absolute().parent.is_dir():
             raise UserError(f"--out {self.out}: expected a file in a folder that exists")

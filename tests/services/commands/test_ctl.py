@@ -54,6 +54,8 @@ _OF_RUN = ("camera", "recorder")
         (("status", "--connect", "localhost"), "--connect localhost: expected an endpoint"),
         (("status", "--out", "x"), "--out x: expected with mesh or trajectory only"),
         (("mesh", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file in a folder"),
+        (("mesh", "--out", "x.glb"), "--out x.glb: expected a file .ply"),
+        (("mesh", "--out", "x"), "--out x: expected a file .ply"),
         (("status", "--timeout-s", "0"), "--timeout-s 0.0: expected seconds above 0"),
         (("status", "--run", "/nowhere"), "/nowhere/run.json: No such file"),
         (("status", "--rum", "a"), "--rum: unknown option; did you mean --run"),
@@ -235,13 +237,16 @@ def _expect_two_trajectories(run, summary: dict) -> None:
 
 
 def test_a_question_that_the_service_goes_on_with_is_asked_again(endpoint):
-    """Twice it has not looked through all keyframes; then it answers."""
-    count, asked = 3, []
+    """It answers too late, then it has not looked through all keyframes twice; then it answers."""
+    count, asked = 4, []
 
     def answer(query: zenoh.Query) -> None:
         asked.append(query.payload)
+        if len(asked) == 1 or query.key_expr != QUERY.key("r"):
+            query.reply_err(b"Timeout")  # as zenoh says it itself
+            return
         if (left := count - len(asked)) > 0:
-            refusal = Refusal(reason="unfinished", text=f"query: {left} of 3 keyframes: ask again")
+            refusal = Refusal(reason="unfinished", text=f"query: {left} of 4 keyframes: ask again")
             encoding = zenoh.Encoding(encoding_of(REFUSAL))
             query.reply_err(encode(REFUSAL, refusal), encoding=encoding)
             return
@@ -255,15 +260,21 @@ def test_a_question_that_the_service_goes_on_with_is_asked_again(endpoint):
 
     me = ("--connect", endpoint, "--robot", "r")
     with open_client(endpoint) as service:
-        queryable = service.declare_queryable(QUERY.key("r"), answer)
+        queryable = service.declare_queryable("hsslam/r/rpc/*", answer)
         while not asked:  # until the router knows it
             _ctl("query", "0", "0", "1", *me)
         asked.clear()
         done = _ctl("query", "0", "0", "1", *me)
+        assert done.returncode == 0 and "0.25" in done.stdout
+        assert len(asked) == 4
+        late, *unfinished = done.stderr.splitlines()
+        assert late == "timeout: no answer to query within 15 s"
+        assert [line.split()[2] for line in unfinished] == ["2", "1"]
+        asked.clear()
+        assert _ctl("query", "0", "0", "1", "--timeout-s", "9", *me).returncode == 1
+        assert _ctl("pause", *me).returncode == 1  # never done twice
         queryable.undeclare()
-    assert done.returncode == 0 and "0.25" in done.stdout
-    assert len(asked) == 3
-    assert [line.split()[2] for line in done.stderr.splitlines()] == ["2", "1"]
+    assert len(asked) == 2
 
 
 def _expect_foreign_client(endpoint: str) -> None:

@@ -6,14 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import zenoh
 
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.errors import UserError
+from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.point_codec import answers_message, answers_of, question_message, question_points
 from hsslam_proto.request_messages import PointAnswers, QueryMap, Refusal
-from hsslam_proto.requests import QUERY
+from hsslam_proto.requests import QUERY, REFUSAL
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
 from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.requests.passed_on import PassedOn
 from tests.repository import ROOT
 
@@ -75,12 +78,35 @@ def test_without_that_process_it_is_refused_at_once(gateway):
         _ask(gateway, POINTS)
 
 
-def test_the_client_of_the_document_is_answered(gateway, capsys):
+def _client_of_the_document(endpoint: str) -> str:
     (block,) = re.findall(
         r"^```python\n(.*?)^```", (ROOT / "docs/wire.md").read_text(), re.M | re.S
     )
-    code = block.replace("tcp/127.0.0.1:7447", gateway).replace("hsslam/robot/", "hsslam/r/")
-    assert code.count(gateway) == 1 and code.count("hsslam/r/") == 1
+    code = block.replace("tcp/127.0.0.1:7447", endpoint).replace("hsslam/robot/", "hsslam/r/")
+    assert code.count(endpoint) == 1 and code.count("hsslam/r/") == 1
+    return code
+
+
+@pytest.mark.parametrize("is_refused", [True, False])
+def test_the_client_of_the_document_tells_a_refusal_and_no_answer(endpoint, is_refused):
+    def answer(query: zenoh.Query) -> None:
+        if is_refused:
+            refusal = encode(REFUSAL, Refusal(reason="busy", text="query: later"))
+            query.reply_err(refusal, encoding=zenoh.Encoding(encoding_of(REFUSAL)))
+        else:
+            query.reply_err(b"Timeout")  # as zenoh says it itself
+
+    code = _client_of_the_document(endpoint)
+    with open_client(endpoint) as service:
+        queryable = service.declare_queryable(QUERY.key("r"), answer)
+        with pytest.raises(SystemExit, match="query: later" if is_refused else "no answer in time"):
+            while True:  # the router knows the service a moment later
+                exec(compile(code, "docs/wire.md", "exec"), {})
+        queryable.undeclare()
+
+
+def test_the_client_of_the_document_is_answered(gateway, capsys):
+    code = _client_of_the_document(gateway)
     told = question_message(np.abs(POINTS))
     with Bus(gateway, "r", "mesher") as mesher:
         mesher.answer(QUERY, lambda question: _answer(told))
