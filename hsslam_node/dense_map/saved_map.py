@@ -33,7 +33,7 @@ class SavedMap(DenseMap):
 
     @classmethod
     def open(cls, path: Path | str, device: DeviceChoice = "auto") -> "SavedMap":
-        """Read a map that `save` or a run wrote.
+        """Read a map that `save` or a run wrote; `path`: the file, or the folder of the run.
 
         Raises:
             UserError: no such file, another format or version, a damaged file; the device.

@@ -22,6 +22,7 @@ from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
+_OF_RUN = "map.safetensors"  # in the folder of a run
 FORMAT = "hsslam-map"
 FORMAT_VERSION = 3
 P = TypeVar("P")
@@ -103,11 +104,12 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
 
 
 def load_checkpoint(path: Path) -> MapCheckpoint:
-    """Read a map that `save_checkpoint` wrote.
+    """Read a map that `save_checkpoint` wrote; `path`: the file, or the folder of a run.
 
     Raises:
         UserError: no such file, another format or version, or a damaged file.
     """
+    path = path / _OF_RUN if path.is_dir() else path
     if not path.is_file():
         raise UserError(f"{path}: no such file: expected a map that a run has saved")
     try:

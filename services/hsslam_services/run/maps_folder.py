@@ -1,4 +1,4 @@
-"""Where saved maps lie: names, never paths."""
+"""Where saved maps lie, and which one a user means."""
 
 import re
 from pathlib import Path
@@ -9,6 +9,7 @@ from hsslam_node.errors import UserError, did_you_mean
 from hsslam_proto.request_messages import SaveMap
 
 _SUFFIX = ".safetensors"
+_OF_RUN = "map.safetensors"  # in the folder of a run
 _NAME = r"[A-Za-z0-9_-]{1,64}"
 SAVE_REQUEST = "save_map.json"  # in the arena folder
 
@@ -24,21 +25,26 @@ def map_path(folder: Path | str, name: str) -> Path:
 
 
 def find_map(folder: Path | str, wanted: str) -> Path:
-    """The file that is meant by the name of a map, or by a path; absolute.
+    """The file that is meant by the name of a map, or by the path of a file or run folder; absolute.
 
     Raises:
         UserError: there is none; maps that there are are named.
     """
-    if not re.fullmatch(_NAME, wanted):
-        path = Path(wanted).expanduser().absolute()
-        if not path.is_file():
-            raise UserError(f"--map {wanted}: no such file: expected a map, or the name of one")
-        return path
-    path = map_path(folder, wanted)
-    if not path.is_file():
+    is_name = re.fullmatch(_NAME, wanted) is not None
+    if is_name and (named := map_path(folder, wanted)).is_file():
+        return named
+    path = Path(wanted).expanduser().absolute()
+    of_run = path / _OF_RUN
+    if of_run.is_file():
+        return of_run
+    if is_name:
         known = known_maps(folder)
         there = f"{did_you_mean(wanted, known)}; there are: {', '.join(known)}" if known else ""
-        raise UserError(f"--map {wanted}: no such map in {path.parent}{there}")
+        raise UserError(f"--map {wanted}: no such map in {Path(folder).absolute()}{there}")
+    if not path.is_file():
+        given = f"{wanted.rstrip('/')}/{_OF_RUN}" if path.is_dir() else wanted
+        expected = "expected a map, a run folder, or the name of a map"
+        raise UserError(f"--map {given}: no such file: {expected}")
     return path
 
 

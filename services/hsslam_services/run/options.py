@@ -78,7 +78,7 @@ class ServeOptions:
         "out": "FOLDER",
         "mask": "FILE|FOLDER",
         "maps": "FOLDER",
-        "map": "FILE",
+        "map": "NAME|FILE|FOLDER",
         "log_keep": "GB",
         "security": "FOLDER",
         "robot": "NAME",
@@ -119,7 +119,7 @@ class ServeOptions:
     maps: str = "maps"
     """Folder of saved maps, NAME.safetensors each."""
     map: str = ""
-    """Saved map to continue in: a NAME in --maps or a file (empty: a new map)."""
+    """Saved map to continue in: a NAME in --maps, a file or a run folder (empty: a new map)."""
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S

@@ -55,6 +55,13 @@ def test_the_robot_that_made_a_map_is_kept(checkpoint, saved):
         load_checkpoint(saved)
 
 
+def test_the_folder_of_a_run_is_its_map(checkpoint, saved):
+    assert load_checkpoint(saved.parent).layout == checkpoint.layout
+    saved.unlink()
+    with pytest.raises(UserError, match=r"/map.safetensors: no such file: expected a map"):
+        load_checkpoint(saved.parent)
+
+
 def test_a_map_that_has_grown_is_loaded(checkpoint, tmp_path):
     layout = checkpoint.layout.grown(Bound((-1.0, 0.1, 0.2), (0.5, 1.2, 0.9)))
     grown = replace(checkpoint, layout=layout, params=initial_parameters(layout, 2))

@@ -114,6 +114,22 @@ def test_maps_have_names_not_paths(tmp_path):
         find_map(tmp_path, "./b")
 
 
+def test_a_run_folder_is_a_map(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs/desk").mkdir(parents=True)
+    with pytest.raises(UserError, match=r"--map runs/desk/map.safetensors: no such file"):
+        find_map("maps", "runs/desk/")
+    saved = tmp_path / "runs/desk/map.safetensors"
+    saved.touch()
+    for given in ("runs/desk", "./runs/desk/", str(saved.parent)):
+        assert find_map("maps", given) == saved
+    monkeypatch.chdir(tmp_path / "runs")
+    assert find_map("maps", "desk") == saved
+    map_path("maps", "desk").parent.mkdir()
+    map_path("maps", "desk").touch()
+    assert find_map("maps", "desk") == map_path("maps", "desk")  # names first
+
+
 @pytest.mark.e2e
 def test_a_run_is_steered_from_outside(serve, tmp_path):
     maps = tmp_path / "maps"
