@@ -26,16 +26,16 @@ def report_command(args: Sequence[str]) -> int:
     """
     options = parse_options(ReportOptions, "hsslam-batch report", args)
     rows = _rows(options.out)
+    before = [] if options.against is None else _rows(options.against)
     console = Console(emoji=False, highlight=False, markup=False)
     for line in _sums(rows):
         console.print(line, soft_wrap=True)
     if found := costs(rows):
         console.print(cost_table(found))
     if options.against is None:
-        console.print(_worst_logs(rows, options.worst))
+        _print(_worst_logs(rows, options.worst), console)
         _plot({options.out: rows}, [], options, console)
         return 0
-    before = _rows(options.against)
     changes = compare(before, rows, options.noise)
     _plot({options.against: before, options.out: rows}, changes, options, console)
     return _show_changes(before, rows, changes, options, console)
@@ -62,6 +62,11 @@ def _sums(rows: Sequence[Row]) -> list[str]:
             f"{frames} frames, {lost} lost ({share}); core time {duration(core_s)}, {each}"
         )
     return lines
+
+
+def _print(table: Table, console: Console) -> None:
+    if table.row_count:
+        console.print(table)
 
 
 def _worst_logs(rows: Sequence[Row], count: int) -> Table:
@@ -119,7 +124,7 @@ def _show_changes(
             str(len(change.worse)),
             "\n".join(shown),
         )
-    console.print(table)
+    _print(table, console)
     for row in failed[: options.worst]:
         console.print(
             f"{row['name']}: was done, now {row['kind']}: {row['reason']}", soft_wrap=True

@@ -256,10 +256,14 @@ class ServeOptions:
             raise UserError(f"--to-and-fro {self.to_and_fro}: expected 1 to 10000")
         if self.hold_at < 0:
             raise UserError(f"--hold-at {self.hold_at}: expected 0 or more")
+        if self.hold_at and not self.hold_frames:
+            raise UserError(f"--hold-at {self.hold_at}: expected with --hold-frames")
         if not 0 <= self.hold_frames <= 10_000_000:
             raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
         if self.cover_at < 0:
             raise UserError(f"--cover-at {self.cover_at}: expected 0 or more")
+        if self.cover_at and not self.cover_frames:
+            raise UserError(f"--cover-at {self.cover_at}: expected with --cover-frames")
         if not 0 <= self.cover_frames <= 10_000_000:
             raise UserError(f"--cover-frames {self.cover_frames}: expected 0 to 10000000")
         if not 1e-4 <= self.odometry_noise <= 1:

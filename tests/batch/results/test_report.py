@@ -31,6 +31,19 @@ def test_sums_and_worst_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert (batch.out / "runs.parquet").exists()
 
 
+def test_a_batch_that_has_not_run_and_one_that_is_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    new, old = planned(tmp_path / "new", frames=(100,)), planned(tmp_path / "old", frames=(100,))
+    assert report_command([str(new.out)]) == 0
+    assert capsys.readouterr().out == "0 logs: none has run\n"
+    assert report_command([str(new.out), "--against", str(old.out)]) == 0
+    assert capsys.readouterr().out == "0 logs: none has run\n"
+    with pytest.raises(UserError, match=r"nowhere.*expected a folder"):
+        report_command([str(new.out), "--against", str(tmp_path / "nowhere")])
+    assert capsys.readouterr().out == ""
+
+
 def test_what_logs_cost_by_kind_of_source_and_in_total(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -69,6 +69,8 @@ def test_an_option_overrides_the_preset_that_it_stands_beside():
         ("--zenoh-port 99999", "--zenoh-port 99999: expected 1 to 65535"),
         ("--rate-hz nan", "--rate-hz nan: expected a number above 0"),
         ("--frames 0", "--frames 0: expected 1 or more"),
+        ("--cover-at 5", "--cover-at 5: expected with --cover-frames"),
+        ("--hold-at 5", "--hold-at 5: expected with --hold-frames"),
     ],
 )
 def test_a_mistake_is_one_line(line: str, expected: str):

@@ -24,6 +24,7 @@ from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
 _TEXTURED = ("glb", "obj")
 Format = Literal["ply", "glb", "obj", "usd", "pcd", "nerfstudio", "colmap"]
+_OF_FILES: tuple[Format, ...] = ("ply", "glb", "obj", "usd", "pcd")  # end in their name
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class ExportOptions:
 
     Examples:
       hsslam-map export runs/desk --format glb
-      hsslam-map export runs/desk --format glb --texture --out desk.glb
-      hsslam-map export runs/desk --format pcd --voxel 0.01 --out desk.pcd
+      hsslam-map export runs/desk --texture --out desk.glb
+      hsslam-map export runs/desk --voxel 0.01 --out desk.pcd
       hsslam-map export runs/desk --format nerfstudio --out desk
 
     Formats:
@@ -59,8 +60,8 @@ class ExportOptions:
 
     run: str = ""
     """Run folder, or the file of a saved map."""
-    format: Format = "ply"
-    """What to write."""
+    format: Format | None = None
+    """What to write (none: as --out ends, else ply)."""
     out: Path | None = None
     """Output file or folder (none: mesh.FORMAT; points.pcd; folder nerfstudio or colmap)."""
     voxel: float = 0.02
@@ -74,16 +75,23 @@ class ExportOptions:
 
     def __post_init__(self) -> None:
         expect_voxel(self.voxel)
-        if self.texture and self.format not in _TEXTURED:
-            raise UserError(f"--texture: --format {self.format}: expected {' or '.join(_TEXTURED)}")
+        if self.texture and self.written not in _TEXTURED:
+            expected = f"expected {' or '.join(_TEXTURED)}"
+            raise UserError(f"--texture: --format {self.written}: {expected}")
         if not 256 <= self.texture_px <= 16384:
             raise UserError(f"--texture-px {self.texture_px}: expected 256 to 16384")
+
+    @property
+    def written(self) -> Format:
+        """`format`, or if it is not given the one that `out` ends in."""
+        suffix = self.out.suffix.lower().removeprefix(".") if self.out else ""
+        return self.format or next((kind for kind in _OF_FILES if kind == suffix), "ply")
 
 
 def export_map(options: ExportOptions) -> None:
     """Run the command."""
     path = map_file(options.run, "export")
-    kind = _KINDS[options.format]
+    kind = _KINDS[options.written]
     out = options.out or Path(kind.default_out)
     kind.expect(out)
     saved = SavedMap.open(path, options.device)

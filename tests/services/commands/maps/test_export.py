@@ -37,6 +37,11 @@ def test_a_mesh_keeps_vertices_triangles_and_colours(mapped_run, mesh, tmp_path,
     assert _colors(mesh).std() > 10
 
 
+def test_without_a_format_the_file_ends_in_it(mapped_run, mesh, tmp_path, capsys):
+    assert main(["export", str(mapped_run), "-o", str(tmp_path / "room.PCD"), *_COARSE]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'room.PCD'}: {len(mesh.vertices)} points\n"
+
+
 def test_the_library_of_usd_reads_the_mesh_with_y_up(mapped_run, mesh, tmp_path, capsys):
     from pxr import Usd, UsdGeom
 
@@ -68,7 +73,9 @@ def test_open3d_reads_the_points_with_their_colours(mapped_run, mesh, tmp_path, 
         (("MAP", "--format", "plx"), "--format plx: expected ply or glb"),
         (("MAP", "--format", "opj"), "did you mean obj?"),
         (("MAP", "--voxel", "0"), "--voxel 0.0: expected 0.001 to 1 m"),
-        (("MAP", "--out", "x.glb"), "--out x.glb: expected a file .ply in a folder that exists"),
+        (("MAP", "--format", "ply", "--out", "x.glb"), "--out x.glb: expected a file .ply in a f"),
+        (("MAP", "--out", "x.stl"), "--out x.stl: expected a file .ply in a folder that exists"),
+        (("MAP", "--texture", "--out", "x.pcd"), "--texture: --format pcd: expected glb or obj"),
         (("MAP", "--out", "/nowhere/x.ply"), "--out /nowhere/x.ply: expected a file .ply"),
         (("MAP", *_COARSE, "--format", "usd", "--out", "/proc/x.usd"), "--out /proc/x.usd: "),
         (("MAP", *_COARSE, "--out", "/proc/x.ply"), "--out /proc/x.ply: No such file or directory"),
