@@ -21,6 +21,8 @@ from hsslam_node.sources.options import SourceOptions
 
 def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
     """Map the first frames, and print what the map says along the camera's view."""
+    if not (frames.isdecimal() and int(frames)):
+        raise UserError(f"{frames}: expected a number of frames, 1 or more")
     slam = Slam(PRESETS["realtime"])
     for frame in open_source(spec, SourceOptions(frames=int(frames))).frames():
         if isinstance(frame, Frame):

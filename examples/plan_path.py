@@ -1,12 +1,15 @@
 """Plan a path for a robot of 20 cm radius in a saved map, and draw it.
 
-    python examples/plan_path.py map.safetensors [path.png [FROM_M TO_M]]
+    python examples/plan_path.py MAP [path.png [FROM_M TO_M]]
+
+MAP is a run folder or a file such as map.safetensors.
 
 The robot keeps its height. It reaches from FROM_M to TO_M above the first camera: a drone from -0.1 to 0.1,
 which is the default, a robot on wheels below a camera at 1.2 m from -1.1 to -0.6. It starts where it has most
 room, and goes to the farthest place that it can reach. What no keyframe saw counts as blocked.
 """
 
+import math
 import sys
 
 import cv2
@@ -24,8 +27,9 @@ PIXELS = 5  # of the picture, a cell
 
 def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: str = "0.1") -> None:
     """Plan, print and draw."""
+    heights_m = _metres(from_m), _metres(to_m)
     saved = SavedMap.open(map_file)
-    points, clearance_m = clearance(saved, float(from_m), float(to_m))
+    points, clearance_m = clearance(saved, *heights_m)
     path = plan(clearance_m)
     draw(clearance_m, path, picture)
     way = points[tuple(path.T)]  # [P, 3] m, world
@@ -33,6 +37,16 @@ def main(map_file: str, picture: str = "path.png", from_m: str = "-0.1", to_m: s
     narrowest_m = clearance_m[tuple(path.T)].min()
     print(f"from {way[0].round(2)} to {way[-1].round(2)} m: {length_m:.2f} m, {len(way)} cells")
     print(f"with {narrowest_m:.2f} m of room at the narrowest place; {picture}")
+
+
+def _metres(text: str) -> float:
+    try:
+        metres = float(text)
+    except ValueError:
+        metres = math.nan
+    if not math.isfinite(metres):
+        raise UserError(f"{text}: expected a height in metres, as -0.1")
+    return metres
 
 
 def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A client in 20 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
+"""A client in 25 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
 
 The service needs a port: hsslam-serve --zenoh-port 7447.
 
@@ -19,7 +19,11 @@ config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("scouting/multicast/enabled", "false")
-with zenoh.open(config) as session:
+try:
+    session = zenoh.open(config)
+except zenoh.ZError:
+    sys.exit(f"{endpoint}: no service: expected hsslam-serve --zenoh-port 7447")
+with session:
     poses = session.declare_subscriber(f"hsslam/{robot}/out/pose", zenoh.handlers.RingChannel(16))
     ask = zenoh.Encoding("application/msgpack;hsslam.Ask.v1")
     for reply in session.get(f"hsslam/{robot}/rpc/status", payload=msgpack.packb({}), encoding=ask):

@@ -30,7 +30,13 @@ def test_it_maps_and_asks_and_keeps_the_map(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "text"), [(("nothing:",), "error: "), (("a", "1", "b", "c"), "ask_distances.py")]
+    ("arguments", "text"),
+    [
+        (("nothing:",), "error: "),
+        (("a", "1", "b", "c"), "ask_distances.py"),
+        (("synth:room", "ten"), "error: ten: expected a number of frames"),
+        (("synth:room", "0"), "error: 0: expected a number of frames, 1 or more"),
+    ],
 )
 def test_bad_input_is_one_line(arguments, text):
     done = _run(*arguments)

@@ -69,6 +69,8 @@ def test_it_draws_the_path(map_file, tmp_path):
         ((), "plan_path.py"),
         (("nowhere",), "error: nowhere: no such file"),
         (("a", "b", "c"), "FROM"),
+        (("a", "b", "low", "0.1"), "error: low: expected a height in metres"),
+        (("a", "b", "0.1", "nan"), "error: nan: expected a height in metres"),
     ],
 )
 def test_bad_input_is_one_line(arguments, text):

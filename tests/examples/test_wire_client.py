@@ -1,5 +1,9 @@
 """The example client that uses nothing of this package; `control/test_ctl.py` runs it on a real run."""
 
+import subprocess
+import sys
+
+from hsslam_services.bus.bus import free_endpoint
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples/wire_client.py"
@@ -10,4 +14,11 @@ def test_it_needs_only_zenoh_and_msgpack():
     imported = {line.split()[1] for line in lines if line.startswith(("import ", "from "))}
     assert imported == {"json", "sys", "msgpack", "zenoh"}
     start = next(k for k, line in enumerate(lines) if line.startswith("import"))
-    assert len([line for line in lines[start:] if line]) <= 22
+    assert len([line for line in lines[start:] if line]) <= 26
+
+
+def test_no_service_is_one_line():
+    endpoint = free_endpoint()
+    done = subprocess.run([sys.executable, EXAMPLE, endpoint], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == f"{endpoint}: no service: expected hsslam-serve --zenoh-port 7447\n"
