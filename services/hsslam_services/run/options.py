@@ -119,7 +119,7 @@ class ServeOptions:
     maps: str = "maps"
     """Folder of saved maps, NAME.safetensors each."""
     map: str = ""
-    """Saved map to continue in: a NAME in --maps, a file or a run folder (empty: a new map)."""
+    """Map to continue in: a NAME in --maps, a file or a run folder (empty: none)."""
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S

@@ -24,7 +24,9 @@ from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
 _TEXTURED = ("glb", "obj")
 Format = Literal["ply", "glb", "obj", "usd", "pcd", "nerfstudio", "colmap"]
-_OF_FILES: tuple[Format, ...] = ("ply", "glb", "obj", "usd", "pcd")  # end in their name
+_BY_SUFFIX: Mapping[str, Format] = MappingProxyType(
+    {".ply": "ply", ".glb": "glb", ".obj": "obj", ".usd": "usd", ".pcd": "pcd"}
+)
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,8 @@ class ExportOptions:
     @property
     def written(self) -> Format:
         """`format`, or if it is not given the one that `out` ends in."""
-        suffix = self.out.suffix.lower().removeprefix(".") if self.out else ""
-        return self.format or next((kind for kind in _OF_FILES if kind == suffix), "ply")
+        suffix = self.out.suffix.lower() if self.out else ""
+        return self.format or _BY_SUFFIX.get(suffix, "ply")
 
 
 def export_map(options: ExportOptions) -> None:
