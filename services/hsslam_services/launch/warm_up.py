@@ -74,7 +74,8 @@ def _map_a_wall(parent_pid: int) -> None:
     ba = dataclasses.replace(
         preset.ba, every_keyframes=1, loss_threshold=1e-9, iterations=1, pose_rate=1e-4
     )
-    slam = Slam(_briefly(dataclasses.replace(preset, ba=ba), "rendering"))
+    mapper = dataclasses.replace(preset.mapper, parts=2)  # as presets of publications have
+    slam = Slam(_briefly(dataclasses.replace(preset, ba=ba, mapper=mapper), "rendering"))
     for frame in textured_wall(3):
         slam.process(frame)
 
