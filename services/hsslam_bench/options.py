@@ -61,6 +61,8 @@ class BenchOptions:
     def __post_init__(self) -> None:
         if bool(self.docs) != bool(self.results):
             raise UserError("--docs: expected with --from, and --from with --docs")
+        if self.out is not None and self.out.suffix != ".json":  # runs lie in a folder of this name
+            raise UserError(f"--out {self.out}: expected a file .json")
 
 
 @dataclass(frozen=True)
