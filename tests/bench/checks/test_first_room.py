@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from hsslam_bench.checks import map as map_checks
 from hsslam_bench.checks.map import FirstRoom, first_room, score_first_room
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
@@ -12,6 +13,11 @@ from hsslam_node.geometry.trajectory import Trajectory, write_tum
 @pytest.fixture(scope="module")
 def room() -> FirstRoom:
     return first_room("synth:room", 20)
+
+
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    monkeypatch.setattr(map_checks, "_SAMPLES", 10_000)
 
 
 def _run_with(folder, room: FirstRoom, mesh: trimesh.Trimesh):

@@ -13,16 +13,16 @@ from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.sources.options import SourceOptions, SynthOptions
 
-_HALL = SourceOptions(
-    frames=25, synth=SynthOptions(size_m=(14.0, 14.0, 2.6), width_px=64, height_px=48)
-)
+_SYNTH = SynthOptions(width_px=64, height_px=48)
+_OPTIONS = SourceOptions(frames=25, synth=_SYNTH)
 
 
 def test_given_cameras_see_exactly_but_only_where_their_sensor_measured():
-    truth = open_ground_truth("synth:room", _HALL)
+    """In the corridor, whose end is farther away than the sensor reaches."""
+    truth = open_ground_truth("synth:corridor", _OPTIONS)
     assert truth is not None
-    exact = given_views(truth, "synth:room", _HALL)
-    noisy = given_views(truth, "synth:room", replace(_HALL, noise="kinect"))
+    exact = given_views(truth, "synth:corridor", _OPTIONS)
+    noisy = given_views(truth, "synth:corridor", replace(_OPTIONS, noise="kinect"))
     assert exact.depths_m.shape == (3, 48, 64)  # frames 0, 10 and 20
     np.testing.assert_array_equal(exact.T_world_cam, truth.T_world_cam[::10])
     measured = noisy.depths_m > 0

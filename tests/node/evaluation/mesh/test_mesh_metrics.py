@@ -54,13 +54,12 @@ def test_points_exactly_on_the_true_mesh_are_scored_0_00_mm():
     surface = truth.mesh() if truth else None
     assert truth is not None and surface is not None
     seen = given_views(truth, "synth:room", options)
-    for seed in range(2):
-        found = compare_meshes(surface, surface, seen, samples=30_000, seed=seed)
-        assert f"{1000 * found.accuracy_mean_m:.2f} mm" == "0.00 mm"
-        assert f"{1000 * found.completion_mean_m:.2f} mm" == "0.00 mm"
+    found = compare_meshes(surface, surface, seen, samples=30_000)
+    assert f"{1000 * found.accuracy_mean_m:.2f} mm" == "0.00 mm"
+    assert f"{1000 * found.completion_mean_m:.2f} mm" == "0.00 mm"
     thick = surface.copy()
     thick.vertices += 1e-3 * surface.vertex_normals
-    found = compare_meshes(thick, surface, seen, samples=30_000)
+    found = compare_meshes(thick, surface, seen, samples=10_000)
     assert found.accuracy_median_m == pytest.approx(1e-3, rel=0.01)
 
 

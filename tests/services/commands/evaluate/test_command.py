@@ -16,6 +16,7 @@ from hsslam_proto.pose_codec import wire_pose
 from hsslam_services.commands.evaluate.command import main
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
+from tests.few_samples import few_samples  # noqa: F401
 from tests.services.wire_samples import pose
 
 _ROOM = SourceOptions(frames=60, synth=SynthOptions(width_px=96, height_px=72))
@@ -43,6 +44,7 @@ def result(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.usefixtures("few_samples")
 def test_table_json_and_pictures(result, tmp_path, capsys):
     files = ("--trajectory", str(result / "trajectory.txt"), "--mesh", str(result / "mesh.ply"))
     out = ("--json", str(tmp_path / "a" / "score.json"), "--plots", str(tmp_path / "plots"))
@@ -90,6 +92,7 @@ def test_a_trajectory_of_other_frames_is_bad_input(result, tmp_path, capsys):
         assert told.startswith(f"error: --trajectory {path}: {text}")
 
 
+@pytest.mark.usefixtures("few_samples")
 def test_tsdfs_of_both_settings_are_scored_by_both_protocols(result, tmp_path, capsys):
     pytest.importorskip("open3d", exc_type=ImportError)
     poses = ("--trajectory", str(result / "trajectory.txt"), *_SOURCE, "--against", "tsdf")
