@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_bench.__main__ import main
 from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import select
 from hsslam_bench.result_commands import RESULT_COMMANDS
@@ -17,6 +18,7 @@ from hsslam_bench.results.report import machine, read_report, report
 from hsslam_bench.runs.session import Session
 from hsslam_bench.tables.paper_tables import TABLES
 from tests.bench.result_files import row_of, stored
+from tests.in_process import run_main
 
 _TINY = (
     *("--synth.width-px", "160", "--synth.height-px", "120"),
@@ -78,7 +80,8 @@ def test_a_viewer_is_attached_and_core_time_is_counted(tmp_path: Path):
 
 
 def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
-    result = _bench(tmp_path, "--only", "ate:house", "mesh", "paper", "--data", str(tmp_path))
+    only = ("--only", "ate:house", "mesh", "paper", "--data", str(tmp_path))
+    result = run_main(main, "--out", str(tmp_path / "result.json"), *only)
     assert result.returncode == 0, result.stderr
     assert f"skipped ate:house: {tmp_path / 'house'} is not on disk" in result.stdout
     rows = read_report(tmp_path / "result.json").rows
@@ -94,11 +97,11 @@ def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
 
 
 def test_unknown_row_is_one_line(tmp_path: Path):
-    result = _bench(tmp_path, "--only", "ate:hose")
+    result = run_main(main, "--only", "ate:hose")
     assert result.returncode == 2
     assert result.stderr.strip().startswith("error: --only ate:hose")
     assert "ate:house" in result.stderr
-    assert "Traceback" not in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 def test_subcommands_are_listed_and_suggested():
@@ -125,7 +128,7 @@ def test_groups_select_their_rows():
 
 
 def test_names_of_the_rows_are_listed():
-    listed = subprocess.run([*_COMMAND, "--list"], capture_output=True, text=True, check=True)
+    listed = run_main(main, "--list")
     assert listed.stdout.split() == [check.name for check in catalogue()]
 
 
@@ -149,10 +152,10 @@ def test_figures_are_compared_as_ratios(tmp_path: Path):
 def test_results_of_another_version_are_refused(tmp_path: Path):
     path = stored(tmp_path / "1.json")
     path.write_text(path.read_text().replace('"version": 1', '"version": 2'))
-    result = _run("compare", str(path), str(path))
+    result = run_main(main, "compare", str(path), str(path))
     assert result.returncode == 2
     assert result.stderr.startswith(f"error: {path}: a result of version 2: expected version 1")
-    assert "Traceback" not in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 _COMMAND = [sys.executable, "-m", "hsslam_bench"]

@@ -1,25 +1,19 @@
 """The example that asks a map, as a user runs it."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from tests.in_process import run_script
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples/ask_distances.py"
 
 
-def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(EXAMPLE), *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
-
-
 def test_it_maps_and_asks_and_keeps_the_map(tmp_path):
     kept = tmp_path / "map.safetensors"
-    done = _run("synth:room", "3", str(kept))
+    done = run_script(EXAMPLE, "synth:room", "3", str(kept))
     assert done.returncode == 0, done.stderr
     first, *places, ball, crate, last = done.stdout.splitlines()
     (wall_m,) = map(float, re.findall(r"a surface after (\d\.\d\d) m", first))
@@ -39,6 +33,6 @@ def test_it_maps_and_asks_and_keeps_the_map(tmp_path):
     ],
 )
 def test_bad_input_is_one_line(arguments, text):
-    done = _run(*arguments)
+    done = run_script(EXAMPLE, *arguments)
     assert done.returncode == 1
     assert text in done.stderr and "Traceback" not in done.stderr

@@ -12,6 +12,7 @@ from hsslam_batch.attempt.commit import commit, settle_failed
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.runs_table import write_runs
 from tests.batch.outcomes import outcome, planned, run_folder
+from tests.in_process import run_script
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples/ask_runs.py"
@@ -34,20 +35,15 @@ def table(tmp_path: Path) -> Path:
     return write_runs(batch, read_manifest(batch.out))
 
 
-def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(EXAMPLE), *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
-
-
 @pytest.mark.parametrize("library", ["pandas", "duckdb", "polars"])
 def test_each_library_has_the_same_answers(table: Path, library: str):
-    done = _run(str(table), library)
+    done = run_script(EXAMPLE, str(table), library)
     assert (done.returncode, done.stdout) == (0, _ANSWER), done.stderr
 
 
 def test_bad_input_is_one_line(table: Path):
     for arguments, text in (((str(table), "excel"), "excel: expected"), (("none",), "none: no su")):
-        done = _run(*arguments)
+        done = run_script(EXAMPLE, *arguments)
         assert done.returncode == 1
         assert done.stderr.startswith(f"error: {text}") and done.stderr.count("\n") == 1
 

@@ -1,8 +1,6 @@
 """The example that plans a path: as a user runs it, and whether the robot touches the true room."""
 
 import importlib.util
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -14,6 +12,7 @@ from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.map.checkpoint import save_checkpoint
+from tests.in_process import run_script
 from tests.repository import ROOT
 from tests.small_room import OPTIONS, SMALL, mapped_room
 
@@ -27,11 +26,6 @@ def map_file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("map") / "room.safetensors"
     save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
     return path
-
-
-def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(EXAMPLE), *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
 
 
 def test_the_robot_touches_nothing_of_the_true_room(map_file):
@@ -54,7 +48,7 @@ def test_the_robot_touches_nothing_of_the_true_room(map_file):
 
 def test_it_draws_the_path(map_file, tmp_path):
     picture = tmp_path / "path.png"
-    done = _run(str(map_file), str(picture))
+    done = run_script(EXAMPLE, str(map_file), str(picture))
     assert done.returncode == 0, done.stderr
     assert "m of room at the narrowest place" in done.stdout
     image = cv2.imread(str(picture))
@@ -74,12 +68,12 @@ def test_it_draws_the_path(map_file, tmp_path):
     ],
 )
 def test_bad_input_is_one_line(arguments, text):
-    done = _run(*arguments)
+    done = run_script(EXAMPLE, *arguments)
     assert done.returncode == 1
     assert text in done.stderr and "Traceback" not in done.stderr
 
 
 def test_a_height_without_room_is_told(map_file, tmp_path):
-    done = _run(str(map_file), str(tmp_path / "path.png"), "5", "6")
+    done = run_script(EXAMPLE, str(map_file), str(tmp_path / "path.png"), "5", "6")
     assert done.returncode == 1
     assert "is the most room: expected 0.2 m" in done.stderr and done.stderr.count("\n") == 1

@@ -9,6 +9,7 @@ import pytest
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
+from tests.in_process import run_script
 from tests.repository import ROOT
 
 DATA = Path(os.environ.get("HSSLAM_TEST_DATA", ROOT.parent / "shared/data"))
@@ -42,7 +43,7 @@ def test_an_outside_process_publishes_a_source(tmp_path):
     ("arguments", "text"), [((), "publish_camera.py"), (("nothing:",), "error: ")]
 )
 def test_bad_input_is_one_line(arguments, text):
-    done = subprocess.run([sys.executable, EXAMPLE, *arguments], capture_output=True, text=True)
+    done = run_script(EXAMPLE, *arguments)
     assert done.returncode == 1
     assert text in done.stderr
     assert "Traceback" not in done.stderr

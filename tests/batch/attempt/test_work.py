@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_batch.__main__ import main
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.store_results import StoredOutcome
 from hsslam_batch.plan.batch import Batch, read_batch
@@ -16,6 +17,7 @@ from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
 from tests.batch.quick_options import QUICK
+from tests.in_process import run_main
 
 pytestmark = pytest.mark.e2e
 _LONG_S = 900  # on a machine that does other things
@@ -62,10 +64,10 @@ def test_a_log_becomes_the_run_that_a_user_makes(batch: Batch, tmp_path: Path):
     arena = (batch.run_dir(good.id) / "run.json").read_text().partition('"arena_dir": "')[2]
     assert not Path(arena.partition('"')[0]).exists()
 
-    again = _work(batch, "--index", str(good.index))
+    again = run_main(main, "work", batch.place, "--index", str(good.index))
     assert again.returncode == 0 and "b-good: done" in again.stdout
     assert settled(batch, good.id) == outcome  # nothing ran
-    beyond = _work(batch, "--index", "2")
+    beyond = run_main(main, "work", batch.place, "--index", "2")
     assert beyond.returncode == 2 and "--index 2: expected 0 to 1" in beyond.stderr
 
 
