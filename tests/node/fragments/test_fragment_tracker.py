@@ -16,10 +16,10 @@ from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import SMALL, pose_error, with_black
 
-_DARK = range(30, 48)  # 3 s
+_DARK = range(30, 48)  # 3.6 s
 _DRIFT_M, _DRIFT_DEG = 0.15, 3.0  # of a fragment, before bundle adjustment
 _OPTIONS = SourceOptions(
-    stride=5, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=246,
+    stride=6, cover_at=_DARK.start, cover_frames=len(_DARK), to_and_fro=2, frames=206,
     synth=SynthOptions(width_px=160, height_px=120),
 )  # fmt: skip
 

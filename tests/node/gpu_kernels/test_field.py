@@ -1,7 +1,6 @@
 """The field, forward and backward, against the float64 reference on fresh random inputs."""
 
 import numpy as np
-import pytest
 import torch
 
 from hsslam_node.gpu_kernels.field.activations import field_activations, gradient
@@ -41,10 +40,9 @@ def _reference(field, points, d_sdf, d_rgb):
     return out, d_params.numpy(), d_points.numpy()
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_field_is_the_reference(gpu_field, close, seed):
-    points = gpu_field.cpu.points(N, seed=seed, reach=1.2)
-    d_sdf, d_rgb = _upstream(N, seed)
+def test_field_is_the_reference(gpu_field, close):
+    points = gpu_field.cpu.points(N, seed=1, reach=1.2)
+    d_sdf, d_rgb = _upstream(N, 1)
     acts, grad, d_points = _run(gpu_field, points, d_sdf, d_rgb)
     out, d_params, expected_points = _reference(gpu_field, points, d_sdf, d_rgb)
     inside = out.inside.numpy()

@@ -39,7 +39,7 @@ def test_of_reordered_frames():
 
 
 def test_of_a_long_recording_at_once(tmp_path: Path):
-    count = 100_000
+    count = 30_000
     for kind in ("rgb", "depth"):
         (tmp_path / kind).mkdir()
         lines = (f"{k / 30:.6f} {kind}/0.png\n" for k in range(count))
@@ -52,5 +52,5 @@ def test_of_a_long_recording_at_once(tmp_path: Path):
     source = open_source(f"tum:{tmp_path}")
     begin_s = time.process_time()
     frame = next(iter(source.frames(count - 1)))
-    assert time.process_time() - begin_s < 1.0  # all of them take a minute
+    assert time.process_time() - begin_s < 1.0  # all of them take twenty times as long
     assert frame.index == count - 1

@@ -37,7 +37,7 @@ def _kernel(f, inside, ray_weight=None, count=None):
     return rendered, terms.cpu().numpy(), gradients, ray_loss.cpu().numpy()
 
 
-@pytest.mark.parametrize(("seed", "S"), [(0, 12), (1, 12), (2, 16), (3, 1)])
+@pytest.mark.parametrize(("seed", "S"), [(1, 12), (2, 16), (3, 1)])
 def test_rays_are_the_reference(close, seed, S):
     f, inside = random_rays(37, S, seed)
     rendered, terms, (d_sdf, d_rgb, d_log_beta), _ = _kernel(f, inside)

@@ -9,10 +9,9 @@ from hsslam_node.reference.losses import smoothness_loss
 from tests.node.gpu_kernels.conftest import empty, on_device
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_loss_and_gradient_are_the_reference(gpu_field, close, seed):
+def test_loss_and_gradient_are_the_reference(gpu_field, close):
     field, n = gpu_field, 5
-    cube = smoothness_cube(field.cpu.layout.bound, n, 0.1, np.random.default_rng(seed))
+    cube = smoothness_cube(field.cpu.layout.bound, n, 0.1, np.random.default_rng(0))
     grad, loss = gradient(field.layout), empty(1)
     feature = empty(n**3, 2, field.layout.levels)
     smoothness_backward(field.params, field.layout, on_device(cube), 2.5, grad, feature, loss)
