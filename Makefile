@@ -14,6 +14,7 @@ BIN := $(VENV)/bin
 OUT ?= runs/room
 LOCKS := $(wildcard requirements/*.*)
 GENERATED := $(addprefix docs/,architecture.md cameras.md cli.md wire.md)  # their parts between [[[cog and [[[end]]]
+marked = $(shell grep --recursive --files-with-matches 'mark\.$1\b' tests --include 'test_*.py')  # no other need be imported
 UV_VERSION := 0.13.9
 UV := build/uv/bin/uv
 
@@ -31,8 +32,8 @@ run: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/hsslam-serve warm-up
 	$(BIN)/pytest -m 'not e2e and not long' --numprocesses 2 --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile
-	$(BIN)/pytest -m 'alone and not long'
+	$(BIN)/pytest -m 'e2e and not long and not alone' --numprocesses 2 --dist loadfile $(call marked,e2e)
+	$(BIN)/pytest -m 'alone and not long' $(call marked,alone)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
