@@ -13,9 +13,9 @@ from hsslam_node.kernels.cache_folder import cache_root
 
 _IN_PRIVATE = ("unshare", "--mount", "--map-root-user")
 _OPTIONS = (
-    "--source synth:room --synth.width-px 160 --synth.height-px 120 --frames 12 --pace lockstep"
-    " --slam.mapper.first-iterations 40 --slam.mapper.last-iterations 0 --slam.mesher.final-voxel-m 0.08"
-    " --no-evaluate"
+    "--source synth:room --synth.width-px 160 --synth.height-px 120 --frames 3 --pace lockstep"
+    " --slam.mapper.first-iterations 10 --slam.mapper.last-iterations 0 --slam.mapper.rays 256"
+    " --slam.mesher.final-voxel-m 0.08 --no-evaluate"
 )
 
 

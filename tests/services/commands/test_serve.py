@@ -66,14 +66,19 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert {name: counts[f"hsslam/robot/{name}"] for name in expected} == expected
 
 
-def test_ctrl_c_saves_what_there_is(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "1500")
-    run.wait_for_poses(30)
+def test_ctrl_c_saves_what_there_is_and_the_end_of_a_terminal_ends_nothing_that_nohup_began(serve):
+    run = serve(
+        *SMALL_ROOM, "--synth.length", "1500", prefix=("nohup",)
+    )  # it becomes the supervisor
+    run.wait_for_poses(5)
+    run.signal(signal.SIGHUP)
+    run.wait_for_poses(10)
+    assert "hangup" not in run.stderr.lower()
     run.signal(signal.SIGINT)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
     assert run.summary()["stop_reason"] == "interrupted"
-    assert len(read_tum(run.out / "trajectory.txt")) >= 30
+    assert len(read_tum(run.out / "trajectory.txt")) >= 15
     assert (run.out / "mesh.ply").exists()
     assert (run.out / "map.safetensors").exists()
 
@@ -91,7 +96,7 @@ def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
 def test_second_signal_ends_at_once(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(5)
-    run.signal(signal.SIGINT)
+    run.signal(signal.SIGTERM)
     _sleep_unless_ended(run, 0.1)
     run.signal(signal.SIGINT)
     assert run.finish(timeout_s=8) in (0, 1)
@@ -100,13 +105,13 @@ def test_second_signal_ends_at_once(serve):
 
 def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "1500")
-    run.wait_for_poses(30)
+    run.wait_for_poses(15)
     run.close_bus()
     run.signal(signal.SIGKILL)
     run.process.wait()
     run.expect_nothing_left(timeout_s=60)  # after the watchdog has saved what there is
     assert (run.out / "trajectory.txt").exists()
-    assert _messages_per_topic(run.out / "run.mcap")["hsslam/robot/out/pose"] >= 30
+    assert _messages_per_topic(run.out / "run.mcap")["hsslam/robot/out/pose"] >= 15
 
 
 @pytest.mark.alone  # the router cuts off a process that takes nothing of 256 MiB for a second

@@ -32,12 +32,11 @@ def test_the_benchmark_starts_its_processes_with_a_safe_path(tmp_path: Path):
     (tmp_path / "torch.py").write_text("raise SystemExit('torch.py of the working folder')")
     code = (
         "from hsslam_bench.runs.session import _python\n"
-        "print(_python('hsslam_bench.scripts.preset_speed', '--quick', 'realtime', 'synth:room', '3'))"
+        "_python('hsslam_node.slam')"  # it imports torch
     )
     command = [sys.executable, "-P", "-c", code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stderr
-    assert '"fps"' in done.stdout
 
 
 def _read_only(folder: Path) -> tuple[str, ...]:

@@ -62,17 +62,17 @@ def _refused(run: ServeProcess) -> int:
 def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_old_pose(serve):
     run = serve(*SMALL_ROOM, "--source", "zenoh:")
     run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
-    frames, sender = _frames(12), _sender(run)
+    frames, sender = _frames(8), _sender(run)
     first = [_answered(run, sender, frame) for frame in frames]
     assert first[-1].status == "tracked"
-    again = [_answered(run, sender, frame) for frame in frames[:6]]  # counts anew, does not say so
+    again = [_answered(run, sender, frame) for frame in frames[:4]]  # counts anew, does not say so
     assert all(new.publish_ns > first[-1].publish_ns for new in again)
     assert {pose.publisher for pose in again}.isdisjoint({pose.publisher for pose in first})
     run.kill_worker("tracker")
     run.heartbeats("tracker", 3)
     camera = new_publisher()
     named = [_answered(run, sender, frame, camera) for frame in frames]
-    assert {(pose.publisher, pose.index) for pose in named} == {(camera, k) for k in range(12)}
+    assert {(pose.publisher, pose.index) for pose in named} == {(camera, k) for k in range(8)}
     assert all(new.publish_ns > again[-1].publish_ns for new in named)
     late = frame_message(replace(frames[0], index=3), 1, camera)
     sender.put(late)  # is answered as it was answered before
@@ -85,7 +85,7 @@ def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_o
         sender.put_payload(msgspec.msgpack.encode(good | {"index": index}))
     run.wait_until(lambda: _refused(run) == 3, 30)
     assert "expected at most 1048576 after the last of its camera" in run.stderr
-    assert _answered(run, sender, replace(frames[0], index=12), camera).index == 12
+    assert _answered(run, sender, replace(frames[0], index=8), camera).index == 8
     run.bus.publisher(topics.SOURCE_END).put(SourceEnd(frame_count=1))
     assert run.finish() == 0, run.stderr
     assert encoding_of(topics.FRAME).endswith(".v1")
@@ -93,7 +93,7 @@ def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_o
 
 def test_a_run_with_a_camera_takes_the_frames_of_no_other(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "3000")
-    run.wait_for_poses(20)
+    run.wait_for_poses(5)
     (frame,) = _frames(1)
     sender = _sender(run)
     for k in range(10):
@@ -108,7 +108,7 @@ def test_a_run_with_a_camera_takes_the_frames_of_no_other(serve):
     assert max(indices) < 2**52
     run.kill_worker("tracker")
     run.kill_worker("camera")
-    run.wait_for_poses(10)
+    run.wait_for_poses(5)
     assert len({pose.publisher for pose in run.poses}) == 1  # a restarted camera goes on counting
     run.signal()
     assert run.finish() == 0, run.stderr

@@ -1,7 +1,5 @@
 """A run folder: what a run reads is never removed from it, and it has one run at a time."""
 
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -9,7 +7,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import psutil
 import pytest
 
 from hsslam_node.errors import UserError
@@ -97,18 +94,6 @@ def test_the_claim_of_a_dead_process_is_free(tmp_path: Path):
         other.wait()
     FolderClaim(tmp_path).close()
     FolderClaim(tmp_path).close()
-
-
-@pytest.mark.e2e
-def test_the_end_of_a_terminal_ends_no_run_that_nohup_began(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "1500", prefix=("nohup",))
-    run.wait_for_poses(5)
-    supervisor = psutil.Process(run.process.pid)  # nohup becomes it
-    supervisor.send_signal(signal.SIGHUP)
-    run.wait_for_poses(20)
-    os.kill(supervisor.pid, signal.SIGTERM)
-    assert run.finish() == 0, run.stderr
-    assert "hangup" not in run.stderr.lower()
 
 
 @pytest.mark.e2e
