@@ -28,13 +28,17 @@ def test_a_frame_gets_what_the_imu_has_integrated_at_its_wall_clock(endpoint):
         imu = outside.publisher(topics.IMU)
         first_ns, last_ns = _START_NS + 33_000_000, _START_NS + 400_000_000
         assert inlet.given(_FRAME, last_ns).imu is None
+        given_up_s = time.monotonic() + 20
+        while not imu.has_subscribers():
+            assert time.monotonic() < given_up_s
+            time.sleep(0.01)
         for k in range(0, 84, 4):  # four samples in a message, 200 a second
             stamps_ns = [_START_NS + 5_000_000 * n for n in range(k, k + 4)]
             rates, forces = [(0.0, -0.5, 0.0)] * 4, [(9.81, 0.0, 0.0)] * 4
             imu.put(ImuSamples(stamps_ns=stamps_ns, angular_velocity=rates, acceleration=forces))
-        given_up_s = time.monotonic() + 20
         while (last := inlet.given(_FRAME, last_ns)).imu is None:
             assert time.monotonic() < given_up_s
+            time.sleep(0.01)
         first = inlet.given(_FRAME, first_ns)
         own = replace(_FRAME, imu=first.imu)
         assert inlet.given(own, last_ns) is own
