@@ -1,5 +1,6 @@
 """Frames of other cameras, restarted cameras and absurd numbers, sent to a real run."""
 
+import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -110,5 +111,5 @@ def test_a_run_with_a_camera_takes_the_frames_of_no_other(serve):
     run.kill_worker("camera")
     run.wait_for_poses(5)
     assert len({pose.publisher for pose in run.poses}) == 1  # a restarted camera goes on counting
-    run.signal()
+    run.signal(signal.SIGTERM)
     assert run.finish() == 0, run.stderr
