@@ -1,6 +1,7 @@
 """Odometry of another program on `in/odometry` comes with the frames of the run's camera."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -34,13 +35,13 @@ def test_a_frame_gets_what_wheels_say_at_its_wall_clock(endpoint):
         wheels = outside.publisher(topics.ODOMETRY)
         last = _START_NS + 400_000_000
         assert inlet.given(_FRAME, last).odometry is None
+        _wait_for(wheels.has_subscribers)
         for k in range(21):  # 0.5 m/s ahead, until a frame has the last of it
             stamp_ns = _START_NS + 20_000_000 * k
             t = (0.5 * 0.02 * k, 1.0, 0.0)
             wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=t, q=(0.0, 0.0, 0.0, 1.0)))
-        given_up_s = time.monotonic() + 20
-        while (given := inlet.given(_FRAME, last)).odometry is None:
-            assert time.monotonic() < given_up_s
+        _wait_for(lambda: inlet.given(_FRAME, last).odometry is not None)
+        given = inlet.given(_FRAME, last)
         between = inlet.given(_FRAME, _START_NS + 110_000_000).odometry
         assert between is not None and given.odometry is not None
         for reading, seconds in ((between, 0.11), (given.odometry, 0.4)):
@@ -57,13 +58,19 @@ def test_a_clock_that_was_set_back_is_told(endpoint):
         messages = camera.subscribe(topics.ODOMETRY, 64)
         inlet = OdometryInlet(messages, _AHEAD, USUAL_NOISE, told.append)
         wheels = outside.publisher(topics.ODOMETRY)
+        _wait_for(wheels.has_subscribers)
         for stamp_ns in (_START_NS + 9_000_000_000, _START_NS):
             wheels.put(RobotOdometry(stamp_ns=stamp_ns, t=(0.0, 0.0, 0.0), q=(0.0, 0.0, 0.0, 1.0)))
-        given_up_s = time.monotonic() + 20
-        while inlet.given(_FRAME, _START_NS).odometry is None:
-            assert time.monotonic() < given_up_s
+        _wait_for(lambda: inlet.given(_FRAME, _START_NS).odometry is not None)
     assert [report.kind for report in told] == ["in/odometry: clock set back"]
     assert "set back by 9.0 s" in told[0].text
+
+
+def _wait_for(is_done: Callable[[], bool]) -> None:
+    given_up_s = time.monotonic() + 20
+    while not is_done():
+        assert time.monotonic() < given_up_s
+        time.sleep(0.01)
 
 
 @pytest.mark.e2e
