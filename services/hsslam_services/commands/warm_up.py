@@ -13,7 +13,7 @@ from hsslam_services.launch.warm_up import warm_up
 
 WARM_UP_HELP = """usage: hsslam-serve warm-up
 
-Compiles all kernels for this machine into the cache (about 40 s) and makes the textures of the
+Compiles all kernels for this machine into the cache (about a minute) and makes the textures of the
 built-in room. Does nothing if that is done already.
 
 Exit codes: 0 if the kernels are compiled, 2 if the input is bad."""

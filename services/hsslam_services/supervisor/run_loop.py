@@ -85,7 +85,7 @@ class RunLoop:
             if spare_cuda := cuda_torch_without_cuda():
                 self._status.say(spare_cuda)
             if not warm_stamp().exists():
-                self._status.say("compiling kernels for this machine: once, about 40 s")
+                self._status.say("compiling kernels for this machine: once, about a minute")
                 if error := self._run_alone(WARM_UP, patience=0):
                     self._report(f"warm_up: {error}")
             self._guard.run("fork server", self._fork_client.start)
