@@ -47,7 +47,16 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
         _save(arena_dir, run_dir)
     else:
         _kill(_wait_for_end(arena_dir))
+        _give_back(run_dir)
         remove_arena(arena_dir)
+
+
+def _give_back(run_dir: Path) -> None:
+    """The results of the run before, which the killed one has not replaced."""
+    from hsslam_services.artefacts.replaced_results import ReplacedResults  # a small process waits
+
+    with contextlib.suppress(OSError):  # else the next run in this folder does
+        ReplacedResults(run_dir).give_back()
 
 
 def _save(arena_dir: Path, run_dir: Path) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owner_lives, try_own
 from hsslam_services.arena.unsaved_marker import is_marked
+from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary
-from hsslam_services.supervisor.replaced_results import ReplacedResults
 
 _REPLACED = (ExitCode.SAVED, ExitCode.CUT_SHORT, ExitCode.BAD_INPUT)
 _LONGEST_RESCUE_S = 600.0

@@ -20,6 +20,7 @@ from hsslam_services.arena.arena_folder import (
     run_dir_of,
 )
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.health.http_server import MetricsServer
 from hsslam_services.launch.one_shot import start_watchdog
@@ -30,7 +31,6 @@ from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import log_place
 from hsslam_services.supervisor.earlier_run import set_earlier_run_aside, wait_for_earlier_run
 from hsslam_services.supervisor.folder_claim import FolderClaim
-from hsslam_services.supervisor.replaced_results import ReplacedResults
 from hsslam_services.supervisor.router import RunRouter, open_run_router
 
 

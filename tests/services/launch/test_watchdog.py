@@ -9,6 +9,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from hsslam_services.artefacts.replaced_results import ReplacedResults
+
 _SUPERVISOR = """
 import os, sys, time
 from pathlib import Path
@@ -76,6 +78,19 @@ def test_killed_supervisor_leaves_nothing(tmp_path: Path, behaviour: str, is_rea
     _wait_for_ends(pids, 6.0)
     assert not (tmp_path / "hsslam-test").exists()
     assert (tmp_path / "ended").exists() == (behaviour == "obedient" and is_ready == 1)
+
+
+def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(tmp_path: Path):
+    (tmp_path / "map.safetensors").write_text("of the run before")
+    ReplacedResults(tmp_path).set_aside()
+    assert not (tmp_path / "map.safetensors").exists()
+    supervisor, pids = _start(tmp_path, "obedient", 60)
+    _wait_for_work(tmp_path)
+    supervisor.send_signal(signal.SIGKILL)
+    supervisor.wait()
+    _wait_for_ends(pids, 6.0)
+    assert (tmp_path / "map.safetensors").read_text() == "of the run before"
+    assert not ReplacedResults(tmp_path).exists
 
 
 def test_orderly_end_needs_no_watchdog(tmp_path: Path):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hsslam_services.supervisor.replaced_results import ReplacedResults
+from hsslam_services.artefacts.replaced_results import ReplacedResults
 from tests.services.serve_process import SMALL_ROOM
 
 
