@@ -37,7 +37,7 @@ class ImuTrack:
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
-        clock_set_back: is told by how many seconds stamps went back, each time they did.
+        clock_set_back: called with the seconds by which stamps went back, each time they do.
     """
 
     def __init__(

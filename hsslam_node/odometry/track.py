@@ -38,7 +38,7 @@ class OdometryTrack:
     Args:
         T_base_cam: [4, 4] the camera on the base.
         noise: standard deviation after 1 m (m) and after 1 rad (rad).
-        clock_set_back: is told by how many seconds, each time it begins anew.
+        clock_set_back: called with the seconds by which stamps went back, each time they do.
     """
 
     def __init__(

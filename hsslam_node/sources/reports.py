@@ -1,6 +1,7 @@
 """What goes wrong beside the frames of a source: told once a kind, and counted."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hsslam_node.sources.source import Source
@@ -40,6 +41,11 @@ class Reports:
     def take(self) -> list[Report]:
         """All that was told since the last time."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+
+def clock_watch(topic: str, tell: Callable[[Report], None]) -> Callable[[float], None]:
+    """What a track calls with the seconds by which stamps of this topic went back; `tell` gets a report."""
+    return lambda seconds: tell(Report.clock_set_back(topic, seconds))
 
 
 def reports_of(source: Source) -> Reports:

@@ -29,7 +29,9 @@ class CameraMotion:
         self._inertial = InertialPrior(store, config.inertial_rotation)
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
-        self._is_at_rest = False  # as far as is known: it has begun, and no frame came since
+        self._begun: TrackedFrame | None = (
+            None  # the frame that it began with, if none was lost since
+        )
         self.lost_frames = 0  # since the last aligned one
 
     @property
@@ -69,7 +71,7 @@ class CameraMotion:
 
     def is_foreseen(self, stamp_ns: int) -> bool:
         """Whether the prediction can be trusted: the camera is neither lost nor seen after a gap."""
-        if self._is_at_rest:
+        if self.last is self._begun:  # at rest, as far as is known
             return not self.is_after_gap(stamp_ns)
         return self.lost_frames == 0 and is_foreseen(self.last, self._before_last, stamp_ns)
 
@@ -81,20 +83,18 @@ class CameraMotion:
     def begin(self, frame: Frame, keyframe: int) -> None:
         """Go on from a frame that is a keyframe and was not aligned to another."""
         self._last, self._before_last = TrackedFrame(frame, keyframe, np.eye(4)), None
-        self._is_at_rest = True
+        self._begun = self._last
         self._inertial.restart(frame.imu)
 
     def resume(self, keyframe: int, lost_frames: int) -> None:
         """Go on from a keyframe of the store as a camera that has been lost for a while."""
         self._last = TrackedFrame(self._store.frame(keyframe), keyframe, np.eye(4))
         self._before_last, self.lost_frames = None, lost_frames
-        self._is_at_rest = False
 
     def take_over(self, other: "CameraMotion", joined: JoinedFragment) -> None:
         """Go on with the motion in a fragment that has joined the store."""
         self._last = joined.placed(other.last)
         self._before_last = other._before_last and joined.placed(other._before_last)
-        self._is_at_rest = False
         self.lost_frames = 0
         self._inertial.restart(None)
 
@@ -113,11 +113,9 @@ class CameraMotion:
             self._inertial.restart(frame.imu)
         self._before_last = self._last if self.lost_frames == 0 else None
         self._last = TrackedFrame(frame, keyframe, T_keyframe_cam)
-        self._is_at_rest = False
         self.lost_frames = 0
 
     def unaligned(self, *, is_lost: bool) -> None:
         """The frame is not aligned; it is lost, or its pose is by odometry alone."""
-        self._before_last = None
-        self._is_at_rest = False
+        self._before_last = self._begun = None
         self.lost_frames += is_lost

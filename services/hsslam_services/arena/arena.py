@@ -15,7 +15,7 @@ import torch
 
 from hsslam_node.durable_file import durable_file
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_services.arena.arena_view import ArrayHeader
+from hsslam_services.arena.arena_view import ArrayHeader, removed_is_absent
 from hsslam_services.arena.shared_pages import give_back
 
 PARAMETERS_LEASE = "params"  # whoever steps the parameters holds it
@@ -60,12 +60,8 @@ class Arena:
         """
         dtype, shape = ArrayHeader.read(self._path(name, ".json"))
         nbytes = math.prod(shape) * dtype.itemsize
-        try:
+        with removed_is_absent(self._path(name, ".json")):
             self._path(name, ".bin").stat()  # PyTorch would make the file, of zeros
-        except FileNotFoundError:
-            if self.exists(name):
-                raise
-            raise KeyError(name) from None  # removed since its header was read
         storage: Any = torch.UntypedStorage.from_file(
             str(self._path(name, ".bin")), shared=True, nbytes=max(nbytes, 1)
         )

@@ -3,7 +3,9 @@
 Apart from `arena.py` so that the supervisor does not import torch.
 """
 
+import contextlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +33,17 @@ class ArrayHeader(NamedTuple):
         except FileNotFoundError:
             raise KeyError(path.stem) from None
         return ArrayHeader(_dtype(header["dtype"]), tuple(header["shape"]))
+
+
+@contextlib.contextmanager
+def removed_is_absent(header: Path) -> Iterator[None]:
+    """KeyError, as before an array was made, if it is removed while it is opened; `header`: its file."""
+    try:
+        yield
+    except FileNotFoundError:
+        if header.exists():
+            raise
+        raise KeyError(header.stem) from None
 
 
 def _dtype(descr: Any) -> np.dtype:
@@ -65,13 +78,10 @@ class ArenaView:
 
     def open(self, name: str) -> np.ndarray:
         """The array as a read-only view of the shared memory; KeyError if there is none yet."""
-        header = ArrayHeader.read(self._folder / f"{name}.json")
-        try:
-            return np.memmap(self._folder / f"{name}.bin", header.dtype, "r", shape=header.shape)
-        except FileNotFoundError:
-            if self.exists(name):
-                raise
-            raise KeyError(name) from None  # removed since its header was read
+        path = self._folder / f"{name}.json"
+        header = ArrayHeader.read(path)
+        with removed_is_absent(path):
+            return np.memmap(path.with_suffix(".bin"), header.dtype, "r", shape=header.shape)
 
     def exists(self, name: str) -> bool:
         """Whether an array of this name is ready."""

@@ -60,17 +60,14 @@ class ReplacedResults:
 
     def keep(self) -> str:
         """Keep them beside those of the new run: the name of their folder, "" if there are none."""
-        if not self.exists:
+        if not _has(self._aside, _WORTH_KEEPING):
+            self.remove()
             return ""
-        is_of_worth = _has(self._aside, _WORTH_KEEPING)
         arena_dir: Path | None = None
         name = "earlier"
         with contextlib.suppress(UserError):  # of another version
             run = RunInfo.read(self._aside)
             name, arena_dir = f"earlier-{run.run_id}", Path(run.arena_dir)
-        if not is_of_worth:
-            self.remove()
-            return ""
         kept = self._run_dir / name
         kept.mkdir(exist_ok=True)
         _move(self._aside, kept)

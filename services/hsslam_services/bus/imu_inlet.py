@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
-from hsslam_node.sources.reports import Report
+from hsslam_node.sources.reports import Report, clock_watch
 from hsslam_proto.messages import ImuSamples
 from hsslam_services.bus.subscription import Subscription
 
@@ -18,7 +18,7 @@ class ImuInlet:
 
     Args:
         camera_T_imu: numbers of `--camera-T-imu`.
-        tell: is told of each time that its clock was set back.
+        tell: gets a report each time that the clock of the messages was set back.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class ImuInlet:
         self._messages = messages
         self._track = ImuTrack(
             mounting("--camera-T-imu", camera_T_imu),
-            lambda seconds: tell(Report.clock_set_back(messages.topic.name, seconds)),
+            clock_watch(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

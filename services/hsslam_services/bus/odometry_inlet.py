@@ -6,7 +6,7 @@ from dataclasses import replace
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_node.sources.reports import Report
+from hsslam_node.sources.reports import Report, clock_watch
 from hsslam_proto.messages import RobotOdometry
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.subscription import Subscription
@@ -18,7 +18,7 @@ class OdometryInlet:
     Args:
         base_T_camera: numbers of `--base-T-camera`.
         noise: as in `OdometryTrack`.
-        tell: is told of each time that its clock was set back.
+        tell: gets a report each time that the clock of the messages was set back.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class OdometryInlet:
         self._track = OdometryTrack(
             RobotFrames.mounted(base_T_camera).T_base_cam,
             noise,
-            lambda seconds: tell(Report.clock_set_back(messages.topic.name, seconds)),
+            clock_watch(messages.topic.name, tell),
         )
 
     def given(self, frame: Frame, stamp_ns: int) -> Frame:

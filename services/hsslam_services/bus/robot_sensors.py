@@ -25,7 +25,7 @@ class RobotSensors:
     def heard(
         cls, bus: Bus, options: ServeOptions, tell: Callable[[Report], None] = lambda _: None
     ) -> "RobotSensors":
-        """Subscribe to both; `tell` is told what is wrong with their messages."""
+        """Subscribe to both; `tell` gets a report of what is wrong with their messages."""
         wheels = bus.subscribe(topics.ODOMETRY, _ODOMETRY_RING)
         return cls(
             OdometryInlet(wheels, options.base_T_camera, options.odometry_noise, tell),

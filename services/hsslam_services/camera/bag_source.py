@@ -12,7 +12,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.files.image_pairs import median_rate_hz
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.reports import Report, Reports
+from hsslam_node.sources.reports import Report, Reports, clock_watch
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
@@ -113,15 +113,12 @@ class BagSource(ReadsInTime):
         """Those beside the camera, by topic."""
         sensors: dict[str, RosOdometry | RosImu] = {}
         if topic := self._odometry_topic:
-            sensors[topic] = RosOdometry(self._options, partial(self._clock_set_back, topic))
+            sensors[topic] = RosOdometry(self._options, clock_watch(topic, self.reports.add))
         if topic := self._imu_topic:
             mounted_at = partial(self._mountings.between, self._camera_frame)
-            set_back = partial(self._clock_set_back, topic)
-            sensors[topic] = RosImu(self._options, mounted_at, set_back)
+            watch = clock_watch(topic, self.reports.add)
+            sensors[topic] = RosImu(self._options, mounted_at, watch)
         return sensors
-
-    def _clock_set_back(self, topic: str, seconds: float) -> None:
-        self.reports.add(Report.clock_set_back(topic, seconds))
 
     def _paired(
         self,

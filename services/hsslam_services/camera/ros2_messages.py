@@ -10,6 +10,7 @@ from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
+from hsslam_services.ros2.header_stamp import header_stamp_ns
 from hsslam_services.ros2.imu_in import IMU
 from hsslam_services.ros2.odometry_in import ODOMETRY
 from hsslam_services.ros2.static_transforms import TRANSFORMS
@@ -54,7 +55,7 @@ class CdrMessages:
         if type_name not in (IMAGE, COMPRESSED):
             raise BadImageError(f"message of type {type_name or 'unknown'}: expected {IMAGE}")
         message = self._decoded(payload, type_name)
-        stamp_ns, frame_id = _stamp_ns(message), str(message.header.frame_id)
+        stamp_ns, frame_id = header_stamp_ns(message), str(message.header.frame_id)
         data = np.asarray(message.data, np.uint8)
         if type_name == COMPRESSED:
             encoding = str(message.format)
@@ -122,10 +123,6 @@ class CdrMessages:
             return self._deserialize(payload, type_name)
         except self._error as error:
             raise BadImageError(f"no {type_name} in {self._format}: {error}") from None
-
-
-def _stamp_ns(message: Any) -> int:
-    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
 
 def _numbers(info: Any, name: str) -> list[float]:

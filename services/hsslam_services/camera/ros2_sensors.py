@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.options import SourceOptions
-from hsslam_node.sources.reports import Report, Reports
+from hsslam_node.sources.reports import Report, Reports, clock_watch
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu
 from hsslam_services.ros2.odometry_in import ODOMETRY, RosOdometry
@@ -59,7 +58,7 @@ class Ros2Sensors:
             )
         self._sensors = [
             _Sensor(
-                *(option, topic, kind, make(options, partial(self._clock_set_back, topic))),
+                *(option, topic, kind, make(options, clock_watch(topic, reports.add))),
                 session.declare_subscriber(
                     topic_keys(ros2.domain, topic), zenoh.handlers.RingChannel(_RING)
                 ),
@@ -99,9 +98,6 @@ class Ros2Sensors:
     def _is_unusable(self, topic: str, error: Exception) -> None:
         self.problem = f"; {topic}: {error}"
         self._reports.add(Report.unusable(topic, error))
-
-    def _clock_set_back(self, topic: str, seconds: float) -> None:
-        self._reports.add(Report.clock_set_back(topic, seconds))
 
     def _imu(self, options: SourceOptions, clock_set_back: Callable[[float], None]) -> RosImu:
         return RosImu(options, self._mounted_at, clock_set_back)

@@ -11,6 +11,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
 from hsslam_node.sources.options import SourceOptions
+from hsslam_services.ros2.header_stamp import header_stamp_ns
 
 IMU = "sensor_msgs/msg/Imu"
 
@@ -24,7 +25,7 @@ class RosImu:
 
     Args:
         mounted_at: T_camera_imu, [4, 4], of an IMU with this frame of ROS; None: not known.
-        clock_set_back: is told by how many seconds stamps went back, each time they did.
+        clock_set_back: called with the seconds by which stamps went back, each time they do.
     """
 
     def __init__(
@@ -64,9 +65,9 @@ class RosImu:
                     "unite_imu_method of realsense2_camera"
                 )
         self._mount(str(message.header.frame_id))
-        stamp = message.header.stamp
-        header_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        self._track.add(header_ns if stamp_ns is None else stamp_ns, turn_rate, force)
+        if stamp_ns is None:
+            stamp_ns = header_stamp_ns(message)
+        self._track.add(stamp_ns, turn_rate, force)
         self.has_any = True
 
     def _mount(self, frame_id: str) -> None:

@@ -12,6 +12,7 @@ from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.odometry.track import OdometryTrack
 from hsslam_node.sources.options import SourceOptions
+from hsslam_services.ros2.header_stamp import header_stamp_ns
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 _UNIT = 1e-2  # largest difference of a quaternion's norm from 1
@@ -21,7 +22,7 @@ class RosOdometry:
     """Takes messages as they come, and adds odometry to frames at their stamps.
 
     The messages are poses of `base_link`; `--base-T-camera` is the pose of the camera in it.
-    `clock_set_back` is told by how many seconds stamps went back, each time they did.
+    They call `clock_set_back` with the seconds by which stamps went back, each time they do.
     """
 
     def __init__(
@@ -46,9 +47,9 @@ class RosOdometry:
                 f"odometry: position {t}, orientation {q}: expected finite numbers and a unit quaternion"
             )
         covariance = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
-        stamp = message.header.stamp
-        header_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        self._track.add(header_ns if stamp_ns is None else stamp_ns, transform(t, q), covariance)
+        if stamp_ns is None:
+            stamp_ns = header_stamp_ns(message)
+        self._track.add(stamp_ns, transform(t, q), covariance)
         self.has_any = True
 
     def given(self, frame: Frame) -> Frame:

@@ -24,9 +24,6 @@ from hsslam_services.commands.maps.whole_space import expect_out, map_file
 
 _TEXTURED = ("glb", "obj")
 Format = Literal["ply", "glb", "obj", "usd", "pcd", "nerfstudio", "colmap"]
-_BY_SUFFIX: Mapping[str, Format] = MappingProxyType(
-    {".ply": "ply", ".glb": "glb", ".obj": "obj", ".usd": "usd", ".pcd": "pcd"}
-)
 
 
 @dataclass(frozen=True)
@@ -86,8 +83,9 @@ class ExportOptions:
     @property
     def written(self) -> Format:
         """`format`, or if it is not given the one that `out` ends in."""
+        by_suffix: dict[str, Format] = {Path(k.default_out).suffix: f for f, k in _KINDS.items()}
         suffix = self.out.suffix.lower() if self.out else ""
-        return self.format or _BY_SUFFIX.get(suffix, "ply")
+        return self.format or by_suffix.get(suffix or ".ply", "ply")
 
 
 def export_map(options: ExportOptions) -> None:
