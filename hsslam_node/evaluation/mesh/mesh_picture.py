@@ -10,7 +10,7 @@ import trimesh
 from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.view_from_above import looking_down, mean_up
+from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
 from hsslam_node.rendering.chunked_mesh import chunked_mesh
 from hsslam_node.rendering.depth_render import render_depth
 
@@ -86,6 +86,6 @@ def _pose_above(poses: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     low, high = np.percentile(vertices, (1, 99), axis=0)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low))
     pose = np.eye(4)
-    pose[:3, :3] = looking_down(mean_up(poses), _ELEVATION_RAD)
+    pose[:3, :3] = looking_down(mean_up(poses), mean_ahead(poses), _ELEVATION_RAD)
     pose[:3, 3] = centre - 0.85 * size * pose[:3, 2]
     return pose

@@ -3,22 +3,26 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import trimesh
 
+from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.floor_plane import floor_by
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
-from hsslam_node.geometry.view_from_above import looking_down, mean_up
+from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
+from hsslam_services.commands.maps.whole_space import MAP_NAME
 
 _POINTS = 2_500_000
 _PANEL_PX = 800
-_BACKGROUND = 250
+_BACKGROUND = 215
 _PATH_BGR = (40, 40, 230)
 _LIGHT = np.array([0.80, 0.48, 0.36])  # a direction, unit length
-_FIELD_OF_VIEW = 1.1  # panel width over focal length
+_AWAY = 0.9  # of the mesh's size: from its middle to the eye
+_FILLED = 0.92  # of a panel, by what is seen
 
 
 def main() -> None:
@@ -43,61 +47,75 @@ def draw_run(run_dir: Path) -> Path:
         raise UserError(f"{run_dir / 'mesh.ply'}: not there: expected a run that has finished")
     mesh = trimesh.load_mesh(run_dir / "mesh.ply")
     trajectory = read_tum(run_dir / "trajectory.txt")
-    up = mean_up(trajectory.T_world_cam)
-    points, colors = _surface(mesh)
-    panels = [_panel(points, colors, trajectory, up, angle) for angle in (80.0, 40.0)]
+    up, surface = _up(run_dir, trajectory), _surface(mesh)
+    panels = [_panel(surface, trajectory, up, angle) for angle in (80.0, 40.0)]
     path = run_dir / "picture.png"
     cv2.imwrite(str(path), np.concatenate(panels, axis=1))
     return path
 
 
-def _surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Points [N, 3] m on the surface and their shaded BGR [N, 3]."""
+def _up(run_dir: Path, trajectory: Trajectory) -> np.ndarray:
+    """Up [3], world: that of the floor in the run's map, or of the images if the run kept no map."""
+    if not (run_dir / MAP_NAME).exists():
+        return mean_up(trajectory.T_world_cam)
+    saved = SavedMap.open(run_dir)
+    known, seen = saved.checkpoint, saved.keyframes
+    return np.asarray(floor_by(known.gravity, seen.views, seen.camera, known.T_level_world).up)
+
+
+class _Surface(NamedTuple):
+    """Points on a mesh."""
+
+    points: np.ndarray  # [N, 3] m, world
+    normals: np.ndarray  # [N, 3] unit length, towards free space
+    colors: np.ndarray  # [N, 3] uint8 BGR, shaded
+
+
+def _surface(mesh: trimesh.Trimesh) -> _Surface:
     sampled: Any = trimesh.sample.sample_surface(mesh, _POINTS, seed=0)
     points, faces = sampled[:2]
     corner_colors = np.asarray(mesh.visual.vertex_colors)[mesh.faces[faces]]  # type: ignore[union-attr]
-    light = 0.75 + 0.25 * np.abs(mesh.face_normals[faces] @ _LIGHT)
+    normals = mesh.face_normals[faces]
+    light = 0.75 + 0.25 * np.abs(normals @ _LIGHT)
     colors = corner_colors[:, :, 2::-1].mean(axis=1) * light[:, None]
-    return np.asarray(points), colors.astype(np.uint8)
+    return _Surface(np.asarray(points), normals, colors.astype(np.uint8))
 
 
-def _panel(
-    points: np.ndarray, colors: np.ndarray, path: Trajectory, up: np.ndarray, elevation_deg: float
-) -> np.ndarray:
-    """One perspective view from outside; what hides the room (ceiling, near walls) is left out."""
-    camera_up = path.positions @ up
-    height = points @ up
-    keep = height < np.median(camera_up) + 0.35  # no ceiling
+def _panel(surface: _Surface, path: Trajectory, up: np.ndarray, elevation_deg: float) -> np.ndarray:
+    """One perspective view from outside, the way that the camera looked in the mean.
+
+    What turns its back to the view is left out: ceiling and near walls.
+    """
+    points = surface.points
     low, high = np.percentile(points, (1, 99), axis=0)
-    centre, size = (low + high) / 2, float(np.linalg.norm(high - low))
-    centre = centre - up * (centre @ up - np.median(height))
-    R = looking_down(up, np.deg2rad(elevation_deg)).T  # world to view
-    eye = centre - 0.95 * size * R[2]
-    focal = _PANEL_PX / _FIELD_OF_VIEW
-    uv, z = _project(points[keep], R, eye, focal)
-    image = _splat(uv, z, colors[keep])
-    line, _ = _project(path.positions, R, eye, focal)
-    cv2.polylines(image, [np.round(line).astype(np.int32)], False, _PATH_BGR, 2, cv2.LINE_AA)
+    R = looking_down(up, mean_ahead(path.T_world_cam), np.deg2rad(elevation_deg)).T  # world to view
+    eye = (low + high) / 2 - _AWAY * float(np.linalg.norm(high - low)) * R[2]
+    is_front = ((eye - points) * surface.normals).sum(axis=1) > 0
+    (seen, z), (line, _) = (_project(p, R, eye) for p in (points[is_front], path.positions))
+    low, high = np.percentile(seen, (0.1, 99.9), axis=0)
+    low, high = np.minimum(low, line.min(axis=0)), np.maximum(high, line.max(axis=0))
+    scale_px = _FILLED * _PANEL_PX / float((high - low).max())
+    seen_px, line_px = ((uv - (low + high) / 2) * scale_px + _PANEL_PX / 2 for uv in (seen, line))
+    image = _splat(seen_px, z, surface.colors[is_front])
+    cv2.polylines(image, [np.round(line_px).astype(np.int32)], False, _PATH_BGR, 2, cv2.LINE_AA)
     return image
 
 
-def _project(
-    points: np.ndarray, R: np.ndarray, eye: np.ndarray, focal: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels [N, 2] and depths [N] m of points [N, 3]."""
+def _project(points: np.ndarray, R: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places [N, 2] in the picture, of focal length 1, and depths [N] m of points [N, 3]."""
     seen = (points - eye) @ R.T
-    return focal * seen[:, :2] / seen[:, 2:] + _PANEL_PX / 2, seen[:, 2]
+    return seen[:, :2] / seen[:, 2:], seen[:, 2]
 
 
 def _splat(uv: np.ndarray, z: np.ndarray, colors: np.ndarray) -> np.ndarray:
     """Points into a z-buffer, [H, W, 3]; the nearest wins."""
     image = np.full((_PANEL_PX, _PANEL_PX, 3), _BACKGROUND, np.uint8)
     pixel = np.floor(uv).astype(int)
-    keep = (pixel >= 0).all(axis=1) & (pixel < _PANEL_PX - 1).all(axis=1) & (z > 0)
+    keep = (pixel >= 1).all(axis=1) & (pixel < _PANEL_PX - 1).all(axis=1) & (z > 0)
     order = np.argsort(-z[keep], kind="stable")  # the last write wins
     u, v = pixel[keep][order].T
-    for right, down in ((1, 1), (0, 1), (1, 0), (0, 0)):  # each point covers four pixels
-        image[v + down, u + right] = colors[keep][order]
+    for right, down in np.ndindex(3, 3):  # each point covers nine pixels
+        image[v + down - 1, u + right - 1] = colors[keep][order]
     return image
 
 
