@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hsslam_node.image_decoding import decoded_as_stored, decoded_rgb
 from hsslam_node.image_header import LARGEST_PIXELS, image_header
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
-from hsslam_node.png import encode_png
+from hsslam_node.png.encode import encode_png
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
@@ -81,8 +82,8 @@ class KeyframeImages:
         Raises:
             ValueError: it cannot be decoded.
         """
-        bgr = _decoded(self.color, self.color_end, k, cv2.IMREAD_COLOR)
-        return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+        packed = _expect_header(_packed(self.color, self.color_end, k), k)
+        return _expect_decoded(decoded_rgb(packed), k)
 
     def color_jpeg(self, k: int) -> bytes:
         """Colour of keyframe k as it is kept, a JPEG."""
@@ -94,7 +95,8 @@ class KeyframeImages:
         Raises:
             ValueError: it cannot be decoded.
         """
-        depth = _decoded(self.depth, self.depth_end, k, cv2.IMREAD_UNCHANGED)
+        packed = _expect_header(_packed(self.depth, self.depth_end, k), k)
+        depth = _expect_decoded(decoded_as_stored(packed), k)
         if depth.dtype != np.uint16 or depth.ndim != 2:
             raise ValueError(f"keyframe {k}: depth is {depth.dtype}{list(depth.shape)}")
         return depth
@@ -110,15 +112,14 @@ def _packed(data: np.ndarray, end: np.ndarray, k: int) -> np.ndarray:
     return data[int(end[k - 1]) if k else 0 : int(end[k])]
 
 
-def _decoded(data: np.ndarray, end: np.ndarray, k: int, flags: int) -> np.ndarray:
-    packed = _packed(data, end, k)
+def _expect_header(packed: np.ndarray, k: int) -> np.ndarray:
     header = image_header(packed.data)
     if header is None or not 0 < header.pixels <= LARGEST_PIXELS:
         raise ValueError(f"keyframe {k}: expected a PNG or JPEG of at most {LARGEST_PIXELS} pixels")
-    try:
-        image = cv2.imdecode(packed, flags)
-    except cv2.error:
-        image = None
+    return packed
+
+
+def _expect_decoded(image: np.ndarray | None, k: int) -> np.ndarray:
     if image is None:
         raise ValueError(f"keyframe {k}: its image cannot be decoded")
     return image

@@ -78,13 +78,13 @@ def color_image(message: messages.Frame) -> np.ndarray:
     image."""
     if message.color_encoding == "rgb8":
         return np.frombuffer(message.color, np.uint8).reshape((*_size(message), 3))
-    import cv2
+    from hsslam_node.image_decoding import decoded_rgb
 
     expect_headers(message)
-    image = _imdecode(message.color, cv2.IMREAD_COLOR)
+    image = decoded_rgb(message.color)
     if image is None or image.shape[:2] != _size(message):
         raise _not_an_image(message, "color", message.color_encoding.upper(), _found(image))
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return image
 
 
 def depth_image(message: messages.Frame) -> np.ndarray:
@@ -92,10 +92,10 @@ def depth_image(message: messages.Frame) -> np.ndarray:
     PNG."""
     if message.depth_encoding == "u16":
         return np.frombuffer(message.depth, "<u2").reshape(_size(message))
-    import cv2
+    from hsslam_node.image_decoding import decoded_as_stored
 
     expect_headers(message)
-    image = _imdecode(message.depth, cv2.IMREAD_UNCHANGED)
+    image = decoded_as_stored(message.depth)
     if image is None or image.dtype != np.uint16 or image.shape != _size(message):
         raise _not_an_image(message, "depth", "16-bit PNG", _found(image))
     return image
@@ -134,15 +134,6 @@ def _owned(view: np.ndarray) -> np.ndarray:
 
 def _size(message: messages.Frame) -> tuple[int, int]:
     return message.height_px, message.width_px
-
-
-def _imdecode(data: memoryview, flags: int) -> Any:
-    import cv2
-
-    try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error:
-        return None
 
 
 def _found(image: Any) -> str:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hsslam_node.image_header import image_header
-from hsslam_node.png import encode_png
+from hsslam_node.png.encode import encode_png
 
 
 @settings(max_examples=60)

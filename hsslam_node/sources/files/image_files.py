@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.image_decoding import decoded_as_stored, decoded_mask, decoded_rgb
 from hsslam_node.image_header import LARGEST_PIXELS, image_header
 
 _PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
@@ -23,14 +23,14 @@ def read_color(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, or of another size than the camera.
     """
-    image = _as_rgb(_decode(path, cv2.IMREAD_COLOR, camera))
+    image = decode_color(_read(path), str(path), camera)
     _expect_size(path, image, camera)
     return image
 
 
 def read_any_color(path: Path) -> np.ndarray:
     """Colour image [H, W, 3] uint8 RGB, whatever its size; raises as `read_color`."""
-    return _as_rgb(_decode(path, cv2.IMREAD_COLOR))
+    return decode_color(_read(path), str(path))
 
 
 def read_mask(path: Path, camera: Camera) -> np.ndarray:
@@ -39,14 +39,17 @@ def read_mask(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, or of another size than the camera.
     """
-    image = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH, camera)  # labels of 16 bit stay
+    data = _read(path)
+    _expect_whole(data, str(path), camera)
+    image = _expect_decoded(decoded_mask(data), str(path))
     _expect_size(path, image, camera)
     return image.max(axis=2) == 0
 
 
-def decode_color(data: bytes, name: str) -> np.ndarray:
+def decode_color(data: bytes | np.ndarray, name: str, camera: Camera | None = None) -> np.ndarray:
     """The same from memory; `name` is what messages call it."""
-    return _as_rgb(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_COLOR))
+    _expect_whole(data, name, camera)
+    return _expect_decoded(decoded_rgb(data), name)
 
 
 def read_depth(path: Path, camera: Camera) -> np.ndarray:
@@ -55,19 +58,26 @@ def read_depth(path: Path, camera: Camera) -> np.ndarray:
     Raises:
         BadImageError: missing, truncated, not 16 bit, or of another size than the camera.
     """
-    image = _as_depth(_decode(path, cv2.IMREAD_UNCHANGED, camera), str(path))
+    image = decode_depth(_read(path), str(path), camera)
     _expect_size(path, image, camera)
     return image
 
 
 def read_any_depth(path: Path) -> np.ndarray:
     """Depth image [H, W] uint16, whatever its size; raises as `read_depth`."""
-    return _as_depth(_decode(path, cv2.IMREAD_UNCHANGED), str(path))
+    return decode_depth(_read(path), str(path))
 
 
-def decode_depth(data: bytes, name: str) -> np.ndarray:
+def decode_depth(data: bytes | np.ndarray, name: str, camera: Camera | None = None) -> np.ndarray:
     """The same from memory; `name` is what messages call it."""
-    return _as_depth(_decoded(np.frombuffer(data, np.uint8), name, cv2.IMREAD_UNCHANGED), name)
+    _expect_whole(data, name, camera)
+    image = _expect_decoded(decoded_as_stored(data), name)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise BadImageError(
+            f"{name}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
+        )
+    return image
 
 
 def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = None) -> None:
@@ -87,44 +97,30 @@ def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = N
         raise BadImageError(f"{found}: expected {camera.width_px}x{camera.height_px}")
 
 
-def _decode(path: Path, flags: int, camera: Camera | None = None) -> np.ndarray:
+def _read(path: Path) -> np.ndarray:
     try:
-        data = np.fromfile(path, np.uint8)
+        return np.fromfile(path, np.uint8)
     except OSError as error:
         raise BadImageError(f"{path}: {error.strerror or 'cannot be read'}") from None
-    return _decoded(data, str(path), flags, camera)
 
 
-def _decoded(data: np.ndarray, name: str, flags: int, camera: Camera | None = None) -> np.ndarray:
-    if data.size == 0:
+def _expect_whole(data: bytes | np.ndarray, name: str, camera: Camera | None) -> None:
+    """BadImageError if the file is empty or cut short, or its header is not what was expected."""
+    if len(data) == 0:
         raise BadImageError(f"{name}: empty file")
-    expect_header(data.data, name, camera)
+    expect_header(np.frombuffer(data, np.uint8).data, name, camera)
     # libjpeg fills what is missing with grey and calls it a success, so look for the end marker.
-    start, tail = data[:4].tobytes(), data[-_TAIL_BYTES:].tobytes()
+    start, tail = bytes(data[:4]), bytes(data[-_TAIL_BYTES:])
     if (start.startswith(_PNG_START) and _PNG_END not in tail) or (
         start.startswith(_JPEG_START) and _JPEG_END not in tail
     ):
-        raise BadImageError(f"{name}: truncated at {data.size} bytes")
-    try:
-        image = cv2.imdecode(data, flags)
-    except cv2.error:
-        image = None
+        raise BadImageError(f"{name}: truncated at {len(data)} bytes")
+
+
+def _expect_decoded(image: np.ndarray | None, name: str) -> np.ndarray:
     if image is None:
         raise BadImageError(f"{name}: not an image that can be decoded")
     return image
-
-
-def _as_depth(image: np.ndarray, name: str) -> np.ndarray:
-    if image.dtype != np.uint16 or image.ndim != 2:
-        channels = 1 if image.ndim == 2 else image.shape[2]
-        raise BadImageError(
-            f"{name}: {8 * image.itemsize} bit, {channels} channels: expected 16 bit, 1 channel"
-        )
-    return image
-
-
-def _as_rgb(image: np.ndarray) -> np.ndarray:
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
 
 
 def _expect_size(path: Path, image: np.ndarray, camera: Camera) -> None:

@@ -98,6 +98,12 @@ def _compile_the_rest() -> Iterator[str]:
     )
     frames = [f for f in open_source("synth:room", options).frames() if isinstance(f, Frame)]
 
+    yield "images"
+    from hsslam_node.png.decode import decode_png
+    from hsslam_node.png.encode import encode_png
+
+    decode_png(encode_png(frames[0].color))
+
     yield "tracking by alignment"
     import numpy as np
 

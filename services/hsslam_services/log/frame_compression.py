@@ -5,7 +5,7 @@ from typing import Literal
 import cv2
 import msgspec
 
-from hsslam_node.png import encode_png
+from hsslam_node.png.encode import encode_png
 from hsslam_proto.frame_codec import color_image, depth_image, expect_headers
 from hsslam_proto.messages import Frame
 

@@ -14,7 +14,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.export.colmap import cameras_text, images_text, observe, points_text
 from hsslam_node.export.nerfstudio import depth_mm, transforms_json
 from hsslam_node.map.keyframe_images import KeyframeImages
-from hsslam_node.png import encode_png
+from hsslam_node.png.encode import encode_png
 
 _POINTS = "points.ply"
 _OBSERVED = 2000  # points an image, at most

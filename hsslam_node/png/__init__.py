@@ -1,0 +1,1 @@
+"""PNG, faster than OpenCV reads and writes it."""
