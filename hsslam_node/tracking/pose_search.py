@@ -149,4 +149,7 @@ class PoseSearch:
         self, seen: Observation, best: Alignment, expected: np.ndarray | None
     ) -> bool:
         last, T_world_last = self._motion.last, self._motion.T_world_last
-        return is_confirmed(best.T_world_cam, expected, seen.frame, last, T_world_last)
+        longest_gap_s = self._config.longest_gap_s
+        return is_confirmed(
+            best.T_world_cam, expected, seen.frame, last, T_world_last, longest_gap_s
+        )

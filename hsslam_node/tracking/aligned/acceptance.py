@@ -79,14 +79,14 @@ _SIMILARITY_AFTER_GAP = 0.9  # without a prediction; poses 10 to 14 cm off reach
 
 def is_confirmed(
     T_world_cam: np.ndarray, prediction: np.ndarray | None, frame: Frame, last: TrackedFrame,
-    T_world_last: np.ndarray,
+    T_world_last: np.ndarray, longest_gap_s: float,
 ) -> bool:  # fmt: skip
     """Whether the pose [4, 4] is as predicted, or else agrees with the last good frame as a whole.
 
     A camera that was carried away, or seen again after a gap, sees surfaces that can be laid on those of
     the map a few centimetres from where it was; the whole images then contradict each other. None: there
     is no prediction that could be trusted. Images without contrast, as in the dark, say nothing: the
-    camera must then be near where it was.
+    camera must then be near where it was at most `longest_gap_s` ago, as it may be carried in a longer time.
     """
     if prediction is not None and _is_near(T_world_cam, prediction):
         return True
@@ -95,7 +95,8 @@ def is_confirmed(
     if agreement.overlap < _OVERLAP or agreement.consistency < _CONSISTENCY:
         return False
     if np.isnan(agreement.similarity):
-        return _is_near(T_world_cam, T_world_last)
+        gap_s = 1e-9 * abs(frame.stamp_ns - last.frame.stamp_ns)
+        return gap_s <= longest_gap_s and _is_near(T_world_cam, T_world_last)
     return agreement.similarity >= least
 
 

@@ -114,7 +114,8 @@ def _by_depth(
             continue
         keyframe = TrackedFrame(store.frame(k), k, np.eye(4))
         fits = aligned.surface_coverage * aligned.surface_inlier_ratio
-        if fits > most and is_confirmed(found, None, frame, keyframe, T_world_ref):
+        gap_s = config.longest_gap_s
+        if fits > most and is_confirmed(found, None, frame, keyframe, T_world_ref, gap_s):
             best, most = found, fits
     return best
 
