@@ -3,8 +3,12 @@
 import hashlib
 import os
 import sys
+import tempfile
 from importlib.metadata import version
 from pathlib import Path
+
+from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 
 _CONSTANTS = ("kernels", "map")  # folders whose constants are compiled into the machine code
 
@@ -27,15 +31,57 @@ def kernel_cache_folder() -> Path:
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 
 
+def use_kernel_cache() -> None:
+    """Let this process and its children load and compile kernels there; comes before numba is imported.
+
+    Raises:
+        UserError: the folder cannot be written.
+    """
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(writable_kernel_cache()))
+
+
+def writable_kernel_cache() -> Path:
+    """The folder of `kernel_cache_folder`, made. numba uses no folder that it cannot write, not even for
+    kernels that are compiled.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    folder = kernel_cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in (folder, *(path for path in folder.iterdir() if path.is_dir())):
+            tempfile.TemporaryFile(dir=path).close()
+    except OSError as error:
+        raise unwritable_cache(folder, error) from None
+    return folder
+
+
+def unwritable_cache(folder: Path, error: OSError) -> UserError:
+    """The line on a cache that cannot be written."""
+    return UserError(
+        f"kernel cache {folder}: {error.strerror}: expected a folder that can be written "
+        "(XDG_CACHE_HOME names another)"
+    )
+
+
 def warm_stamp() -> Path:
     """The file that says that every kernel has been compiled into the cache."""
     return kernel_cache_folder() / "complete"
 
 
 def cache_root() -> Path:
-    """Folder of all that is kept between runs and can be made again."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "hsslam"
+    """Folder of all that is kept between runs and can be made again.
+
+    Raises:
+        UserError: this user has no home folder, and XDG_CACHE_HOME is not set.
+    """
+    if named := os.environ.get("XDG_CACHE_HOME"):
+        return Path(named) / "hsslam"
+    try:
+        return user_path("~/.cache/hsslam")
+    except UserError as error:
+        raise UserError(f"{error}, or XDG_CACHE_HOME") from None
 
 
 def processor() -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.sources.options import CameraOptions
+from hsslam_node.user_path import user_path
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def imported(path: str) -> Callable[..., Any]:
 
 def guess_source(place: str, rows: Sequence[SourceRow]) -> str:
     """The source that would open this file or folder, as `tum:PLACE`; empty if nothing fits."""
-    path = Path(place).expanduser()
+    path = user_path(place)
     try:
         if place and path.exists():
             for row in rows:

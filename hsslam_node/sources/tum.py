@@ -16,6 +16,7 @@ from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.files.record_times import listed_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth
 from hsslam_node.sources.options import SourceOptions
+from hsslam_node.user_path import user_path
 
 MAX_DT_NS = 20_000_000
 _DEPTH_SCALE = 5000.0
@@ -50,7 +51,7 @@ class TumFolder:
         archive = TumArchive.named(name)
         names = [name] if archive is None else [archive.folder_name, name]
         places = [folder / n for folder in data_folders() for n in names]
-        for path in (Path(name).expanduser(), *places):
+        for path in (user_path(name), *places):
             if path.is_dir():
                 return cls(path)
         if archive is not None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from hsslam_node.environment import DATA
+from hsslam_node.user_path import user_path
 
 
 def data_folder() -> Path | None:
@@ -14,4 +15,4 @@ def data_folder() -> Path | None:
 def possible_places(name: str) -> list[Path]:
     """Where a source may lie: the path itself (absolute, or from here), then the one in $HSSLAM_DATA."""
     data = data_folder()
-    return [Path(name).expanduser(), *([data / name] if data else [])]
+    return [user_path(name), *([data / name] if data else [])]

@@ -15,6 +15,7 @@ from hsslam_node.sources.files.image_pairs import ImagePair
 from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
 from hsslam_node.sources.files.record_times import read_times
 from hsslam_node.sources.options import RecordOptions
+from hsslam_node.user_path import user_path
 
 _COLOR_FOLDERS = ("color", "rgb", "colour")
 _COLOR_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
@@ -35,7 +36,7 @@ class RecordFolder:
         Raises:
             UserError: not on disk.
         """
-        for path in (Path(name).expanduser(), *(folder / name for folder in data_folders())):
+        for path in (user_path(name), *(folder / name for folder in data_folders())):
             if path.is_dir():
                 return cls(path, options)
         raise UserError(

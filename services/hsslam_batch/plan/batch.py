@@ -28,6 +28,7 @@ from hsslam_node import __version__
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import cache_root
+from hsslam_node.user_path import user_path
 from hsslam_services.run.config_file import CONFIG_FILE, config_text
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.summary import source_commit
@@ -145,7 +146,7 @@ def folder_of(out: str) -> tuple[Path, str]:
         UserError: a `file://` URL of another machine.
     """
     if not is_url(out):
-        return Path(out).expanduser().absolute(), ""
+        return user_path(out).absolute(), ""
     parts = urlsplit(out)
     if parts.scheme == "file":
         if parts.netloc not in ("", "localhost") or not parts.path:

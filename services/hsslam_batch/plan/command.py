@@ -13,6 +13,7 @@ from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.log import write_manifest
 from hsslam_batch.plan.remote_listing import is_url, list_url
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.maps_folder import find_map
@@ -75,7 +76,7 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
     if given.viewer not in ("auto", "none"):
         raise UserError(f"--viewer {given.viewer}: expected none: a batch shows no run")
     saved = str(find_map(given.maps, given.map)) if given.map else ""
-    mask = str(Path(given.mask).expanduser().absolute()) if given.mask else ""
+    mask = str(user_path(given.mask).absolute()) if given.mask else ""
     if mask and not Path(mask).exists():
         raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
     return replace(given, pace="lockstep", viewer="none", map=saved, mask=mask)
@@ -84,7 +85,7 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
 def _listing(logs: str, out: Path) -> Listing:
     if is_url(logs):
         return list_url(logs)
-    return list_folder(Path(logs).expanduser().absolute(), without=out)
+    return list_folder(user_path(logs).absolute(), without=out)
 
 
 def _names(args: Sequence[str], flag: str) -> bool:

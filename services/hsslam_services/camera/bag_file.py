@@ -4,11 +4,11 @@ import contextlib
 import struct
 from collections.abc import Collection, Generator, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.files.image_files import BadImageError
+from hsslam_node.user_path import user_path
 from hsslam_services.camera.ros2_messages import CdrMessages
 from hsslam_services.ros2.static_transforms import TOPIC, StaticTransforms
 
@@ -54,7 +54,7 @@ class BagFile:
 
     def __init__(self, place: str) -> None:
         self.name = f"bag:{place}"
-        self._path = Path(place).expanduser()
+        self._path = user_path(place)
         self._is_ros1 = self._path.suffix == ".bag"
         self._has_stamps: dict[str, bool] = {}  # by topic, of those that were read
         self.decode = CdrMessages(f"source {self.name}", self._is_ros1)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Literal
 
-from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_node.kernels.cache_folder import unwritable_cache, warm_stamp, writable_kernel_cache
 from hsslam_services.launch.parent_death import die_with_parent
 
 if TYPE_CHECKING:
@@ -27,20 +26,16 @@ def warm_up(report: Callable[[str], None]) -> bool:
     Raises:
         UserError: the cache folder cannot be written.
     """
-    folder, stamp = kernel_cache_folder(), warm_stamp()  # before it begins: an upgrade changes them
+    folder, stamp = writable_kernel_cache(), warm_stamp()  # before: an upgrade changes them
     if stamp.exists():
         return False
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         os.environ.update(NUMBA_CACHE_DIR=str(folder))
         for part in _compile_all():
             report(part)
         stamp.touch()
     except OSError as error:
-        raise UserError(
-            f"kernel cache {folder}: {error.strerror}: expected a folder that can be written "
-            "(XDG_CACHE_HOME names another)"
-        ) from None
+        raise unwritable_cache(folder, error) from None
     return True
 
 

@@ -11,6 +11,7 @@ import msgspec
 from mcap.reader import McapReader, make_reader
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_proto.codec import MEDIA_TYPE, Rejected, decode
 from hsslam_proto.message import Message
 from hsslam_proto.topics import TOPICS, Topic
@@ -115,7 +116,7 @@ def log_files(place: str | Path) -> list[Path]:
     Raises:
         UserError: a folder without a log.
     """
-    path = Path(place).expanduser()
+    path = user_path(place)
     if not path.is_dir():
         return [path]
     found = parts(path)

@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 
 from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.user_path import user_path
 from hsslam_proto.request_messages import SaveMap
 
 _SUFFIX = ".safetensors"
@@ -33,7 +34,7 @@ def find_map(folder: Path | str, wanted: str) -> Path:
     is_name = re.fullmatch(_NAME, wanted) is not None
     if is_name and (named := map_path(folder, wanted)).is_file():
         return named
-    path = Path(wanted).expanduser().absolute()
+    path = user_path(wanted).absolute()
     of_run = path / _OF_RUN
     if of_run.is_file():
         return of_run

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_services.security.access import ROLES
 from hsslam_services.security.certificate_end import CertificateEnd
 
@@ -32,7 +33,7 @@ class Credentials:
         from cryptography import x509
         from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-        path = Path(folder).expanduser().absolute()
+        path = user_path(folder).absolute()
         try:
             read = {
                 file: (path / file).read_bytes() for file in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)

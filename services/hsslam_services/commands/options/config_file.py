@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.user_path import user_path
 from hsslam_services.commands.options.layers import Layer
 from hsslam_services.commands.options.option_table import Option
 from hsslam_services.run.config_file import CONFIG_FILE
@@ -29,7 +30,7 @@ def read_layer(place: str, table: Sequence[Option]) -> Layer:
     if place.startswith(_CAMERA):
         name, text = place, _camera_text(place)
     else:
-        path = Path(place).expanduser()
+        path = user_path(place)
         path = path / CONFIG_FILE if path.is_dir() else path
         name, text = str(path), _file_text(path)
     try:
