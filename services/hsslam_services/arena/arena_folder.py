@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import stat
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -89,7 +90,7 @@ def remove_dead_arenas(root: Path = SHM_ROOT) -> list[Path]:
         with contextlib.suppress(OSError), try_own(path) as is_dead:
             if not is_dead or is_marked(path):
                 continue
-            if holds_poses(path) and run_dir_of(path).is_dir():
+            if pose_count(path):
                 left.append(path)
             else:
                 remove_arena(path)
@@ -160,11 +161,11 @@ def run_dir_of(path: Path) -> Path:
         raise FileNotFoundError(path / _OWNER) from None
 
 
-def holds_poses(path: Path) -> bool:
-    """Whether the tracker has left a pose in the arena folder."""
-    with contextlib.suppress(OSError):
-        return any((path / _POSE_COUNT).open("rb").read(8))
-    return False
+def pose_count(path: Path) -> int:
+    """How many poses the tracker has left in the arena folder."""
+    with contextlib.suppress(OSError), (path / _POSE_COUNT).open("rb") as file:
+        return int.from_bytes(file.read(8), sys.byteorder)
+    return 0
 
 
 def start_ticks(pid: int | None = None) -> int:

@@ -13,11 +13,13 @@ from typing import Any
 from hsslam_node.device.device import CPU
 from hsslam_node.errors import UserError
 from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import pose_count
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved, read_unsaved
 from hsslam_services.artefacts.map_file import save_map
 from hsslam_services.artefacts.mesh_file import mesh_of_arena, mesh_section, save_mesh
+from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.artefacts.trajectory_files import TrajectoryFiles
 from hsslam_services.run.process_result import (
     ProcessResult,
@@ -46,20 +48,29 @@ def rescue(arena_dir: Path, run_dir: Path, report: Report) -> dict[str, str]:
     unsaved = read_unsaved(arena_dir)
     wanted = unsaved.artefacts if unsaved else ARENA_ARTEFACTS
     not_saved: dict[str, str] = {}
+    saved: list[str] = []
     try:
         run_dir.mkdir(parents=True, exist_ok=True)
+        if run_dir == run.path:
+            run.restore()
         with contextlib.suppress(OSError):  # memory is full: no other process removes it meanwhile
             mark_unsaved(arena_dir, run_dir, wanted)
         for artefact in wanted:
             error = _in_own_process(artefact, run, arena_dir, run_dir, report)
+            section = read_result(run_dir, _result_name(artefact)).summary
             if error:
                 not_saved[artefact] = error
-            update_summary(run_dir, read_result(run_dir, _result_name(artefact)).summary)
-            report(f"{artefact} not saved: {error}" if error else f"{artefact}: saved")
+            elif section:
+                saved.append(artefact)
+            update_summary(run_dir, section)
+            done = "saved" if section else "nothing to save"
+            report(f"{artefact} not saved: {error}" if error else f"{artefact}: {done}")
         with contextlib.suppress(OSError):
             mark_unsaved(arena_dir, run_dir, not_saved)
         update_summary(run_dir, {"run_id": run.run_id, "source": run.options.source})
-        update_summary(run_dir, {"rescued": [a for a in wanted if a not in not_saved]})
+        update_summary(run_dir, {"rescued": saved})
+        if earlier := ReplacedResults(run_dir).keep():
+            report(f"{run_dir}: the results of the run before are in {earlier}")
     except OSError as error:
         raise UserError(f"{run_dir}: {error.strerror}: expected to write there") from None
     return not_saved
@@ -111,6 +122,8 @@ def _save(artefact: str, run: RunInfo, arena_dir: Path, run_dir: Path, report: R
 def _save_trajectories(
     run: RunInfo, arena_dir: Path, run_dir: Path, sections: dict[str, Any], _: Report
 ) -> None:
+    if not pose_count(arena_dir):
+        return
     arena = Arena(arena_dir)
     store = SharedMap(arena, run.options.slam).store()
     files = TrajectoryFiles(arena, store, MapState(arena_dir).map_epoch)

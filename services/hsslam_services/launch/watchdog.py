@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_services.arena.arena_folder import holds_poses, owned_after_death, remove_arena
+from hsslam_services.arena.arena_folder import owned_after_death, pose_count, remove_arena
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
 
@@ -43,20 +43,17 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
         mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
     for pid in living_processes(arena_dir):
         _signal(pid, signal.SIGTERM)  # also one that was not yet listening when its parent died
-    if holds_poses(arena_dir):
+    from hsslam_services.artefacts.replaced_results import ReplacedResults  # a small process waits
+
+    before = ReplacedResults(run_dir)
+    # the supervisor removes them once its run has a second pose or a map
+    if pose_count(arena_dir) > (1 if before.exists else 0):
         _save(arena_dir, run_dir)
     else:
         _kill(_wait_for_end(arena_dir))
-        _give_back(run_dir)
+        with contextlib.suppress(OSError):  # else the next run in this folder does
+            before.give_back()
         remove_arena(arena_dir)
-
-
-def _give_back(run_dir: Path) -> None:
-    """The results of the run before, which the killed one has not replaced."""
-    from hsslam_services.artefacts.replaced_results import ReplacedResults  # a small process waits
-
-    with contextlib.suppress(OSError):  # else the next run in this folder does
-        ReplacedResults(run_dir).give_back()
 
 
 def _save(arena_dir: Path, run_dir: Path) -> None:

@@ -41,6 +41,16 @@ class RunInfo:
         write_durably(self.path / _FILE, msgspec.json.format(msgspec.json.encode(self)))
         write_durably(self.path / CONFIG_FILE, config_text(self.options).encode())
 
+    def restore(self) -> None:
+        """Make the run folder again if it is gone, so that the next run there knows whose it is.
+
+        Raises:
+            OSError: the folder cannot be written.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        if not (self.path / _FILE).exists():
+            self.write()
+
     def write_into_arena(self) -> None:
         """Leave a copy beside the shared arrays, for a rescue without the run folder."""
         write_atomically(Path(self.arena_dir) / _FILE, msgspec.json.encode(self))

@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_services.arena.arena_folder import (
     ArenaFolder,
     foreign_arenas,
@@ -20,6 +21,7 @@ from hsslam_services.arena.arena_folder import (
     run_dir_of,
 )
 from hsslam_services.arena.map_state import MapState
+from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.artefacts.replaced_results import ReplacedResults
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.health.http_server import MetricsServer
@@ -112,9 +114,15 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
 
 
 def _save_dead_arenas() -> None:
+    """Let a watchdog save each; if the run folder cannot be written, the arena is kept for a rescue."""
     for arena_dir in remove_dead_arenas():
-        with contextlib.suppress(OSError):
-            start_watchdog(run_dir_of(arena_dir), arena_dir)
+        with contextlib.suppress(OSError):  # another run saves it, or its memory is full
+            run_dir = run_dir_of(arena_dir)
+            try:
+                RunInfo.read(arena_dir).restore()
+                start_watchdog(run_dir, arena_dir)
+            except (OSError, UserError):
+                mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
 
 
 def _kept_arenas() -> Iterator[tuple[str, str]]:
@@ -172,9 +180,9 @@ def _expect_inputs_elsewhere(options: ServeOptions) -> None:
         return
     run_dir = Path(options.out).resolve()
     given = {
-        "the log that is the source": Path(log).expanduser() if log else None,
+        "the log that is the source": user_path(log) if log else None,
         "the map of --map": saved,
-        "the image of --mask": Path(options.mask).expanduser() if options.mask else None,
+        "the image of --mask": user_path(options.mask) if options.mask else None,
     }
     for what, path in given.items():
         if path is not None and run_dir in (path.resolve(), path.resolve().parent):

@@ -12,7 +12,7 @@ from types import FrameType
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
-from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.open_source import check_source_exists
@@ -87,12 +87,12 @@ class Supervisor:
     ) -> None:
         """Remove the arena, but not if it holds what is missing in the run folder."""
         kept = [artefact for artefact in ARENA_ARTEFACTS if artefact in not_saved]
-        if code != ExitCode.NOT_SAVED or not kept:
+        if code != ExitCode.NOT_SAVED or not kept or not pose_count(arena.path):
             arena.remove()
             return
         mark_unsaved(arena.path, info.path, kept)
-        text = f"{', '.join(kept)} not saved, kept in {arena.path}"
-        print(f"{text}: hsslam-serve rescue {info.run_dir}", file=sys.stderr, flush=True)
+        text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"
+        print(text, file=sys.stderr, flush=True)
 
     def _keep_replaced(self, prepared: Prepared) -> None:
         """They are still there if the run ended before it had poses."""

@@ -160,12 +160,10 @@ def test_folders_of_dead_owners_are_removed_and_of_living_ones_kept(tmp_path: Pa
 
 
 def test_a_dead_folder_with_poses_or_marked_as_unsaved_is_not_removed(tmp_path: Path):
-    run_dir = tmp_path / "run"
-    run_dir.mkdir()
-    with_poses, marked = (ArenaFolder(name, run_dir, root=tmp_path) for name in ("poses", "marked"))
-    thrown_away = ArenaFolder("thrown", tmp_path / "gone", root=tmp_path)
-    for arena in (with_poses, thrown_away):
-        PoseLog(Arena(arena.path)).append(np.zeros((), POSE_ROW))
+    run_dir = tmp_path / "gone"
+    names = ("poses", "marked", "thrown")
+    with_poses, marked, thrown_away = (ArenaFolder(n, run_dir, root=tmp_path) for n in names)
+    PoseLog(Arena(with_poses.path)).append(np.zeros((), POSE_ROW))
     mark_unsaved(marked.path, run_dir, ["map"])
     for arena in (with_poses, marked, thrown_away):
         assert owner_lives(arena.path)

@@ -80,12 +80,16 @@ def test_killed_supervisor_leaves_nothing(tmp_path: Path, behaviour: str, is_rea
     assert (tmp_path / "ended").exists() == (behaviour == "obedient" and is_ready == 1)
 
 
-def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(tmp_path: Path):
+@pytest.mark.parametrize("poses", [0, 1])
+def test_results_of_the_run_before_come_back_if_a_run_is_killed_at_its_start(
+    tmp_path: Path, poses: int
+):
     (tmp_path / "map.safetensors").write_text("of the run before")
     ReplacedResults(tmp_path).set_aside()
     assert not (tmp_path / "map.safetensors").exists()
     supervisor, pids = _start(tmp_path, "obedient", 60)
     _wait_for_work(tmp_path)
+    (tmp_path / "hsslam-test" / "pose_header.bin").write_bytes(poses.to_bytes(8, sys.byteorder))
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
     _wait_for_ends(pids, 6.0)

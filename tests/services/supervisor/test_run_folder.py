@@ -1,5 +1,6 @@
 """A run folder: what a run reads is never removed from it, and it has one run at a time."""
 
+import os
 import subprocess
 import sys
 import time
@@ -10,6 +11,10 @@ import numpy as np
 import pytest
 
 from hsslam_node.errors import UserError
+from hsslam_node.map.pose_log import POSE_ROW, PoseLog
+from hsslam_services.arena.arena import Arena
+from hsslam_services.arena.arena_folder import ArenaFolder
+from hsslam_services.arena.unsaved_marker import is_marked
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.supervisor.folder_claim import FolderClaim
 from hsslam_services.supervisor.preparation import Prepared, prepare
@@ -76,6 +81,22 @@ def test_two_runs_at_once_have_two_folders(tmp_path: Path, monkeypatch: pytest.M
         for run in runs:
             run.close()
             run.arena.remove()
+
+
+def test_poses_of_a_dead_run_whose_folder_cannot_be_made_are_kept(tmp_path: Path):
+    (tmp_path / "unplugged").touch()
+    dead = ArenaFolder(f"test-{os.getpid()}", tmp_path / "unplugged" / "run")
+    PoseLog(Arena(dead.path)).append(np.zeros((), POSE_ROW))
+    dead.let_go()
+    run = _prepared("--out", str(tmp_path / "next"))
+    try:
+        rescue = f"hsslam-serve rescue {dead.path}"
+        assert any(text.endswith(rescue) for text, _ in run.notices)
+        assert is_marked(dead.path)
+    finally:
+        run.close()
+        run.arena.remove()
+        dead.remove()
 
 
 def test_the_claim_of_a_dead_process_is_free(tmp_path: Path):
