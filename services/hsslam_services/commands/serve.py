@@ -22,6 +22,7 @@ def _serve() -> int:
             from hsslam_services.commands.warm_up import warm_up_command
 
             return warm_up_command(sys.argv[2:])
+        os.umask(_ONLY_MINE)  # of all processes of the run: their results, logs and folders
         if sys.argv[1:2] == ["rescue"]:
             from hsslam_services.commands.rescue import rescue_command
 
@@ -29,8 +30,10 @@ def _serve() -> int:
         from hsslam_services.commands.serve_command_line import parse_command_line
 
         options = parse_command_line(sys.argv[1:])
-        os.umask(_ONLY_MINE)  # of all processes of the run: their results, logs and folders
+        from hsslam_node.kernels.cache_folder import use_kernel_cache
         from hsslam_services.supervisor.supervisor import Supervisor  # --help is quicker without
+
+        use_kernel_cache()
 
         return Supervisor(options).run()
     except KeyboardInterrupt:  # before there was anything to save

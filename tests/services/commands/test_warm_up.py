@@ -10,6 +10,7 @@ import pytest
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
 from hsslam_services.launch.spawn import child_environment
+from hsslam_services.run.exit_code import ExitCode
 
 _REHEARSAL = """
 import gc
@@ -46,13 +47,27 @@ def test_afterwards_no_preset_compiles_anything():
     assert compiled == "[]"
 
 
-def test_a_cache_that_cannot_be_written_is_one_line(tmp_path: Path):
-    (tmp_path / "file").touch()
-    done = _warm_up(XDG_CACHE_HOME=str(tmp_path / "file"))
+@pytest.mark.parametrize(
+    "words", ["serve warm-up", "serve --source synth:room --out OUT", "doctor synth:room"]
+)
+def test_a_cache_that_cannot_be_written_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    folder = kernel_cache_folder()
+    folder.mkdir(parents=True)
+    warm_stamp().touch()  # complete
+    (folder / "tracking").symlink_to("/proc")  # nobody can write there, root neither
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "hsslam_services.commands.hsslam", *words.split()]
+    command = [str(out) if word == "OUT" else word for word in command]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert line.startswith(f"error: kernel cache {tmp_path / 'file'}")
+    assert line.startswith(f"error: kernel cache {folder}: ")
     assert "XDG_CACHE_HOME" in line
+    assert not out.exists()
 
 
 def test_arguments_are_refused_and_help_is_given():
@@ -63,9 +78,13 @@ def test_arguments_are_refused_and_help_is_given():
 
 
 @pytest.mark.e2e
-def test_a_service_with_a_cold_cache_says_what_it_does(serve, tmp_path: Path):
+def test_a_service_with_a_cold_cache_says_what_it_does_and_keeps_no_memory_without_poses(
+    serve, tmp_path: Path
+):
     run = serve(prefix=("env", f"XDG_CACHE_HOME={tmp_path / 'cold'}"))
     run.wait_until(lambda: "compiling kernels for this machine" in run.stderr, 60)
+    (run.out / "trajectory.txt").mkdir()  # so that something cannot be saved
     run.signal(signal.SIGINT)
-    assert run.finish() == 0, run.stderr
+    assert run.finish() == ExitCode.NOT_SAVED, run.stderr
+    assert "hsslam-serve rescue" not in run.stderr
     run.expect_nothing_left()
