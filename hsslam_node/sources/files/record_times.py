@@ -45,14 +45,15 @@ def _read_rows(path: Path) -> list[tuple[str, int]]:
         lines = path.read_text().splitlines()
     except (OSError, UnicodeDecodeError):
         raise UserError(f"{path}: cannot be read: expected lines 'stamp' or 'stamp file'") from None
-    rows = []
+    rows, has_titles = [], False
     for number, line in enumerate(lines, 1):
         words = re.split(r"[,;\s]+", line.strip().strip(",;"))
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         stamps = [stamp for word in words if (stamp := listed_stamp_ns(word)) is not None]
         names = [word for word in words if re.search(r"\.[A-Za-z]\w*$", word)]
-        if not stamps and not rows and not names:  # titles
+        if not (stamps or names or rows or has_titles):
+            has_titles = True
             continue
         if not stamps:
             raise UserError(f"{path}:{number}: {line.strip()!r}: expected 'stamp' or 'stamp file'")

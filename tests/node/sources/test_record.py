@@ -119,6 +119,7 @@ def test_a_list_of_times(tmp_path, name, text):
     [
         ("1.0\n", "1 stamps: expected 2, one a colour image"),
         ("1.0\nnoon\n", "times.txt:2: 'noon': expected 'stamp'"),
+        ("# of noon\n10:30:55\n10:30:56\n", "times.txt:3: '10:30:56': expected 'stamp'"),
         (
             "frame,time,file\n0,1.0,0.png\n",
             "times.txt:2: '0,1.0,0.png': 2 numbers, which may all be",
@@ -141,7 +142,7 @@ def test_the_camera_comes_from_its_file_and_the_options_go_before_it(tmp_path):
     assert (source.camera.fx, source.camera.fy, source.depth_units_per_m) == (40, 41, 1000)
     assert (source.camera.cx, source.camera.cy) == (31.5, 23.5)
     source = source_of(folder, CameraOptions(fx=60, cx=30, distortion=(0.1, 0, 0, 0)))
-    assert (source.camera.fx, source.camera.fy, source.camera.cx) == (60, 41, 30)
+    assert (source.camera.fx, source.camera.fy, source.camera.cx) == (60, 60, 30)
     assert source.camera.distortion == ()  # taken out of the images
     (frame,) = source.frames()
     assert frame.depth_raw[0, 0] == 0  # barrel: the corner lies outside
