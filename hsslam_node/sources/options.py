@@ -44,11 +44,14 @@ class CameraOptions:
             expect_lens("--camera.distortion", self.distortion, self.distortion_model or "opencv")
 
     def given(self) -> dict[str, object]:
-        """The values that are set, named as in a camera.json."""
+        """The values that are set, or follow from those, named as in a camera.json."""
         numbers = ("fx", "fy", "cx", "cy", "depth_scale")
         fields: dict[str, object] = {name: getattr(self, name) for name in numbers}
         fields["distortion"] = list(self.distortion) or None
-        fields["distortion_model"] = self.distortion_model
+        fields["fy"] = self.fy or self.fx
+        fields["distortion_model"] = self.distortion_model or (
+            "opencv" if self.distortion else None
+        )
         return {name: value for name, value in fields.items() if value is not None}
 
 

@@ -39,8 +39,7 @@ class SevenScenesSource(ImagePairSource):
         folder = _find(name)
         own = folder / "camera.json"
         given = options.camera.given()
-        square = {"fy": given["fx"]} if "fx" in given else {}
-        fields = given if own.exists() else _DEPTH_CAMERA | square | given
+        fields = given if own.exists() else _DEPTH_CAMERA | given
         camera, units_per_m = read_record_camera(own, fields, _SIZE_PX)
         super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
         self.rate_hz = RATE_HZ / options.stride

@@ -1,6 +1,7 @@
 """Reads `camera.json` (TUM layout, plain folders) and `cam_params.json` (Replica layout)."""
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -63,16 +64,18 @@ def read_record_camera(
 ) -> tuple[Camera, float]:
     """The same for a plain folder of images (width, height in pixels), whose `camera.json` may be missing.
 
-    `given` goes before the file. Without fy it is fx, without cx, cy they are the middle of the image.
+    `given`, of options, goes before the file. Without fy it is fx, without cx, cy they are the middle of the
+    image.
 
     Raises:
-        UserError: as `read_tum_camera`; names all that is missing; the file is for another size.
+        UserError: as `read_tum_camera`; names all that is missing; names the option of a value that is given;
+            the file is for another size.
     """
     fields = (_read_object(path) if path.exists() else {}) | given
     missing = [key for key in ("fx", "depth_scale") if key not in fields]
     if missing:
         verb = "are" if len(missing) > 1 else "is"
-        options = ", ".join(f"--camera.{key.replace('_', '-')}" for key in missing)
+        options = ", ".join(map(_option, missing))
         raise UserError(
             f"{path.parent}: {' and '.join(missing)} {verb} missing: expected in {path.name} (with fy, cx, "
             f"cy) or as {options}"
@@ -80,7 +83,7 @@ def read_record_camera(
     width, height = size
     middle = {"cx": (width - 1) / 2, "cy": (height - 1) / 2}
     sized = {"width": width, "height": height, "fy": fields["fx"]} | middle | fields
-    camera, scale = _tum_camera(path, sized)
+    camera, scale = _tum_camera(path, sized, given)
     if (camera.width_px, camera.height_px) != size:
         raise UserError(
             f"{path}: {camera.width_px}x{camera.height_px} pixels, images have {width}x{height}: "
@@ -103,9 +106,15 @@ def read_replica_camera(path: Path) -> tuple[Camera, float]:
     return Camera(int(file.w), int(file.h), file.fx, file.fy, file.cx, file.cy), file.scale
 
 
-def _tum_camera(path: Path, fields: dict[str, Any]) -> tuple[Camera, float]:
-    file = _checked(path, fields, _CameraFile)
-    expect_lens(f"{path}: distortion", file.distortion, file.distortion_model)
+def _tum_camera(
+    path: Path, fields: dict[str, Any], given: Collection[str] = ()
+) -> tuple[Camera, float]:
+    """`given`: fields that are options, and not of the file."""
+    file = _checked(path, fields, _CameraFile, given)
+    where = str(path)
+    if "distortion_model" in given:
+        where = f"{_option('distortion_model')} {file.distortion_model}"
+    expect_lens(f"{where}: distortion", file.distortion, file.distortion_model)
     size = (int(file.width), int(file.height))
     lens = (tuple(file.distortion), file.distortion_model)
     camera = Camera(*size, file.fx, file.fy, file.cx, file.cy, *lens)
@@ -124,28 +133,37 @@ def _read_object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _checked(path: Path, fields: dict[str, Any], kind: type[_File]) -> _File:
+def _option(field: str) -> str:
+    return f"--camera.{field.replace('_', '-')}"
+
+
+def _checked(
+    path: Path, fields: dict[str, Any], kind: type[_File], given: Collection[str] = ()
+) -> _File:
     try:
         return msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
-        raise UserError(f"{path}: {_fault(fields, kind) or error}") from None
+        raise UserError(_fault(path, fields, kind, given) or f"{path}: {error}") from None
 
 
-def _fault(fields: dict[str, Any], kind: type[msgspec.Struct]) -> str:
-    """The first field that does not fit, its value and what is expected."""
+def _fault(
+    path: Path, fields: dict[str, Any], kind: type[msgspec.Struct], given: Collection[str]
+) -> str:
+    """The first field that does not fit, where it comes from, its value and what is expected."""
     known = {field.name: field for field in msgspec.structs.fields(kind)}
     for name in fields:
         if name not in known and kind.__struct_config__.forbid_unknown_fields:
             every = ", ".join(known)
-            return f"unknown field {name!r}: expected {every}{did_you_mean(name, known)}"
+            return f"{path}: unknown field {name!r}: expected {every}{did_you_mean(name, known)}"
     for name, field in known.items():
         expected = field.type.__metadata__[0].description
         if name not in fields:
             if field.required:
-                return f"field {name!r} is missing: expected {expected}"
+                return f"{path}: field {name!r} is missing: expected {expected}"
             continue
         try:
             msgspec.convert(fields[name], field.type)
         except msgspec.ValidationError:
-            return f"{name} = {fields[name]}: expected {expected}"
+            place = f"{_option(name)} = " if name in given else f"{path}: {name} = "
+            return f"{place}{fields[name]}: expected {expected}"
     return ""

@@ -5,7 +5,12 @@ import json
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.files.camera_file import read_replica_camera, read_tum_camera
+from hsslam_node.sources.files.camera_file import (
+    read_record_camera,
+    read_replica_camera,
+    read_tum_camera,
+)
+from hsslam_node.sources.options import CameraOptions
 from tests.sequence_folders import write_tum_camera
 
 
@@ -61,6 +66,26 @@ def test_a_wrong_field_is_named_with_its_file(tmp_path, changes, field):
     with pytest.raises(UserError, match=field) as error:
         read_tum_camera(tmp_path / "camera.json")
     assert str(tmp_path / "camera.json") in str(error.value)
+
+
+def test_options_mean_the_same_whatever_the_file_has(tmp_path):
+    write_tum_camera(tmp_path, distortion=[0.1, 0, 0, 0], distortion_model="equidistant")
+
+    def camera(**options):
+        given = CameraOptions(**options).given()
+        return read_record_camera(tmp_path / "camera.json", given, (64, 48))[0]
+
+    assert (camera(fx=300.0).fx, camera(fx=300.0).fy) == (300, 300)
+    assert camera(fy=300.0).fx == camera().fx
+    for count in (4, 5):
+        lens = (-0.2, 0.05, 0.0, 0.0, 0.0)[:count]
+        found = camera(distortion=lens)
+        assert (found.distortion, found.distortion_model) == (lens, "opencv")
+    with pytest.raises(UserError, match=r"^--camera\.fx = 10000000000\.0: expected a number"):
+        camera(fx=1e10)
+    write_tum_camera(tmp_path)
+    with pytest.raises(UserError, match=r"^--camera\.distortion-model equidistant: distortion = "):
+        camera(distortion_model="equidistant")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{"])
