@@ -37,6 +37,10 @@ def read_layer(place: str, table: Sequence[Option]) -> Layer:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UserError(f'{name}: {error}: expected TOML, as pace = "lockstep"') from None
+    except (ValueError, RecursionError):
+        raise UserError(
+            f"{name}: a number is too long, or brackets are too deep: expected TOML of options"
+        ) from None
     known = {option.name: option for option in table if not option.is_positional}
     return Layer(name, dict(_values(name, document, "", known)))
 
@@ -58,7 +62,7 @@ def _camera_text(place: str) -> str:
 def _file_text(path: Path) -> str:
     expected = f"expected a TOML file, a run folder with {CONFIG_FILE}, or camera:NAME"
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise UserError(f"--config {path}: {error.strerror}: {expected}") from None
     except UnicodeDecodeError:

@@ -103,6 +103,8 @@ def test_a_preset_that_a_file_is_not_for_is_one_line(tmp_path: Path):
         ("[synth]\nsize_m = [1, 2]", "synth.size_m = [1, 2]: expected a list of 3: a number"),
         ("[slam.tracker]\npoints = -5", "tracker.points = -5: expected a number above 0"),
         ("seed = 1\nseed", "expected TOML"),
+        (f"seed = {5000 * '9'}", "a number is too long, or brackets are too deep: expected TOML"),
+        (f"seed = {3000 * '['}{3000 * ']'}", "brackets are too deep: expected TOML"),
     ],
 )
 def test_a_mistake_in_a_file_is_one_line_that_names_it(tmp_path: Path, text: str, message: str):
@@ -143,6 +145,12 @@ def test_camera_presets_are_cameras_and_the_published_ones():
         ours = found[f"tum-fr{number}"]
         assert (ours.fx, ours.fy, ours.cx, ours.cy) == (camera.fx, camera.fy, camera.cx, camera.cy)
         assert (ours.distortion or (0.0,) * 5) == tuple(camera.distortion or (0.0,) * 5)
+
+
+def test_a_byte_order_mark_is_left_out(tmp_path: Path):
+    path = tmp_path / "mine.toml"
+    path.write_text("seed = 7\n", encoding="utf-8-sig")
+    assert parse_command_line(["--config", str(path)]).seed == 7
 
 
 def test_a_value_of_a_camera_preset_can_be_changed():
