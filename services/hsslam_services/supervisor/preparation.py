@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import psutil
 
 from hsslam_node.errors import UserError
@@ -137,6 +138,7 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
     source = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
     name = options.out or f"runs/{source}-{time.strftime('%Y%m%d-%H%M%S')}"
     run_dir = Path(name).absolute()
+    _expect_utf8(options, run_dir)
     try:
         if options.out:
             run_dir.mkdir(parents=True, exist_ok=True)
@@ -145,6 +147,15 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
         return run_dir, FolderClaim(run_dir)
     except OSError as error:
         raise _no_folder(run_dir, error) from None
+
+
+def _expect_utf8(options: ServeOptions, run_dir: Path) -> None:
+    """All of it goes into run.json."""
+    try:
+        msgspec.json.encode((str(run_dir), options))
+    except UnicodeEncodeError as error:
+        what = f"--out {str(run_dir)!r}" if error.object == str(run_dir) else f"{error.object!r}"
+        raise UserError(f"{what}: is not UTF-8: expected a name in UTF-8") from None
 
 
 def _new_folder(wanted: Path) -> Path:

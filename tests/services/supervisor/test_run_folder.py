@@ -64,6 +64,16 @@ def _prepared(*options: str) -> Prepared:
     return prepare(parse_command_line(["--source", "synth:room", *options]), lambda: False)
 
 
+@pytest.mark.parametrize("option", ["--out", "--config"])
+def test_a_name_that_run_json_cannot_hold_is_refused(tmp_path: Path, option: str):
+    path = tmp_path / "b\udcff"
+    place = path if option == "--out" else path.with_suffix(".toml")
+    if option == "--config":
+        place.write_text("seed = 1\n")
+    with pytest.raises(UserError, match=r"'.*b\\udcff.*: is not UTF-8: expected"):
+        _prepared(option, str(place), *(["--out", str(tmp_path / "run")] * (option != "--out")))
+
+
 def test_two_runs_at_once_have_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(time, "strftime", lambda _: "20260101-000000")  # in the same second
