@@ -58,9 +58,12 @@ def run_status(
 
 
 def process_section(
-    run: RunInfo, children: Mapping[str, Child], state: RunState, stop_reason: str, end_ns: int
+    run: RunInfo, children: Mapping[str, Child], state: RunState, stop_reason: str, end_s: float
 ) -> dict[str, Any]:
-    """What the supervisor knows: frames in, processes, stage times, configuration, versions."""
+    """What the supervisor knows: frames in, processes, stage times, configuration, versions.
+
+    `end_s`: when the run was stopped, by the monotonic clock.
+    """
     end = state.source_end
     frames: dict[str, int] = {}
     if end is not None:
@@ -77,7 +80,7 @@ def process_section(
         "source": run.options.source,
         "stop_reason": stop_reason,
         "seed": run.options.seed,
-        "seconds": (end_ns - run.started_ns) / 1e9,
+        "seconds": end_s - state.started_s,
         "started_ns": run.started_ns,
         "frames": frames,
         "map": {

@@ -34,7 +34,8 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
     """Frames, rate, latency, and the time from the first frame to the last by the source's stamps, out of the
     pose log, [N] of POSE_ROW.
 
-    Rate and latency leave out the first pose: the sensor clock starts when its map is there.
+    Rate and latency leave out the first pose: the sensor clock starts when its map is there. The rate is
+    not known if the wall clock was set back meanwhile.
     """
     lost = int((rows["status"] == _LOST).sum())
     section: dict[str, Any] = {"frames": {"tracked": len(rows) - lost, "lost": lost}}
@@ -45,9 +46,10 @@ def pose_section(rows: np.ndarray) -> dict[str, Any]:
         section["first_pose_ns"] = int(rows["publish_ns"][0])
         section["sensor_s"] = float(np.ptp(rows["source_stamp_ns"])) / 1e9
     if len(after) > 1:
-        seconds = (after["publish_ns"][-1] - after["publish_ns"][0]) / 1e9
+        intervals_ns = np.diff(after["publish_ns"])
         latency_ms = (after["publish_ns"] - after["stamp_ns"]) / 1e6
-        section["wall_fps"] = (len(after) - 1) / max(seconds, 1e-9)
+        if intervals_ns.min() >= 0:
+            section["wall_fps"] = len(intervals_ns) / max(intervals_ns.sum() / 1e9, 1e-9)
         p50, p95, p99 = np.percentile(latency_ms, (50, 95, 99))
         section["latency_ms"] = {"p50": float(p50), "p95": float(p95), "p99": float(p99)}
     return section

@@ -199,7 +199,7 @@ class RunLoop:
 
     def _end_in_order(self, reason: StopReason) -> None:
         """End all processes, save all artefacts, complete the summary."""
-        stop_ns = time.time_ns()
+        stop_s = time.monotonic()
         self._gateway.begin_stop()
         self._wait_while(lambda: self._gateway.is_resetting)
         end = OrderlyEnd(
@@ -214,7 +214,7 @@ class RunLoop:
         end.to_the_end()
         self._wait_while(lambda: self._gateway.is_busy)
         try:
-            self._complete_summary(reason, stop_ns, end)
+            self._complete_summary(reason, stop_s, end)
         except OSError as error:
             end.miss("summary", f"{self._info.path}: {error.strerror}")
         self.not_saved = end.not_saved
@@ -225,12 +225,12 @@ class RunLoop:
         while is_busy() and self._signals() < 2 and time.monotonic() < deadline_s:
             self._tick()
 
-    def _complete_summary(self, reason: StopReason, stop_ns: int, end: OrderlyEnd) -> None:
+    def _complete_summary(self, reason: StopReason, stop_s: float, end: OrderlyEnd) -> None:
         path = self._info.path
         for name in self._children:
             update_summary(path, read_result(path, name).summary)
         section: dict[str, Any] = process_section(
-            self._info, self._children, self._listener.state, reason.text, stop_ns
+            self._info, self._children, self._listener.state, reason.text, stop_s
         )
         section |= self._memory.section() | self._gateway.section(self._children)
         section |= {"not_saved": end.not_saved, "supervisor_failures": self._guard.failures}

@@ -29,6 +29,13 @@ def test_rate_and_latency_leave_out_the_first_pose():
     assert section["latency_ms"] == {"p50": 20.0, "p95": 20.0, "p99": 20.0}
 
 
+def test_there_is_no_rate_if_the_wall_clock_was_set_back():
+    rows = np.zeros(31, POSE_ROW)
+    rows["publish_ns"] = 10**12 + np.arange(31) * 10**8
+    rows["publish_ns"][20:] -= 10**9
+    assert "wall_fps" not in pose_section(rows)
+
+
 def test_no_pose_at_all_is_a_summary_too():
     assert pose_section(np.zeros(0, POSE_ROW)) == {"frames": {"tracked": 0, "lost": 0}}
 
