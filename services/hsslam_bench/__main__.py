@@ -28,32 +28,31 @@ from hsslam_bench.tables.command import table_command
 from hsslam_bench.tables.paper_tables import TABLES
 from hsslam_node.environment import BENCH_DATA
 from hsslam_node.errors import UserError, did_you_mean
-from hsslam_services.commands.cli import parse_options
+from hsslam_services.commands.cli import exit_code, parse_options
 
 _STYLES = {"ok": "green", "NOT MET": "bold red", "skipped": "yellow"}
 
 
 def main() -> int:
     """Run the command; exit code 0, 1 or 2, see `BenchOptions`."""
-    try:
-        if sys.argv[1:2] and sys.argv[1] in TABLES:
-            return table_command(sys.argv[1], sys.argv[2:])
-        if sys.argv[1:2] == ["peers"]:
-            return peers_command(sys.argv[2:])
-        if sys.argv[1:2] and sys.argv[1] in RESULT_COMMANDS:
-            RESULT_COMMANDS[sys.argv[1]](sys.argv[2:])
-            return 0
-        if sys.argv[1:2] and not sys.argv[1].startswith("-"):
-            raise _unknown(sys.argv[1])
-        options, extra = _parsed(sys.argv[1:])
-        if options.docs:
-            for document in options.docs:
-                fill_document(document, list(options.results))
-            return 0
+    return exit_code(lambda: _command(sys.argv[1:]))
+
+
+def _command(args: Sequence[str]) -> int | None:
+    if args and args[0] in TABLES:
+        return table_command(args[0], args[1:])
+    if args and args[0] == "peers":
+        return peers_command(args[1:])
+    if args and args[0] in RESULT_COMMANDS:
+        return RESULT_COMMANDS[args[0]](args[1:])
+    if args and not args[0].startswith("-"):
+        raise _unknown(args[0])
+    options, extra = _parsed(args)
+    if not options.docs:
         return _bench(options, extra)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    for document in options.docs:
+        fill_document(document, list(options.results))
+    return None
 
 
 def _unknown(word: str) -> UserError:

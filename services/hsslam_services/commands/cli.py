@@ -1,5 +1,6 @@
 """What the commands have in common: options from the command line, exit codes, a progress bar."""
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,9 @@ _Options = TypeVar("_Options")
 Subcommand = Callable[[Sequence[str]], int | None]
 """Takes the words behind its name; returns its exit code, None for 0."""
 _EXIT_CODES = "Exit codes: 0 if it is done, 1 if the command is interrupted, 2 if the input is bad."
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_STREAMS = {"stdin": "r", "stdout": "w", "stderr": "w"}
 
 QUESTIONS = ("-h", "--help", "--help-all", "--version")
 
@@ -77,8 +81,9 @@ def run_subcommand(
 
 
 def exit_code(command: Callable[[], int | None]) -> int:
-    """The exit code of the command: its own (0 if it returns None), 1 if it is interrupted or its output is
-    closed, 2 on bad input, which is reported on stderr in one line."""
+    """The exit code of the command: its own (0 if it returns None), 1 if it is interrupted or its output has
+    no reader or no room, 2 on bad input. Bad input and a full disk are reported on stderr in one line."""
+    _open_closed_streams()
     try:
         try:
             return command() or 0
@@ -90,10 +95,25 @@ def exit_code(command: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 1
-    except BrokenPipeError:
+    except OSError as error:
+        if error.errno in _NO_ROOM:
+            where = error.filename or "output"
+            print(f"error: {where}: {error.strerror}: expected room to write", file=sys.stderr)
+        elif not isinstance(error, BrokenPipeError):
+            raise
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())  # for what is flushed at the end
         return 1
+
+
+def _open_closed_streams() -> None:
+    """Open /dev/null for each of stdin, stdout and stderr that the caller has closed; child processes get it,
+    too."""
+    for name, mode in _STREAMS.items():
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)  # takes the number that is free
+            os.set_inheritable(nowhere, True)
+            setattr(sys, name, os.fdopen(nowhere, mode, errors="backslashreplace"))
 
 
 def terminal_progress(*columns: ProgressColumn | str) -> Progress:

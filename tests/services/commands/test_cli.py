@@ -3,14 +3,15 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import exit_code
 
-_TELLS_MUCH_TO_NOBODY = """
-import sys
+_TELLS = """
+import os, subprocess, sys
 from hsslam_services.commands.cli import exit_code
 sys.exit(exit_code(lambda: {}))
 """
@@ -40,8 +41,29 @@ def test_nobody_who_reads_is_no_traceback(command):
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
-        [sys.executable, "-c", _TELLS_MUCH_TO_NOBODY.format(command)],
+        [sys.executable, "-c", _TELLS.format(command)],
         stdout=writer, stderr=subprocess.PIPE, text=True, env=environment,
     )  # fmt: skip
     os.close(writer)
     assert (done.returncode, done.stderr) == (1, "")
+
+
+@pytest.mark.parametrize("command", ["print('few')", "print('many' * 10**6)", "[print(), exit()]"])
+def test_a_full_disk_is_one_line(command):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", _TELLS.format(command)],
+            stdout=full, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+    told = "error: output: No space left on device: expected room to write\n"
+    assert (done.returncode, done.stderr) == (1, told)
+
+
+def test_streams_that_are_closed_go_nowhere_also_those_of_child_processes():
+    tells = "[print(1), print(2, file=sys.stderr), sys.stdin.read()]"
+    child = (
+        "subprocess.call([sys.executable, '-c', 'import os; print([*map(os.fstat, range(3))])'])"
+    )
+    program = _TELLS.format(f"{tells} and {child}")
+    closed = 'exec "$@" <&- >&- 2>&-'
+    assert subprocess.call(["sh", "-c", closed, "sh", sys.executable, "-c", program]) == 0

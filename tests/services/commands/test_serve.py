@@ -35,7 +35,8 @@ def _gives_way(run: ServeProcess, spec: ProcessSpec) -> bool:
 
 
 def test_a_run_leaves_its_results_and_nothing_else(serve):
-    run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate")
+    closed = ("sh", "-c", 'exec "$@" <&- >&-', "sh")
+    run = serve(*SMALL_ROOM, "--frames", "60", "--evaluate", prefix=closed)
     run.wait_for_poses(20)
     for spec in _PROCESSES:  # the last ones are born after the first pose
         run.wait_until(partial(_gives_way, run, spec), 20)
