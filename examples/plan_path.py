@@ -55,7 +55,9 @@ def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, 
     The room is the least distance, over the robot's heights, to a surface or to what no keyframe saw.
     """
     poses = saved.trajectory().T_world_cam
-    right, down, _ = looking_down(mean_up(poses), mean_ahead(poses), np.pi / 2).T  # of a picture from above
+    right, down, _ = looking_down(
+        mean_up(poses), mean_ahead(poses), np.pi / 2
+    ).T  # of a picture from above
     steps = np.arange(-REACH_M, REACH_M + CELL_M / 2, CELL_M)
     points = poses[0, :3, 3] + steps[:, None, None] * down + steps[:, None] * right
     clearance_m = np.full(points.shape[:2], np.inf)

@@ -1,10 +1,10 @@
 """Measures places: by the field near surfaces, by what keyframes saw away from them."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.seen_space import PRIOR_INFORMATION, SeenCells
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.map_queries import Queries
 
 _LEAST_SLOPE = 1.0  # m/m, of a distance: where the field is flatter it saturates

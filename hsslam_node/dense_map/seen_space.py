@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.distance.distance_map import DistanceMap
@@ -17,6 +16,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.observed_space import surface_shift_m
 
 _MARGIN_M = 0.5  # around what was seen: a map that grows does not need another grid each time

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.kernels.surface_sites import known_box
@@ -13,6 +12,7 @@ from hsslam_node.distance.states import UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import transformed
+from hsslam_node.kernels.compiled import njit
 
 
 class Distances(NamedTuple):

@@ -1,7 +1,6 @@
 """Which voxels are free, which occupied, from the depth images that saw them."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.kernels.depth_extremes import depth_extremes
 from hsslam_node.distance.kernels.hits import (
@@ -18,6 +17,7 @@ from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.kernels.compiled import njit
 
 _SLACK = 8  # a window moves when its wanted middle is this share of its side away
 _RECORD_BYTES = 8

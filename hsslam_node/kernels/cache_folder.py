@@ -26,7 +26,7 @@ def kernel_cache_folder() -> Path:
         digest.update(part.encode())
     for source in sorted(package.rglob("*.py")):
         text = source.read_text(encoding="utf-8")
-        if "numba" in text or source.relative_to(package).parts[0] in _CONSTANTS:
+        if "njit" in text or "numba" in text or source.relative_to(package).parts[0] in _CONSTANTS:
             digest.update(text.encode())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 

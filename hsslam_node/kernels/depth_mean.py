@@ -1,7 +1,8 @@
 """Mean depth about a pixel; apart because kernels of mapping and of tracking are built of it."""
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.datamodel.models import PrimitiveModel
 from numba.extending import intrinsic, register_model
+
+from hsslam_node.kernels.compiled import njit
 
 operation: Any = intrinsic  # called without the first parameter, which type checkers do not know
 WIDTH = 16

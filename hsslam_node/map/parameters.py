@@ -4,11 +4,11 @@ import contextlib
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.config import FieldConfig
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.growth import copy_grown
 from hsslam_node.map.initialisation import initial_parameters

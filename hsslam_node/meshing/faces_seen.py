@@ -5,10 +5,10 @@ from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.compiled import njit
 
 _TOLERANCE_M = 0.02
 # 1/m, times the squared depth: the noise of a depth camera grows like that

@@ -1,10 +1,10 @@
 """Which part of the space around the surfaces was seen, and how far corrected poses have moved it."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.block_grid import BlockGrid
 
 CLOSE_CELLS = 2  # marks grow by this many cells, then shrink by one: gaps close, no second skin

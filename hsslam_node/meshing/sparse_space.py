@@ -1,11 +1,11 @@
 """Observed space of the live mesh: marks in blocks of one lattice, memory only for blocks that hold some."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.block_surface import Block
 from hsslam_node.meshing.observed_space import (
     CLOSE_CELLS,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.block_grid import BlockGrid
 
 _SNAP_CELLS = 1e-3  # vertices this close to a grid vertex are that vertex

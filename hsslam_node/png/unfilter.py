@@ -4,7 +4,8 @@ Source: PNG specification, third edition (W3C), section 9.
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 _NONE, _SUB, _UP, _AVERAGE, _PAETH = range(5)
 

@@ -2,9 +2,10 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
+
+from hsslam_node.kernels.compiled import njit
 
 CHUNK = 64  # faces; neighbours in a mesh file are mostly neighbours in space
 
@@ -24,7 +25,7 @@ def chunked_mesh(vertices: ArrayLike, faces: ArrayLike) -> ChunkedMesh:
     return ChunkedMesh(vertices, faces, _boxes(vertices, faces))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _boxes(vertices, faces):
     boxes = np.empty((-(-len(faces) // CHUNK), 2, 3))
     boxes[:, 0], boxes[:, 1] = np.inf, -np.inf

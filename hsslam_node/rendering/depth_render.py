@@ -1,10 +1,10 @@
 """What a depth camera would see of a triangle mesh."""
 
-import numba
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.rendering.chunked_mesh import CHUNK, ChunkedMesh
 
 _NEAR_M = 0.01
@@ -32,7 +32,7 @@ def render_depth(
     return depth, face
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rasterise(mesh, T, intrinsics, depth, face):
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
@@ -86,7 +86,7 @@ def _rasterise(mesh, T, intrinsics, depth, face):
                     face[v, u] = f
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _faces_that_may_be_seen(mesh, T, intrinsics, size):
     """Numbers of the faces of all chunks that are not wholly out of sight, ascending."""
     found, count = np.empty(len(mesh.faces), np.int64), 0
@@ -98,7 +98,7 @@ def _faces_that_may_be_seen(mesh, T, intrinsics, size):
     return found[:count]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _may_be_seen(box, T, intrinsics, size):
     """False if all corners of a box are behind the camera or beyond the same border of the image."""
     fx, fy, cx, cy = intrinsics
@@ -117,7 +117,7 @@ def _may_be_seen(box, T, intrinsics, size):
     return max(behind, left, right, above, below) < 8
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _clipped_box(a, b, c, intrinsics):
     """Pixels that the part of a triangle in front of the camera can cover."""
     fx, fy, cx, cy = intrinsics

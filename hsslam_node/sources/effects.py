@@ -7,12 +7,12 @@ from functools import cache
 from pathlib import Path
 
 import cv2
-import numba
 import numpy as np
 from scipy.special import ndtri
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.sources.files.image_files import BadImageError, read_mask
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import (
@@ -257,7 +257,7 @@ def _normal_quantiles() -> np.ndarray:
     return (quantiles / quantiles.std()).astype(np.float32)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _apply(depth_raw, units_per_m, key, normal, out):
     height, width = depth_raw.shape
     mask = np.uint64(len(normal) - 1)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.texture.face_views import FaceViews
 from hsslam_node.texture.view_levels import view_levels
 

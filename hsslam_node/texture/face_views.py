@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.rendering.chunked_mesh import ChunkedMesh
 from hsslam_node.rendering.depth_render import render_depth
 

@@ -1,9 +1,9 @@
 """Layers of voxels to cells of the floor; apart from `GridMap`, as this is compiled."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.states import FREE, OCCUPIED
+from hsslam_node.kernels.compiled import njit
 
 _FREE, _OCCUPIED = np.uint8(FREE), np.uint8(OCCUPIED)
 

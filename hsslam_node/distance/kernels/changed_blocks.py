@@ -1,9 +1,9 @@
 """Distances of a grid in blocks, in whole mm, and which blocks are others than before."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.states import BLOCK_SIDE, NOT_KNOWN_MM
+from hsslam_node.kernels.compiled import njit
 
 _LEAST_MM, _LARGEST_MM = np.float32(-32767.0), np.float32(32767.0)
 

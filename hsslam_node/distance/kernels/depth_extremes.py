@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.kernels.compiled import njit
 
 TILE_PX = 8
 REACHES_PX = (2, 4, 8)  # of the nearest pixel about each

@@ -9,8 +9,8 @@ Toriwaki 1994), 16 voxels at a time.
 import math
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.simd import WIDTH, load, spread, store
 from hsslam_node.kernels.simd_keys import (
     add_keys,

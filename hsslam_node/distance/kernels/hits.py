@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.kernels.surface_record import STEPS, WEIGHT, fit_plane
+from hsslam_node.kernels.compiled import njit
 
 MOST, LEAST = 5, -3  # evidence of a voxel: free below 0
 OCCUPIED_FROM = 2

@@ -1,10 +1,10 @@
 """Voxels that a depth image saw through: in front of what its pixels measured."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.kernels.depth_extremes import REACHES_PX, TILE_PX
 from hsslam_node.distance.kernels.hits import LEAST
+from hsslam_node.kernels.compiled import njit
 
 _BLOCK = 8  # voxels along a side; a block that is not seen through as a whole is cut once
 _PART = 4

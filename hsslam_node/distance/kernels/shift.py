@@ -1,7 +1,8 @@
 """The values of a grid moved by whole voxels, in place; apart from `Occupancy`, as this is compiled."""
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,8 @@ Of int8 [nz, ny, nx, 8], the last axis is
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 WEIGHT, NORMAL, HEIGHT = 3, 4, 7
 STEPS = 100.0

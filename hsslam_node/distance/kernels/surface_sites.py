@@ -1,10 +1,10 @@
 """The occupied voxels of a grid as sites of a distance transform, and distances to their surfaces."""
 
 import numpy as np
-from numba import njit
 
 from hsslam_node.distance.kernels.surface_record import HEIGHT, NORMAL, STEPS
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.simd import WIDTH, load, spread
 from hsslam_node.kernels.simd_keys import largest_key, masked_keys, where_less
 from hsslam_node.kernels.simd_rows import store_columns

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-import numba
 import numpy as np
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.kernels.compiled import njit
 
 
 class Observer(Protocol):
@@ -48,7 +48,7 @@ class Views:
         return _seen(points, T_cam_world, self.depths_m, intrinsics, tolerance_m, through_walls)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+@njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _seen(points, T_cam_world, depths, intrinsics, tolerance, through_walls):
     views, height, width = depths.shape
     seen = np.zeros(len(points), np.bool_)

@@ -5,8 +5,8 @@ Reference: `reference/field.py`.
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.decoder import (
     HIDDEN,
     color_first_layer,

@@ -4,7 +4,8 @@ Twin: `gpu_kernels/field/decoder.py`. Reference: `reference/field.py`.
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 HIDDEN = 32
 

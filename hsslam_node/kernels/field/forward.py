@@ -4,8 +4,8 @@ Twin: `gpu_kernels/field/forward.py`. Reference: `reference/field.py`.
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.decoder import HIDDEN, color_weights, geometry_weights
 from hsslam_node.kernels.field.hash_grid import gather_hash
 from hsslam_node.kernels.field.layout import BLOCK

@@ -6,8 +6,8 @@ Twin: `Gradient` in `gpu_kernels/field/activations.py`.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.layout import KernelLayout
 from hsslam_node.kernels.simd import (
     add,

@@ -11,8 +11,8 @@ alternates with every pair, y with every second, z in the halves.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.layout import BLOCK
 from hsslam_node.kernels.simd import fma, load, mul, spread, total
 from hsslam_node.kernels.simd_pairs import add_pairs, load_pairs, spread_pair, store_pair_total

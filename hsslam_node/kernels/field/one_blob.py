@@ -11,8 +11,8 @@ before and after the 16 bins of x, of y and of z, so that the border is no speci
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.layout import BLOCK
 from hsslam_node.kernels.simd import add, fma, load, mul, spread, store, total, where_positive
 

@@ -11,8 +11,8 @@ a set are summed in registers.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.gradient import touch_rows
 from hsslam_node.kernels.field.layout import BLOCK
 from hsslam_node.kernels.simd import add, fma, load, spread, store, sub, total

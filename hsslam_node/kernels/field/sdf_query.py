@@ -4,8 +4,8 @@ Twin: `gpu_kernels/field/sdf_query.py`. Reference: `reference/field.py`.
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.decoder import HIDDEN, geometry_weights
 from hsslam_node.kernels.field.forward import (
     join_hash_features,

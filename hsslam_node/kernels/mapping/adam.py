@@ -4,8 +4,8 @@ Twin: `gpu_kernels/mapping/adam.py`. Tests compare it with `torch.optim.Adam`.
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.gradient import STRIPE
 from hsslam_node.kernels.simd import (
     any_not_zero,

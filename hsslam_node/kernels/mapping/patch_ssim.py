@@ -4,7 +4,8 @@ Twin: `gpu_kernels/mapping/patch_ssim.py`. Reference: `reference/losses.py`.
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 _C1 = np.float32(0.01**2)
 _C2 = np.float32(0.03**2)

@@ -4,8 +4,8 @@ Twin: `gpu_kernels/mapping/ray_batch.py`. Reference of the samples: `rendering/r
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.depth_mean import mean_depth
 
 

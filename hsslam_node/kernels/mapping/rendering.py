@@ -5,7 +5,8 @@ References: `reference/rendering.py`, `reference/losses.py`.
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 MIDDLE = np.float32(0.4)  # as reference/losses.py
 COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE = range(5)  # order of loss weights and terms

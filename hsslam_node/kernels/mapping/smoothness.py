@@ -4,8 +4,8 @@ Twin: `gpu_kernels/mapping/smoothness.py`. Reference: `reference/losses.py`.
 """
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.field.hash_grid import gather_hash, scatter_hash
 
 

@@ -9,7 +9,8 @@ about the camera centre. H [8, 8], b [8] float64 with H x = -b.
 """
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

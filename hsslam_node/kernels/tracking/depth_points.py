@@ -1,8 +1,8 @@
 """Depth images as points and as surfaces with normals. It runs on the CPU alone: there is no twin."""
 
 import numpy as np
-from numba import njit
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.kernels.depth_mean import mean_depth
 
 

@@ -1,7 +1,8 @@
 """Depth of a keyframe's pixels averaged with what another view measured. It runs on the CPU alone."""
 
 import numpy as np
-from numba import njit
+
+from hsslam_node.kernels.compiled import njit
 
 _NEAREST_M = 0.1
 _LEAST_SLOPE = 0.3  # of the depth in the other view by that along the ray

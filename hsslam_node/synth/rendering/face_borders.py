@@ -1,8 +1,8 @@
 """Numba kernel: packed colours into an image, softened where one face ends and another begins."""
 
-import numba
 import numpy as np
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.synth.rendering.texture_lookup import JIT
 
 _BYTE, _RED_BLUE = np.uint32(0xFF), np.uint32(0x00FF00FF)
@@ -10,7 +10,7 @@ _TO_GREEN, _TO_BLUE = np.uint32(8), np.uint32(16)
 _FOURFOLD, _EIGHTH = np.uint32(2), np.uint32(3)
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def mix_borders(packed, face_ids, color):
     """Unpacks 0x00BBGGRR to RGB [H, W, 3]; at the border of a face a pixel is mixed with its four
     neighbours.
@@ -30,7 +30,7 @@ def mix_borders(packed, face_ids, color):
             color[v, u, 2] = (row[u] >> _TO_BLUE) & _BYTE
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _mix_row(above, here, below, faces_above, faces, faces_below, row):
     """Half the pixel, half its neighbours, wherever one of them shows another face; no branches."""
     for u in range(1, len(row) - 1):

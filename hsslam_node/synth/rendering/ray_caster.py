@@ -1,8 +1,8 @@
 """Numba kernels: primitives into screen tiles, nearest hit per pixel, texture coordinates."""
 
-import numba
 import numpy as np
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.synth.rendering.face_borders import mix_borders
 from hsslam_node.synth.rendering.texture_lookup import JIT, look_up_of, sample
 from hsslam_node.synth.rendering.tile_binning import NEAR_M, TILE, bin_primitives
@@ -14,7 +14,7 @@ _EPSILON = np.float32(1e-9)  # keeps 1 / direction finite
 _LEAST_COSINE = np.float32(0.08)
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse_texels, levels,
            texels, T, intrinsics, color, depth, units_per_m, packed, face_ids):  # fmt: skip
     """Renders colour [H, W, 3] uint8 and planar depth [H, W] uint16 seen from T [4, 4] (camera to
@@ -87,7 +87,7 @@ def render(kinds, rotations, centers, halves, first_faces, first_levels, inverse
     mix_borders(packed, face_ids, color)
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _into_unit_frames(rotations, centers, halves, T):
     """Camera rays into the unit frame of every primitive: matrices [P, 3, 3] and origins [P, 3]."""
     n = len(centers)
@@ -106,7 +106,7 @@ def _into_unit_frames(rotations, centers, halves, T):
     return to_unit, origins
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
     hits = np.int32(0)
     for i in range(_PIXELS):
@@ -126,7 +126,7 @@ def _hit_cube(p, inside, M, o, ray_x, ray_y, nearest, owner):
     return hits > 0
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
     hits = np.int32(0)
     c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - np.float32(1)
@@ -146,7 +146,7 @@ def _hit_ball(p, M, o, ray_x, ray_y, nearest, owner):
     return hits > 0
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
     hits = np.int32(0)
     c = o[0] * o[0] + o[1] * o[1] - np.float32(1)
@@ -169,7 +169,7 @@ def _hit_cylinder(p, M, o, ray_x, ray_y, nearest, owner):
     return hits > 0
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _place_on_cube(p, first, M, o, half, ray_x, ray_y, nearest, owner, face, s, q, slant):
     """Face, texture coordinates in [0, 1], slant (growth of a pixel's footprint); no branches."""
     hx, hy, hz = np.float32(half[0]), np.float32(half[1]), np.float32(half[2])
@@ -197,7 +197,7 @@ def _place_on_cube(p, first, M, o, half, ray_x, ray_y, nearest, owner, face, s, 
         slant[i] = one / np.sqrt(cosine) if mine else slant[i]
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _place_on_round(p, first, is_ball, M, o, ray_x, ray_y, nearest, owner, face, s, q, slant):
     """The same for cylinders and ellipsoids; few pixels, so with branches."""
     one, scale, turn = np.float32(1), np.float32(0.5), np.float32(0.5 / np.pi)

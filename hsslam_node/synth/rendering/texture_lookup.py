@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from hsslam_node.kernels.compiled import njit
 
 JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
 _RED_BLUE, _GREEN, _BITS = np.uint32(0x00FF00FF), np.uint32(0xFF), np.uint32(8)
@@ -22,7 +23,7 @@ class LookUp(NamedTuple):
     texel: np.ndarray  # [2, 4, n] uint32
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def look_up_of(n):
     """Scratch for n pixels."""
     return LookUp(
@@ -36,7 +37,7 @@ def look_up_of(n):
     )
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def sample(texels, levels, first_levels, inverse_texels, face, s, q, width_m, slant, look, out):
     """Colours 0x00BBGGRR [n] at (s, q) in [0, 1]^2 of faces, where a pixel covers `width_m` x `slant`.
 
@@ -62,7 +63,7 @@ def sample(texels, levels, first_levels, inverse_texels, face, s, q, width_m, sl
     _mix(look.texel, look.weight, look.share, out)
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _choose_levels(width_m, slant, look):
     """log2 of the texels that a pixel covers, from the float's exponent and a straight line through
     its mantissa: the row of the finer level, and the share of the coarser one."""
@@ -73,7 +74,7 @@ def _choose_levels(width_m, slant, look):
         look.share[i] = np.uint32((bits >> np.int32(15)) & np.int32(255))
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _find_corners(s, q, level, place, weight):
     """Of the four texels around each pixel: where they are, and what they weigh."""
     zero, half, one = np.float32(0), np.float32(0.5), np.int32(1)
@@ -98,7 +99,7 @@ def _find_corners(s, q, level, place, weight):
         place[3, i] = base + down + right
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def _mix(texel, weight, share, out):
     """Red and blue in one product, green in another: 255 x 256 fits into the 16 bits of each."""
     for i in range(len(out)):

@@ -1,8 +1,8 @@
 """Numba kernel: which primitives may be seen in which tile of the screen."""
 
-import numba
 import numpy as np
 
+from hsslam_node.kernels.compiled import njit
 from hsslam_node.synth.rendering.texture_lookup import JIT
 
 TILE = 16  # pixels
@@ -10,7 +10,7 @@ NEAR_M = 0.02
 _MARGIN = 1e-4  # well above the rounding of a depth in float32
 
 
-@numba.njit(**JIT)
+@njit(**JIT)
 def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
     """Counts [tiles] and members [tiles, P] of the primitives that may be seen in each tile, nearest
     first; and closest [P] float32: no depth of primitive p is below closest[p].

@@ -1,7 +1,8 @@
 """Bakes the light of a room: soft lamps with shadows, and the sky that corners do not see."""
 
-import numba
 import numpy as np
+
+from hsslam_node.kernels.compiled import njit
 
 _JIT = {"cache": True, "fastmath": True, "nogil": True, "error_model": "numpy"}
 _LIFT_M = 0.004  # off the surface, so that it does not shadow itself
@@ -17,7 +18,7 @@ def light_samples(lamps_m: list[tuple[float, float, float]], seed: int) -> np.nd
     return np.concatenate(points)
 
 
-@numba.njit(**_JIT)
+@njit(**_JIT)
 def bake_light(kinds, rotations, centers, halves, points, normals, lamps, directions):
     """Irradiance [N] float32 (about 1 in the open) at points [N, 3] with normals [N, 3].
 
@@ -63,7 +64,7 @@ def bake_light(kinds, rotations, centers, halves, points, normals, lamps, direct
     return out
 
 
-@numba.njit(**_JIT)
+@njit(**_JIT)
 def _blocked(kinds, rotations, centers, halves, start, ray, limit):
     """Whether anything but the shell lies on start + t ray for t in (0, limit)."""
     o, d = np.empty(3), np.empty(3)
