@@ -1,7 +1,7 @@
 """The frames of a log as a source, `--source mcap:RUN`, and the source that the log was recorded from."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,8 +31,8 @@ class McapSource(ReadsInTime):
 
     Indices are those of the log, so that whatever is drawn at random by frame is drawn as before; a
     frame that was sent twice comes once. Colour is as the log has it: a JPEG is not what the tracker saw.
-    Opening reads the log through (0.3 s for 200 MB): its frames are counted, and `stamps_ns` has their
-    stamps, [N] int64.
+    Opening reads the log through (0.3 s for 200 MB): its frames are counted, `stamps_ns` has the stamps
+    and `indices` the indices of those selected, [N] int64.
 
     Raises:
         UserError: no log there, none that can be read, or it holds no frame that is selected.
@@ -42,18 +42,19 @@ class McapSource(ReadsInTime):
         self._files = log_parts(place, lambda text: print(text, file=sys.stderr))
         self.name = f"mcap:{place}"
         first: messages.Frame | None = None
-        stamps_ns: list[int] = []
+        found: list[tuple[int, int]] = []
+        cameras: set[int] = set()
         for message in self._logged():
             first = first or message
-            stamps_ns.append(message.source_stamp_ns)
+            found.append((message.source_stamp_ns, message.index))
+            cameras.add(message.publisher)
         if first is None:
             raise UserError(f"source mcap:{place}: holds no frames: expected a log with in/frame")
-        self._rows = frozenset(options.selected(len(stamps_ns)))
+        self._rows = frozenset(options.selected(len(found)))
         if not self._rows:
-            raise UserError(
-                f"--start {options.start}: source mcap:{place} has {len(stamps_ns)} frames"
-            )
-        self.stamps_ns = np.array(stamps_ns)[sorted(self._rows)]
+            raise UserError(f"--start {options.start}: source mcap:{place} has {len(found)} frames")
+        self.stamps_ns, self.indices = np.array(found)[sorted(self._rows)].T
+        self.has_one_camera = len(cameras) == 1
         self.frame_count: int | None = len(self._rows)
         self.camera = Camera(
             first.width_px, first.height_px, first.fx, first.fy, first.cx, first.cy
@@ -93,7 +94,9 @@ class McapSource(ReadsInTime):
             if camera is not None and place.publisher != camera:
                 first = newest + 1 - message.index
             camera, newest = place.publisher, first + message.index
-            yield msgspec.structs.replace(message, index=newest) if first else message
+            if first:
+                message = msgspec.structs.replace(message, index=newest, publisher=camera)
+            yield message
 
 
 def log_stamps(place: str) -> tuple[np.ndarray, None]:
@@ -122,19 +125,36 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
         run = logged_options(log_parts(place, say))
         if run is None:
             raise UserError(f"source {spec}: does not tell what it was recorded from")
-        count = McapSource(place, options).frame_count
-        inner = run.source_options
+        log = McapSource(place, options)
+        inner = frames_of_run(run, log.indices) if log.has_one_camera else run.source_options
         spec = run.source
         options = replace(
             inner,
             noise=options.noise if inner.noise == "none" else inner.noise,
-            start=inner.start + inner.stride * options.start,
-            stride=inner.stride * options.stride,
-            frames=count,
             downscale=inner.downscale * options.downscale,
         )
     raise UserError(
         f"source {spec}: expected at most {_MOST_LOGS} logs, each recorded from the next"
+    )
+
+
+def frames_of_run(run: ServeOptions, indices: Collection[int]) -> SourceOptions:
+    """Options with which the source of a run has the frames of these indices of its one camera, and as few
+    others as options can tell."""
+    options = run.source_options
+    chosen = np.unique(np.fromiter(indices, np.int64))
+    first, last, step = int(chosen[0]), int(chosen[-1]), int(np.gcd.reduce(np.diff(chosen))) or 1
+    if options.reorders:
+        return replace(options, frames=last + 1)
+    if place := log_place(run.source):  # indices are those of that log
+        rows = McapSource(place, SourceOptions()).indices
+        start, end = rows.searchsorted([first, last + 1]).tolist()
+        return replace(options, start=start, stride=1, frames=end - start)
+    return replace(
+        options,
+        start=options.start + options.stride * first,
+        stride=options.stride * step,
+        frames=(last - first) // step + 1,
     )
 
 

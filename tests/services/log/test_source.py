@@ -14,6 +14,8 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
+from hsslam_services.log.source import recorded_source
+from hsslam_services.run.options import ServeOptions
 from tests.late_frames import expect_late_frames_left_out
 from tests.services.wire_samples import frame
 
@@ -75,8 +77,50 @@ def test_a_log_without_frames_is_one_line(tmp_path):
         open_any_source(f"mcap:{tmp_path}")
 
 
-def _write(folder, frames, color, part_bytes=None):
-    log = PartedLog(folder, "r", LogSettings(color, part_bytes))
+@pytest.mark.parametrize(
+    ("logged", "options", "expected"),
+    [
+        (range(20, 40), SourceOptions(), (2 + 3 * 20, 3, 20)),  # begins later
+        ((0, 1, 4, 9, 11), SourceOptions(), (2, 3, 12)),  # has gaps
+        ((0, 1, 4, 9, 11), SourceOptions(start=1, stride=2), (2 + 3, 3, 9)),
+        ((7,), SourceOptions(), (2 + 3 * 7, 3, 1)),
+    ],
+)
+def test_what_a_log_was_recorded_from_is_found_by_the_indices_of_its_frames(
+    tmp_path, logged, options, expected
+):
+    run = ServeOptions(source="synth:room", start=2, stride=3, frames=100)
+    whole, short = tmp_path / "whole", tmp_path / "short"
+    for folder in (whole, short):
+        folder.mkdir()
+    _write(whole, [frame(k) for k in (*range(5), *range(7, 50))], "png", run=run)
+    # a log of the replay of that log; its frames keep their indices
+    again = ServeOptions(source=f"mcap:{whole}", start=1)
+    _write(short, [frame(k) for k in logged], "png", run=again)
+    found = recorded_source(f"mcap:{short}", options, print)
+    assert found.spec == "synth:room"
+    assert (found.options.start, found.options.stride) == expected[:2]
+    assert found.options.frames == expected[2]
+
+
+def test_a_stride_over_the_frames_of_a_log_is_one_over_what_it_was_recorded_from(tmp_path):
+    run = ServeOptions(source="synth:room", start=2, stride=3)
+    _write(tmp_path, [frame(k) for k in range(5, 20)], "png", run=run)
+    found = recorded_source(f"mcap:{tmp_path}", SourceOptions(stride=4), print).options
+    assert (found.start, found.stride, found.frames) == (2 + 3 * 5, 3 * 4, 4)
+
+
+def test_the_indices_of_two_cameras_tell_nothing_of_what_was_recorded(tmp_path):
+    run = ServeOptions(source="synth:room", frames=100)
+    cameras = (new_publisher(), new_publisher())
+    sent = [msgspec.structs.replace(frame(k), publisher=c) for c in cameras for k in (5, 6)]
+    _write(tmp_path, sent, "png", run=run)
+    assert recorded_source(f"mcap:{tmp_path}", SourceOptions(), print).options == run.source_options
+
+
+def _write(folder, frames, color, part_bytes=None, run=None):
+    metadata = {"options": msgspec.json.encode(run).decode()} if run else {}
+    log = PartedLog(folder, "r", LogSettings(color, part_bytes, metadata=metadata))
     for sequence, message in enumerate(frames):
         payload = encode(topics.FRAME, compress_frame(message, color))
         log.write(topics.FRAME, payload, message.stamp_ns, message.stamp_ns, sequence)

@@ -15,7 +15,13 @@ from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.parts import parts
 from hsslam_services.log.poses import LoggedPoses, logged_poses
 from hsslam_services.log.reader import Say, bus_messages, is_log, log_parts
-from hsslam_services.log.source import RecordedSource, logged_options, recorded_source
+from hsslam_services.log.source import (
+    RecordedSource,
+    frames_of_run,
+    logged_options,
+    recorded_source,
+)
+from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import comes_over_bus, is_live, log_place
 from hsslam_services.run.summary import read_summary
@@ -44,11 +50,7 @@ def log_subject(
         if is_live(run.source) or comes_over_bus(run.source):
             source = RecordedSource(f"mcap:{place}", SourceOptions())
         else:
-            first, count = _stretch(files, found)
-            of_run = run.source_options
-            start = of_run.start + first * of_run.stride
-            used = replace(of_run, start=start, frames=count)
-            source = recorded_source(run.source, used, say)
+            source = recorded_source(run.source, _options(run, files, found), say)
     assert source is not None
     subject = Subject(
         source=source.spec,
@@ -70,14 +72,16 @@ def log_subject(
     return subject, about
 
 
-def _stretch(files: list[Path], found: LoggedPoses) -> tuple[int, int]:
-    """Index of the first frame that the log holds (or has a pose of), and how many there are from it on."""
-    indices = [pose.index for pose in found.poses]
+def _options(run: ServeOptions, files: list[Path], found: LoggedPoses) -> SourceOptions:
+    """Of the source, for the frames that the log holds or has a pose of; of several cameras: of all."""
+    frames = {(pose.publisher, pose.index) for pose in found.poses}
     for logged in bus_messages(files, {FRAME.name}):
         message = logged.message()
         assert isinstance(message, messages.Frame)
-        indices.append(message.index)
-    return min(indices), max(indices) - min(indices) + 1
+        frames.add((message.publisher, message.index))
+    if len({publisher for publisher, _ in frames}) > 1:
+        return run.source_options
+    return frames_of_run(run, [index for _, index in frames])
 
 
 def run_subject(
