@@ -99,7 +99,8 @@ def _with_map_epoch(topic: Topic, payload: bytes) -> bytes:
 def log_parts(place: str | Path, say: Say) -> list[Path]:
     """The files of a log (one MCAP file, or all parts in a run folder, in order), each readable.
 
-    An unfinished file is recovered; `say` takes the line that tells it.
+    An unfinished file is recovered; `say` takes the line that tells it. A part without messages, whose
+    recorder was killed at once, is left out if there are others.
 
     Raises:
         UserError: no such file or folder, no MCAP file, or one that a run is still writing.
@@ -107,7 +108,13 @@ def log_parts(place: str | Path, say: Say) -> list[Path]:
     found = log_files(place)
     for file in found:
         make_readable(file, say)
-    return found
+    return [file for file in found if len(found) == 1 or _has_messages(file)] or found
+
+
+def _has_messages(path: Path) -> bool:
+    with log_reader(path) as reader:
+        summary = reader.get_summary()
+        return not (summary and summary.statistics and summary.statistics.message_count == 0)
 
 
 def log_files(place: str | Path) -> list[Path]:

@@ -111,6 +111,19 @@ def test_whatever_is_damaged_in_a_log_is_one_line_or_does_no_harm(tmp_path):
     assert told > 60
 
 
+def test_a_first_part_without_messages_is_left_out(tmp_path, capsys):
+    path = _log(tmp_path, 40)
+    second = path.rename(tmp_path / "run.1.mcap")
+    path.write_bytes(second.read_bytes()[:8])
+    assert log_parts(path, print) == [path]
+    files = log_parts(tmp_path, print)
+    assert files == [second]
+    short = tmp_path / "short.mcap"
+    assert trim(files, short, 20e-9, 30e-9) == 10
+    with short.open("rb") as stream:
+        assert [record.metadata for record in make_reader(stream).iter_metadata()] == [{"a": "b"}]
+
+
 def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
     log = PartedLog(tmp_path, "r", LogSettings(part_bytes=40_000, metadata={"run_id": "x"}))
     for index in range(2000):
