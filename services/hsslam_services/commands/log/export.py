@@ -36,11 +36,13 @@ def export(
 ) -> Iterator[str]:
     """Write the wanted parts of the log into the folder; yields a line for each that is written.
 
-    What the log does not hold is told through `say`.
+    What the log does not hold is told through `say`. Nothing is written if frames or the recording find their
+    place taken.
 
     Raises:
         UserError: the folder cannot be written, or holds such files of another log that are in the way.
     """
+    _expect_room(folder, only)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if "trajectory" in only:
@@ -60,6 +62,14 @@ def export(
     except OSError as error:
         place = error.filename or folder
         raise UserError(f"{place}: {error.strerror}: expected a folder to write to") from None
+
+
+def _expect_room(folder: Path, only: Collection[Part]) -> None:
+    for frames in (folder / "frames", *folder.glob("frames-[0-9]*")):
+        if "frames" in only and (frames / "rgb.txt").exists():
+            raise UserError(f"{frames}: holds frames already: expected a new folder")
+    if "rrd" in only and (folder / "run.rrd").is_dir():
+        raise UserError(f"{folder / 'run.rrd'}: is a folder: expected a file, or nothing there")
 
 
 def export_trajectory(

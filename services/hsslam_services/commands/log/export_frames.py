@@ -2,9 +2,9 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
-from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import format_stamp
 from hsslam_proto import messages
 from hsslam_proto.frame_order import FrameOrder
@@ -19,48 +19,45 @@ _LISTS = {"rgb": "timestamp file", "depth": "timestamp file", "associations": "c
 def export_frames(files: list[Path], folder: Path, say: Say) -> Iterator[str]:
     """rgb/, depth/, rgb.txt, depth.txt, associations.txt and camera.json, as `tum:<folder>` opens it.
 
-    Images are the bytes of the log: colour as JPEG or PNG, depth as 16-bit PNG. Yields what it wrote.
-
-    Raises:
-        UserError: the folder holds frames already, or the camera changes on the way.
+    Images are the bytes of the log: colour as JPEG or PNG, depth as 16-bit PNG. Frames of a camera of another
+    size or lens go to a folder of their own beside it, frames-2, .... Yields what it wrote.
     """
-    camera: dict[str, object] = {}
-    order, count = FrameOrder(), 0
-    with _Lists(folder) as lists, log_progress("frames", files) as progress:
+    order, found = FrameOrder(), dict[str, _Lists]()
+    with ExitStack() as written, log_progress("frames", files) as progress:
         for logged in progress.over(bus_messages(files, {FRAME.name})):
             frame = logged.message()
             assert isinstance(frame, messages.Frame)
             if not order.is_new(frame.publisher, frame.index, frame.stamp_ns):
                 continue  # sent again
-            count += 1
-            camera = camera or _camera(frame)
-            if camera != _camera(frame):
-                raise UserError(f"frame {frame.index}: another camera than before: expected one")
-            lists.add(compress_frame(frame, "png"))
-    if not count:
+            camera = _camera(frame)
+            if camera not in found:
+                number = f"-{len(found) + 1}" if found else ""
+                lists = _Lists(folder.with_name(f"{folder.name}{number}"), camera)
+                found[camera] = written.enter_context(lists)
+            found[camera].add(compress_frame(frame, "png"))
+    if not found:
         say("no frames: the log holds none")
-        return
-    (folder / "camera.json").write_text(json.dumps(camera, indent=1) + "\n")
-    yield f"{folder}: {count} frames, for --source tum:{folder}"
+    for lists in found.values():
+        yield f"{lists.folder}: {lists.count} frames, for --source tum:{lists.folder}"
 
 
 class _Lists:
-    """The image folders with their lists; made when the first frame comes."""
+    """The folder of the images of one camera, with its lists; made when the first frame comes."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, camera: str) -> None:
+        self.folder, self.count = folder, 0
+        self._camera = camera
         self._written: dict[str, int] = {}  # frames with this stamp
         self._lines: dict[str, list[str]] = {name: [f"# {what}\n"] for name, what in _LISTS.items()}
 
     def __enter__(self) -> "_Lists":
-        if (self._folder / "rgb.txt").exists():
-            raise UserError(f"{self._folder}: holds frames already: expected a new folder")
         return self
 
     def __exit__(self, *_: object) -> None:
-        for name, lines in self._lines.items():
-            if len(lines) > 1:
-                (self._folder / f"{name}.txt").write_text("".join(lines))
+        if self.count:
+            for name, lines in self._lines.items():
+                (self.folder / f"{name}.txt").write_text("".join(lines))
+            (self.folder / "camera.json").write_text(self._camera)
 
     def add(self, frame: messages.Frame) -> None:
         stamp = format_stamp(frame.source_stamp_ns)
@@ -69,17 +66,18 @@ class _Lists:
         color = f"rgb/{name}.{'jpg' if frame.color_encoding == 'jpeg' else 'png'}"
         depth = f"depth/{name}.png"
         for file, data in ((color, frame.color), (depth, frame.depth)):
-            path = self._folder / file
+            path = self.folder / file
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
         self._lines["rgb"].append(f"{stamp} {color}\n")
         self._lines["depth"].append(f"{stamp} {depth}\n")
         self._lines["associations"].append(f"{stamp} {color} {stamp} {depth}\n")
+        self.count += 1
 
 
-def _camera(frame: messages.Frame) -> dict[str, object]:
-    """As in `camera.json`; frames on the bus have no distortion."""
-    return {
+def _camera(frame: messages.Frame) -> str:
+    """Its `camera.json`; frames on the bus have no distortion."""
+    camera = {
         "width": frame.width_px,
         "height": frame.height_px,
         "fx": frame.fx,
@@ -89,3 +87,4 @@ def _camera(frame: messages.Frame) -> dict[str, object]:
         "distortion": [],
         "depth_scale": frame.depth_units_per_m,
     }
+    return json.dumps(camera, indent=1) + "\n"

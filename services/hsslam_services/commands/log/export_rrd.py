@@ -14,7 +14,12 @@ from hsslam_services.viewer.scene import RerunScene
 
 
 def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
-    """Draw every message that the viewer shows, none thinned out; yields what it wrote."""
+    """Draw every message that the viewer shows, none thinned out; yields what it wrote.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    path.write_bytes(b"")  # rerun raises no OSError
     stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
     stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
     scene = RerunScene(stream, poses_every_s=1.0)

@@ -86,7 +86,7 @@ class ExportOptions:
       trajectory_online.txt, .csv     poses as published (TUM: s, m, unit quaternion xyzw, camera to world)
       trajectory.txt, keyframes.txt   poses as refined later
       mesh.ply, mesh.glb              the mesh; PLY with y down and z forward, glTF with y up
-      frames/                         images in TUM layout, for --source tum:FOLDER
+      frames/                         images in TUM layout, for --source tum:FOLDER; second camera: frames-2/
       run.rrd                         a recording for the rerun viewer
 
     Formats of trajectories, all camera to world:

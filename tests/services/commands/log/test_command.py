@@ -18,10 +18,15 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
+from hsslam_proto import topics
+from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.commands.log.command import main
+from hsslam_services.log.frame_compression import compress_frame
+from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.run.options import ServeOptions
 from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_log
+from tests.services.wire_samples import frame
 
 
 def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
@@ -167,6 +172,43 @@ def test_exported_frames_open_again_as_a_tum_source(tmp_path):
         assert item.depth_units_per_m == expected.depth_units_per_m
         np.testing.assert_array_equal(item.color, expected.color)
         np.testing.assert_array_equal(item.depth_raw, expected.depth_raw)
+
+
+def test_frames_of_another_camera_are_exported_to_a_folder_of_their_own(tmp_path, capsys):
+    log = PartedLog(tmp_path, "r", LogSettings("png"))
+    for index in range(6):
+        size = {"width_px": 32, "height_px": 24} if index >= 4 else {}
+        payload = encode(topics.FRAME, compress_frame(frame(index, **size), "png"))
+        log.write(topics.FRAME, payload, START_NS + index, START_NS + index, index)
+    log.close()
+    folder = tmp_path / "out"
+    export = ["export", str(log.path), "--only", "frames", "--out", str(folder)]
+    assert main(export) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{folder}/frames: 4 frames, for --source tum:{folder}/frames",
+        f"{folder}/frames-2: 2 frames, for --source tum:{folder}/frames-2",
+    ]
+    widths = [
+        open_source(f"tum:{folder}/{name}").camera.width_px for name in ("frames", "frames-2")
+    ]
+    assert widths == [frame(0).width_px, 32]
+
+
+@pytest.mark.parametrize(
+    ("taken", "expected"),
+    [
+        ("frames/rgb.txt", "frames: holds frames already: expected a new folder"),
+        ("run.rrd/x", "run.rrd: is a folder: expected a file"),
+    ],
+)
+def test_an_export_whose_place_is_taken_writes_nothing(tmp_path, capsys, taken, expected):
+    in_the_way = tmp_path / "out" / taken
+    in_the_way.parent.mkdir(parents=True)
+    in_the_way.touch()
+    assert main(["export", str(write_log(tmp_path)), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert expected in told and told.count("\n") == 1
+    assert list((tmp_path / "out").iterdir()) == [in_the_way.parent]
 
 
 def test_the_exported_recording_is_whole_for_rerun(tmp_path):
