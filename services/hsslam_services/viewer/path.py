@@ -172,6 +172,7 @@ class RerunPoses:
         self._drawn_s = time.monotonic()
         self._waiting: list[Pose] = []
         self._path = RerunPath(stream)
+        self._camera: Pose | None = None  # where it was last
         self._tracked_ns = 0
         self._interval_s = 0.0
 
@@ -194,6 +195,7 @@ class RerunPoses:
         rates = [(pose, fps) for pose in tracked if (fps := self._fps(pose)) > 0]
         self._plot("fps", [pose for pose, _ in rates], [fps for _, fps in rates])
         if tracked:
+            self._camera = tracked[-1]
             self._stream.send_columns(
                 "world/camera",
                 _times(tracked),
@@ -208,8 +210,12 @@ class RerunPoses:
             self._path.add(pose)
         self._path.draw()
 
-    def draw_path_again(self) -> None:
-        """As `RerunPath.draw_again`."""
+    def draw_again(self) -> None:
+        """Place the camera where it was last, and as `RerunPath.draw_again`."""
+        if self._camera is not None:
+            at = self._camera
+            place = rr.Transform3D(translation=at.t, quaternion=rr.Quaternion(xyzw=at.q))
+            self._stream.log("world/camera", place)
         self._path.draw_again()
 
     def begin_path(self) -> None:

@@ -113,7 +113,7 @@ class RerunScene:
         self._log_styles()
         self._intrinsics = ()
         self._restore_time()
-        self._poses.draw_path_again()
+        self._poses.draw_again()
         self._draw_keyframes(self._keyframes)
         self._draw_loops()
 

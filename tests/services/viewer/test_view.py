@@ -96,7 +96,10 @@ def test_the_next_file_opens_alone(tmp_path):
         "SeriesLines:names",
     ):
         assert name in printed
-    for entity in ("world/trajectory/0", "world/trajectory/1", "world/keyframes/0", "world/loops"):
+    for entity in (
+        *("world/camera", "world/trajectory/0", "world/trajectory/1", "world/keyframes/0"),
+        "world/loops",
+    ):
         assert _rows(second, f"/{entity}") == 1
     assert "/world/mesh" not in printed
     assert _rows(first, "/plots/quality") == 1 + 100
