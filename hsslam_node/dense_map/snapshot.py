@@ -26,7 +26,7 @@ def map_snapshot(
         UserError: there is no map yet.
     """
     if store is None or parameters is None or parameters.version == 0 or store.count == 0:
-        raise UserError("there is no map yet: expected a first keyframe")
+        raise UserError("there is no map yet: expected its first version")
     checkpoint = _checkpoint(store, parameters, published_params(parameters)[1], sampling)
     return replace(checkpoint, T_level_world=T_level_world)
 

@@ -134,7 +134,7 @@ class Gateway:
             case rpc.RESET if self._saving.is_busy:
                 asked.refuse("busy", "reset: a map is being saved")
             case rpc.RESET:
-                has_map = self._mode.has_map
+                has_map = self._mode.has_map or state.last_keyframe >= 0
                 self._reset.ask(asked, has_map=has_map, state=state, children=children)
 
     def _answer_trajectory(self, asked: PendingRequest) -> None:

@@ -76,7 +76,7 @@ class MapReset:
                 "not_now", "reset: in localise-only no map can be made: expected set-mode mapping"
             )
         elif not has_map:
-            asked.refuse("not_now", "reset: there is no map yet")
+            asked.refuse("not_now", "reset: there is no map yet: expected a first keyframe")
         else:
             self._children = [c for c in children.values() if c.spec.restarts_with_map]
             self._asked.append(asked)

@@ -65,7 +65,7 @@ class ModeSetting:
         if wanted.mode == self.now:
             asked.answer(Done(text=f"was {wanted.mode} already"))
         elif wanted.mode == "localise-only" and not self.has_map:
-            asked.refuse("not_now", "set-mode: there is no map yet: expected a first keyframe")
+            asked.refuse("not_now", "set-mode: there is no map yet: expected its first version")
         else:
             self._mode.localise_only = wanted.mode == "localise-only"
             text, now = f"mode: {wanted.mode}, as asked", time.time_ns()

@@ -1,0 +1,53 @@
+"""When a map can be thrown away."""
+
+import errno
+import os
+import threading
+
+import pytest
+
+from hsslam_proto.request_messages import Ask
+from hsslam_proto.requests import RESET
+from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
+from hsslam_services.bus.bus import Bus
+from hsslam_services.health.run_state import RunState
+from hsslam_services.requests.gateway import Gateway
+
+
+def _cannot_start(*_):
+    raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+
+@pytest.mark.parametrize(
+    ("keyframe", "answer"),
+    [
+        (-1, "reset: there is no map yet: expected a first keyframe"),
+        (0, "reset: trajectory_saver .*; the map stays"),  # it was begun
+    ],
+)
+def test_a_map_can_be_thrown_away_from_its_first_keyframe_on(run_info, keyframe, answer):
+    is_over = threading.Event()
+    with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
+        gateway = Gateway(bus, run_info, _cannot_start)
+
+        def turn() -> None:
+            while not is_over.wait(0.005):
+                gateway.tick(RunState(last_keyframe=keyframe), {}, 0)
+
+        loop = threading.Thread(target=turn)
+        loop.start()
+        try:
+            with pytest.raises(RefusedError, match=answer):
+                _ask(run_info)
+        finally:
+            is_over.set()
+            loop.join()
+            gateway.close()
+
+
+def _ask(run_info):
+    while True:
+        try:
+            return ask(run_info.endpoint, run_info.robot, RESET, Ask())
+        except NoServiceError:  # the router knows the gateway a moment later
+            continue
