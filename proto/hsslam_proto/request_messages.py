@@ -19,7 +19,9 @@ Mode = Literal["mapping", "localise-only"]
 MOST_POINTS, POINT_BYTES = 100_000, 12  # of a query
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Degrees = Annotated[float, Meta(ge=-1e4, le=1e4)]
-MapName = Annotated[str, Meta(pattern="^[A-Za-z0-9_-]{1,64}$")]
+MapName = Annotated[
+    str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}(?!\n)$")
+]  # $ stands before a last \n, too
 
 
 class RequestMessage(Message, frozen=True, kw_only=True, forbid_unknown_fields=True):

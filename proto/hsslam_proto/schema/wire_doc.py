@@ -54,7 +54,9 @@ here, so that the service never does something else than you asked. There is one
 - a reply: done, the payload is the message answered;
 - an error reply with encoding `{refusal}`: refused, the payload says why;
 - an error reply of any other encoding: zenoh's own, no answer within the query's timeout;
-- no reply: the router knows no service of this robot.
+- no reply: the router knows no service of this robot. Through the port there is none either to an unknown
+  request, to a key with a wildcard, or to a request that the client's role may not ask: the router does not
+  pass it on.
 
 | `rpc/` | asked | answered | limit | wait at least | |
 | --- | --- | --- | --- | --- | --- |

@@ -56,6 +56,7 @@ def test_arguments_arrive(ends):
         ("save", b"\x80", "hsslam.SaveMap.v1", "malformed"),
         ("save", b"\x81\xa4name\xa2..", "hsslam.SaveMap.v1", "malformed"),
         ("save", b"\x81\xa4name\xa3a/b", "hsslam.SaveMap.v1", "malformed"),
+        ("save", b"\x81\xa4name\xa2a\n", "hsslam.SaveMap.v1", "malformed"),
         ("save", b"\x80", "hsslam.Ask.v1", "schema"),
         ("set-mode", b"", "", "malformed"),
         ("set-mode", b"\x81\xa4mode\xa3off", "hsslam.SetMode.v1", "malformed"),
