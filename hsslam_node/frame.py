@@ -9,17 +9,20 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 
+_STAMPS = 1 << 63
+
 
 @dataclass(frozen=True)
 class Frame:
-    """A colour image with the planar depth registered to it, both undistorted.
+    """A colour image with the planar depth registered to it, both undistorted (`Undistortion` does it).
 
     Raises:
-        UserError: an array has another shape or type than the camera and this docstring say.
+        UserError: an array has another shape or type than the camera and this docstring say, or a number
+            is out of range; the camera has a lens.
     """
 
     index: int
-    stamp_ns: int
+    stamp_ns: int  # of 64 bits
     camera: Camera
     color: np.ndarray  # [H, W, 3] uint8, RGB
     depth_raw: np.ndarray  # [H, W] uint16, 0 = no measurement
@@ -28,6 +31,13 @@ class Frame:
     imu: ImuReading | None = None  # integrated up to the stamp
 
     def __post_init__(self) -> None:
+        if not -_STAMPS <= self.stamp_ns < _STAMPS:
+            raise UserError(f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 64 bits")
+        if self.camera.has_lens:
+            raise UserError(
+                f"frame {self.index}: camera.distortion = {list(self.camera.distortion)}: expected images "
+                "without lens distortion, as of Undistortion, and the camera of Camera.undistorted()"
+            )
         size = (self.camera.height_px, self.camera.width_px)
         _expect("color", self.color, (*size, 3), np.uint8, self.index)
         _expect("depth_raw", self.depth_raw, size, np.uint16, self.index)
