@@ -24,7 +24,7 @@ from hsslam_node.meshing.map_queries import open_map_queries
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
-_TRUSTED = 0.6  # of the truncation: farther away the field may say 2 cm too much
+_BEYOND_M = 1e9  # farther than any map, and far from what overflows
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -86,7 +86,8 @@ class DenseMap:
         Raises:
             UserError: the points are not [N, 3], or not finite.
         """
-        rows = np.ascontiguousarray(finite_rows("points", points, 3), np.float32)
+        rows = np.clip(finite_rows("points", points, 3), -_BEYOND_M, _BEYOND_M)
+        rows = np.ascontiguousarray(rows, np.float32)
         return answers_at(rows, self._queries, self._truncation_m, self._seen_cells())
 
     def distances(self) -> DistanceMap:
@@ -99,19 +100,23 @@ class DenseMap:
         A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit.
 
         Raises:
-            UserError: the arrays are not [N, 3], not finite, or a direction is 0.
+            UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
         """
         start = finite_rows("origins", origins, 3)
         along = finite_rows("directions", directions, 3)
-        lengths = np.linalg.norm(along, axis=1, keepdims=True)
-        if len(start) != len(along) or not (lengths > 0).all():
+        largest = np.abs(along).max(axis=1, keepdims=True)
+        if not max_m >= 0:
+            raise UserError(f"max_m = {max_m}: expected metres, 0 or more")
+        if len(start) != len(along) or not (largest > 0).all():
             raise UserError(
                 f"directions {list(along.shape)}: expected one for each of {len(start)} origins, "
                 "none of length 0"
             )
-        along = along / lengths
+        along = along / largest
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
         distance_m = self._rays.distances(start, along, max_m)
-        hit = (distance_m > 0) & self._seen_cells().saw(start + distance_m[:, None] * along)
+        hit = distance_m > 0
+        hit[hit] = self._seen_cells().saw((start + distance_m[:, None] * along)[hit])
         return RayHits(np.where(hit, distance_m, np.inf), hit)
 
     def is_free(self, shapes: Shapes) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Spheres and boxes that a map is asked about: a robot, or parts of one, at many places."""
 
+import reprlib
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -38,11 +39,10 @@ class Spheres:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centres", finite_rows("centres", self.centres, 3))
-        radius_m = np.asarray(self.radius_m, np.float64)
+        expected = f"expected metres above 0, at most {_MOST_M:g}, one or [N]"
+        radius_m = _numbers("radius_m", self.radius_m, expected)
         if radius_m.shape not in ((), (len(self),)) or not _are_sizes(radius_m):
-            raise UserError(
-                f"radius_m {_short(radius_m)}: expected metres above 0, at most {_MOST_M:g}, one or [N]"
-            )
+            raise UserError(f"radius_m {_short(radius_m)}: {expected}")
         object.__setattr__(self, "radius_m", np.broadcast_to(radius_m, (len(self),)))
 
     def __len__(self) -> int:
@@ -69,14 +69,14 @@ class Boxes:
     size_m: np.ndarray
 
     def __post_init__(self) -> None:
-        T = np.asarray(self.T_world_box, np.float64)
+        expected = "expected finite transforms [N, 4, 4]"
+        T = _numbers("T_world_box", self.T_world_box, expected)
         if T.ndim != 3 or T.shape[1:] != (4, 4) or not np.isfinite(T).all():
-            raise UserError(f"T_world_box {_short(T)}: expected finite transforms [N, 4, 4]")
-        size_m = np.asarray(self.size_m, np.float64)
+            raise UserError(f"T_world_box {_short(T)}: {expected}")
+        expected = f"expected metres above 0, at most {_MOST_M:g}, [3] or [N, 3]"
+        size_m = _numbers("size_m", self.size_m, expected)
         if size_m.shape not in ((3,), (len(T), 3)) or not _are_sizes(size_m):
-            raise UserError(
-                f"size_m {_short(size_m)}: expected metres above 0, at most {_MOST_M:g}, [3] or [N, 3]"
-            )
+            raise UserError(f"size_m {_short(size_m)}: {expected}")
         object.__setattr__(self, "T_world_box", T)
         object.__setattr__(self, "size_m", np.broadcast_to(size_m, (len(T), 3)))
 
@@ -107,18 +107,31 @@ class Boxes:
 
 def finite_rows(name: str, values: ArrayLike, width: int) -> np.ndarray:
     """Rows [N, width] of finite float64; UserError with `name` if they are not."""
-    rows = np.asarray(values, np.float64)
+    expected = f"expected finite numbers [N, {width}]"
+    rows = _numbers(name, values, expected)
+    if rows.shape == (0,):  # a list of no rows
+        return rows.reshape(0, width)
     if rows.ndim != 2 or rows.shape[1] != width or not np.isfinite(rows).all():
-        raise UserError(f"{name} {_short(rows)}: expected finite numbers [N, {width}]")
+        raise UserError(f"{name} {_short(rows)}: {expected}")
     return rows
 
 
 def finite_transform(name: str, values: ArrayLike) -> np.ndarray:
     """A transform [4, 4] of finite float64; UserError with `name` if it is none."""
-    T = np.asarray(values, np.float64)
+    expected = "expected a finite transform [4, 4]"
+    T = _numbers(name, values, expected)
     if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise UserError(f"{name} {_short(T)}: expected a finite transform [4, 4]")
+        raise UserError(f"{name} {_short(T)}: {expected}")
     return T
+
+
+def _numbers(name: str, values: ArrayLike, expected: str) -> np.ndarray:
+    """An array of float64; UserError where numpy makes none, as of words, ragged lists and some tensors."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        text = " ".join(reprlib.repr(values).split())
+        raise UserError(f"{name} {text}: {expected}") from None
 
 
 def _are_sizes(lengths_m: np.ndarray) -> bool:

@@ -5,6 +5,8 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 
+_MOST_CELLS = 1 << 40
+
 
 class BlockGrid:
     """A vertex grid over the bound, cut into blocks.
@@ -18,12 +20,17 @@ class BlockGrid:
         block_cells: cells along a side of a block.
 
     Raises:
-        UserError: the distance is not above 0, or not finite.
+        UserError: the distance is not above 0, or not finite, or it makes more than 2^40 cells.
     """
 
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:
         if not 0 < voxel_m < np.inf:
             raise UserError(f"mesh.voxel_m = {voxel_m}: expected metres above 0")
+        least_m = float(np.cbrt(np.prod(bound.extent_m) / _MOST_CELLS))
+        if voxel_m < least_m:
+            raise UserError(
+                f"mesh.voxel_m = {voxel_m}: expected at least {least_m:.2g} m in a map of this size"
+            )
         self.bound = bound
         self.voxel_m = voxel_m
         self.block_cells = block_cells

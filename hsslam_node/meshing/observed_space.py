@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.compiled import njit
@@ -13,13 +14,22 @@ HALO = CLOSE_CELLS + 1
 
 
 class ObservedSpace(BlockGrid):
-    """A `BlockGrid` that remembers where depth was measured."""
+    """A `BlockGrid` that remembers where depth was measured.
+
+    Raises:
+        OutOfMemoryError: the voxel is too small for the memory there is.
+    """
 
     def __init__(self, bound: Bound, voxel_m: float = 0.03, block_cells: int = 32) -> None:
         super().__init__(bound, voxel_m, block_cells)
         # A halo on every side spares all border cases. Memory is taken where marks are made.
         vertices = np.multiply(self.block_count, block_cells) + 1
-        self._surface = np.zeros(vertices + 2 * HALO, np.uint8)
+        try:
+            self._surface = np.zeros(vertices + 2 * HALO, np.uint8)
+        except MemoryError as error:
+            raise OutOfMemoryError(
+                f"mesh.voxel_m = {voxel_m}: {error}: expected a larger voxel"
+            ) from None
         self._occupied = np.zeros(self.block_count, np.bool_)
 
     def observe(

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import torch
 
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
@@ -161,6 +162,21 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
     [
         (lambda m: m.query([1.0, 2.0, 3.0]), r"points \[1.0, 2.0, 3.0\]: expected finite numbers"),
         (lambda m: m.query([[0, np.nan, 0]]), "points .*nan.*: expected finite numbers"),
+        (lambda m: m.query([["a", "b", "c"]]), r"points \[\['a', 'b', 'c'\]\]: expected finite"),
+        (
+            lambda m: m.query([[1, 2, 3], [4, 5]]),
+            r"points \[\[1, 2, 3\], \[4, 5\]\]: expected finite",
+        ),
+        (lambda m: m.query([[10**400, 0, 0]]), "points .*: expected finite numbers"),
+        (lambda m: m.query(torch.ones((1, 3), requires_grad=True)), "points tensor.*: expected"),
+        (lambda m: m.render("pose"), "T_world_cam 'pose': expected a finite transform"),
+        *(
+            (
+                lambda m, far=far: m.raycast([[0, 0, 0]], [[0, 0, 1]], far),
+                f"max_m = {far}: expected",
+            )
+            for far in (np.nan, -1)
+        ),
         (lambda m: m.raycast([[0, 0, 0]], [[0, 0, 0]]), "directions .*none of length 0"),
         (lambda m: m.raycast([[0, 0, 0]], np.ones((2, 3))), "expected one for each of 1 origins"),
         (lambda m: m.render(np.eye(4)[:3]), r"T_world_cam \[3, 4\]: expected a finite transform"),
@@ -170,6 +186,8 @@ def test_its_mesh_lies_on_the_true_surface_and_its_trajectory_is_of_the_keyframe
             r"camera.distortion = \[0.3, 0.0, 0.0, 0.0\]: expected a camera without a lens",
         ),
         *((lambda m, v=v: m.mesh(v), "voxel_m = .*above 0") for v in (0.0, np.nan, np.inf)),
+        (lambda m: m.mesh(1e-9), "voxel_m = 1e-09: expected at least .* m in a map of this size"),
+        (lambda m: m.mesh(1e-300, everywhere=True), "voxel_m = 1e-300: expected at least"),
     ],
 )
 def test_bad_questions_are_one_line(ask, text):
@@ -177,6 +195,16 @@ def test_bad_questions_are_one_line(ask, text):
         ask(_map())
 
 
-def test_no_points_have_no_answers():
-    found = _map().query(np.zeros((0, 3)))
-    assert [len(part) for part in found] == [0, 0, 0, 0]
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), []])
+def test_no_points_have_no_answers(points):
+    assert [len(part) for part in _map().query(points)] == [0, 0, 0, 0]
+    assert [len(part) for part in _map().raycast(points, points)] == [0, 0]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far_m", [1e20, 1e39, 1e300])
+def test_numbers_of_any_size_are_taken(far_m):
+    assert not _map().query([[far_m, 0, 0]]).known
+    assert not _map().raycast([[far_m, 0, 0]], [[0, 0, 1]]).hit
+    hits = _map().raycast([[0, 0, 0]] * 3, [[0, 0, 1], [0, 0, far_m], [0, 0, 1 / far_m]])
+    assert hits.hit.all() and np.ptp(hits.distance_m) == 0
