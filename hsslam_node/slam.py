@@ -91,7 +91,7 @@ class Slam:
         self._views: MapViews | None = None
         self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
         self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
-        self._seen = SeenSpace(config.field.truncation_m)
+        self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
         self._asked: tuple[tuple[int, int, int], DenseMap] | None = None
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)

@@ -18,6 +18,7 @@ from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.observed_space import surface_shift_m
+from hsslam_node.presets import REALTIME
 
 _MARGIN_M = 0.5  # around what was seen: a map that grows does not need another grid each time
 _NEAREST_M = 0.1  # in front of a camera
@@ -61,11 +62,18 @@ class SeenSpace:
     Args:
         reach_m: how far behind a surface still counts as seen, m.
         cell_m: side of a cell, m.
+        max_depth_m: farther depth counts as none, as in the mapping.
     """
 
-    def __init__(self, reach_m: float, cell_m: float = 0.05) -> None:
+    def __init__(
+        self,
+        reach_m: float,
+        cell_m: float = 0.05,
+        max_depth_m: float = REALTIME.mapper.max_depth_m,
+    ) -> None:
         self._reach_m = reach_m
         self._cell_m = cell_m
+        self._max_depth_m = max_depth_m
         self._ids = np.zeros(0, np.int64)  # of the marked keyframes
         self._marked_at = np.zeros((0, 4, 4))  # their T_world_cam then
         self._information = np.zeros((0, 0, 0), np.float32)
@@ -100,6 +108,7 @@ class SeenSpace:
         new = np.flatnonzero(~np.isin(keyframes.ids, self._ids)).tolist()
         for n, k in enumerate(new, 1):
             depth_m, T_world_cam = keyframes.views[k]
+            depth_m = np.where(depth_m <= self._max_depth_m, depth_m, 0)
             occupancy = self._with_room(depth_m, keyframes.camera, T_world_cam)
             occupancy.observe(depth_m, keyframes.camera, T_world_cam)
             self._mark(depth_m, keyframes.camera, T_world_cam)

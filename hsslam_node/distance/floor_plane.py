@@ -22,6 +22,7 @@ _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
 _FEWEST = 300  # points of a floor
 _FLOOR_SHARE = 0.03  # of all points
 _BELOW_M = 0.15  # the cameras
+_FAR_M = 12.0  # depth beyond is no floor: noise, or how a camera writes that it measured none
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,8 @@ def _points_and_normals(
     normal = np.cross(below, right)  # towards the camera, as y points down
     around = np.stack([z[1:-1, 2:], z[1:-1, :-2], z[2:, 1:-1], z[:-2, 1:-1]])
     middle = z[1:-1, 1:-1]
-    is_surface = (middle > 0) & (np.abs(around - middle) < 0.05 * middle).all(axis=0)
+    is_surface = (middle > 0) & (middle < _FAR_M)
+    is_surface &= (np.abs(around - middle) < 0.05 * middle).all(axis=0)
     normal = normal[is_surface]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-20
     R = T_world_cam[:3, :3]

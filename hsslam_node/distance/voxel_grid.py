@@ -34,7 +34,7 @@ class VoxelGrid:
         if min(self.shape) < 1 or math.prod(self.shape) > _MOST_VOXELS:
             raise UserError(
                 f"a grid of {' x '.join(map(str, self.shape))} voxels of {self.voxel_m} m: expected 1 "
-                f"to {_MOST_VOXELS} voxels; a larger voxel_m makes fewer"
+                f"to {_MOST_VOXELS} voxels"
             )
 
     @classmethod

@@ -29,7 +29,7 @@ class AskedMap:
         self._config = config
         self._link = SharedMap(arrays, config)
         self._mode = mode
-        self._seen = SeenSpace(config.field.truncation_m)
+        self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
 
     def answer(self, question: QueryMap) -> PointAnswers | Refusal:
         """What the newest map says of the points; refused before there is one, or while keyframes wait."""

@@ -82,7 +82,8 @@ def run_subcommand(
 
 def exit_code(command: Callable[[], int | None]) -> int:
     """The exit code of the command: its own (0 if it returns None), 1 if it is interrupted or its output has
-    no reader or no room, 2 on bad input. Bad input and a full disk are reported on stderr in one line."""
+    no reader or no room, 2 on bad input or if memory does not suffice. Bad input, too little memory and a full
+    disk are reported on stderr in one line."""
     _open_closed_streams()
     try:
         try:
@@ -91,6 +92,9 @@ def exit_code(command: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except UserError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except MemoryError as error:
+        print(f"error: out of memory: {error}".rstrip(": "), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

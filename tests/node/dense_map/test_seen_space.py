@@ -117,6 +117,17 @@ def test_marks_follow_corrected_poses_and_keyframes_that_see_farther():
     assert afresh.saw(np.array([[5.0, 1.0, 1.0]])).all()
 
 
+def test_depth_beyond_that_of_the_mapping_counts_as_none():
+    """As of cameras that write the largest number where they measure nothing."""
+    keyframes, marked = _wall(2.0), _wall(2.0)
+    keyframes.depth_m(0)[8, 16], marked.depth_m(0)[8, 16] = 0.0, 20.0
+    without, seen = (SeenSpace(REACH_M, CELL_M).follow(each) for each in (keyframes, marked))
+    assert seen.grid == without.grid
+    np.testing.assert_array_equal(seen.information, without.information)
+    farther = SeenSpace(REACH_M, CELL_M, max_depth_m=30.0).follow(marked)
+    assert farther.grid.high[2] > 20.0
+
+
 def test_a_map_without_keyframes_is_one_line():
     poses, none = np.zeros((0, 4, 4)), np.zeros(0, np.int64)
     keyframes = MapKeyframes(CAMERA, none, none, poses, lambda _: np.zeros((60, 80), np.float32))

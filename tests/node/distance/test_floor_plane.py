@@ -47,6 +47,12 @@ def test_without_a_floor_up_is_as_the_cameras_are_held(camera):
     assert floor.height_m == pytest.approx(-0.73, abs=0.02)  # the lowest that was seen
 
 
+def test_depth_too_far_for_a_floor_is_passed_over(camera):
+    depth = wall(2.0)
+    depth[80:] = 65.535
+    assert find_floor([(depth, np.eye(4))], camera).height_m == pytest.approx(-0.25, abs=0.02)
+
+
 def test_the_frame_of_the_floor_has_z_up_and_the_floor_at_zero():
     up = np.array([0.1, -0.9, -0.2])
     up /= np.linalg.norm(up)

@@ -59,6 +59,6 @@ def test_a_voxel_without_size_is_refused(voxel_m):
             make()
 
 
-def test_too_many_voxels_are_refused_with_what_to_change():
-    with pytest.raises(UserError, match="a larger voxel_m makes fewer"):
+def test_too_many_voxels_are_refused():
+    with pytest.raises(UserError, match=r"voxels of 0\.01 m: expected 1 to 1073741824 voxels"):
         VoxelGrid.around(np.zeros(3), (100.0, 100.0, 100.0), 0.01)

@@ -27,6 +27,8 @@ def _raises(error: BaseException):
         (lambda: None, 0, ""),
         (lambda: 3, 3, ""),
         (lambda: _raises(UserError("--a 1: expected 2")), 2, "error: --a 1: expected 2\n"),
+        (lambda: _raises(MemoryError("9 GiB")), 2, "error: out of memory: 9 GiB\n"),
+        (lambda: _raises(MemoryError()), 2, "error: out of memory\n"),
         (lambda: _raises(KeyboardInterrupt()), 1, "interrupted\n"),
     ],
 )
