@@ -11,12 +11,17 @@ TILE_PX = 8
 REACHES_PX = (2, 4, 8)  # of the nearest pixel about each
 _SAME = 0.04  # neighbouring pixels whose depth differs by a smaller share lie on one surface
 _FEWEST_SAME = 3  # of eight neighbours; a pixel with fewer flies between two surfaces
+_FREE = 0.8  # of the least depth about a flying pixel
 
 
 class DepthExtremes(NamedTuple):
-    """What kernels take; a hole is a pixel that measured no surface, a tile has 8 x 8 pixels."""
+    """What kernels take; a hole is a pixel that measured nothing, a tile has 8 x 8 pixels.
 
-    depth: np.ndarray  # [h, w] float32 m, planar; 0: a hole
+    In the extremes a flying pixel has the least depth that it or a neighbour measured, less a fifth: the edge
+    that it saw may be nearer.
+    """
+
+    depth: np.ndarray  # [h, w] float32 m, planar; 0: a hole or a flying pixel
     nearest: np.ndarray  # [3, h, w] float32 m, least within REACHES_PX; 0: there is a hole
     tile_nearest: np.ndarray  # [ceil(h / 8), ceil(w / 8)] float32 m; 0: it has a hole
     tile_farthest: np.ndarray  # same; 0: it has nothing else
@@ -32,13 +37,14 @@ def depth_extremes(depth_m: np.ndarray, camera: Camera, stride_px: int) -> Depth
     h, w = chosen.shape
     padded = np.zeros((h + 2, w + 2), np.float32)
     padded[1:-1, 1:-1] = chosen
-    depth = np.zeros((h, w), np.float32)
+    depth, bounded = np.empty((2, h, w), np.float32)
     _without_flying(padded, depth)
+    _bound_flying(padded, depth, bounded)
     nearest = np.empty((len(REACHES_PX), h, w), np.float32)
-    _fill_nearest(depth, nearest)
+    _fill_nearest(bounded, nearest)
     tiles = (-(-h // TILE_PX), -(-w // TILE_PX))
     low, high = np.empty(tiles, np.float32), np.empty(tiles, np.float32)
-    _fill_tiles(depth, low, high)
+    _fill_tiles(bounded, low, high)
     values = (value / stride_px for value in (camera.fx, camera.fy, camera.cx, camera.cy))
     return DepthExtremes(depth, nearest, low, high, *values)
 
@@ -61,6 +67,24 @@ def _without_flying(padded, depth):
             same += np.int32(abs(below[column + 1] - z) < limit)
             same += np.int32(abs(below[column + 2] - z) < limit)
             depth[row, column] = z if same >= _FEWEST_SAME else np.float32(0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bound_flying(padded, depth, bounded):
+    """Write `depth` [h, w], and for flying pixels how far the way is free for certain."""
+    h, w = depth.shape
+    for row in range(h):
+        here, kept, out = padded[row + 1], depth[row], bounded[row]
+        for column in range(w):
+            least = kept[column]
+            if least == 0.0 and 0.0 < here[column + 1] < np.inf:
+                least = here[column + 1]
+                for beside in range(row, row + 3):
+                    for z in padded[beside, column : column + 3]:
+                        if z > 0.0:
+                            least = min(least, z)
+                least *= np.float32(_FREE)
+            out[column] = least
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -85,6 +85,16 @@ def test_a_flying_pixel_between_two_surfaces_neither_hits_nor_clears(space, came
     assert (behind[z > 1.1] == UNKNOWN).all()
 
 
+def test_in_front_of_an_edge_is_free(space, camera):
+    depth = wall(2.5)
+    depth[:, :80] = 2.0
+    depth[::3, 80] = 2.2
+    space.observe(depth, camera, np.eye(4))
+    states, z = _states_along_z(space)
+    assert (states[(z > 0.15) & (z < 1.5)] == FREE).all()
+    assert (states[(z > 1.7) & (z < 1.9)] == UNKNOWN).all()
+
+
 def test_what_is_carried_away_is_free_within_ten_images(space, camera):
     with_chair = wall(2.5)
     with_chair[40:80, 60:100] = 1.5
