@@ -129,8 +129,7 @@ class Worker:
 
     def warn_once(self, report: Report) -> None:
         """Count it by its kind, and tell the operator of the first of them."""
-        self.count(report.kind)
-        if self.counters[report.kind] == 1:
+        if self.counters.add(report.kind, 1) == 1:
             self.event("warning", f"{report.text} (further ones are counted)")
 
     def add_to_summary(self, section: Mapping[str, Any]) -> None:

@@ -68,18 +68,22 @@ def test_a_driver_that_is_restarted_with_another_lens_goes_on(
 def test_what_a_source_has_to_tell_is_told_once_and_counted(
     make_run: Callable[..., RunInfo], endpoint: str, room: list[Frame], tmp_path: Path
 ):
+    topic = f"/{'r' * 194}/odom"  # 200 characters
     with new_bag(tmp_path / "bag", "mcap") as bag:
         for frame in room:
-            bag.odometry("/odom", frame.stamp_ns, (0.0,) * 7)
+            bag.odometry(topic, frame.stamp_ns, (0.0,) * 7)
             bag.frame(frame)
-    options = SourceOptions(bag=BagOptions(odometry="/odom"), cover_frames=1)
+    options = SourceOptions(bag=BagOptions(odometry=topic), cover_frames=1)
     source = open_any_source(f"bag:{tmp_path / 'bag'}", options)
     run = replace(make_run(), supervisor_pid=os.getppid())
     with Bus(run.endpoint, run.robot, "test") as bus, Worker("camera", run) as worker:
         events = bus.subscribe(topics.EVENT, 16)
         items = list(with_reports(worker, source, source.frames()))
         assert all(isinstance(item, Frame) for item in items) and len(items) == 6
-        assert worker.counters["/odom: unusable messages"] == 6
+        assert worker.counters[f"{topic}: unusable messages"] == 6
         event = events.wait(20)
-        assert event is not None and event.text.startswith("/odom: odometry: position [")
+        assert event is not None and event.text.startswith(f"{topic}: odometry: position [")
         assert events.wait(0.2) is None
+        beats = bus.subscribe(topics.HEALTH, 1)
+        beat = beats.wait(20)  # of those that come every half second
+        assert beat is not None and 6 in beat.counters.values() and beats.rejected == 0
