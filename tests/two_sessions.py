@@ -70,9 +70,12 @@ def meetings() -> tuple[Meeting, ...]:
     return tuple(agreeing(find_meetings(first, frames, second.poses(), SMALL.tracker)))
 
 
-def saved_session(folder: Path, rows: slice, *, mirrored: bool = False) -> Path:
-    """The folder of a run with this session: its map and trajectory."""
+def saved_session(
+    folder: Path, rows: slice, *, mirrored: bool = False, level: np.ndarray | None = None
+) -> Path:
+    """The folder of a run with this session: its map, of a robot with this level frame, and trajectory."""
     store, parameters = session(rows, mirrored=mirrored)
+    store.note_level(level)
     folder.mkdir()
     save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL.sampling))
     write_tum(folder / "trajectory.txt", Trajectory(store.stamps_ns(), store.poses()))

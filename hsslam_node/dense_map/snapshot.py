@@ -1,7 +1,5 @@
 """The map of a run as a checkpoint."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from hsslam_node.errors import UserError
@@ -16,19 +14,15 @@ def map_snapshot(
     store: KeyframeStore | None,
     parameters: FieldParameters | None,
     sampling: SamplingPattern,
-    T_level_world: np.ndarray | None = None,
 ) -> MapCheckpoint:
     """The map as published last, and the keyframes of now, while everybody goes on working.
-
-    `T_level_world`: to the frame `map` of the robot, [4, 4], if it is known (`level_frame`).
 
     Raises:
         UserError: there is no map yet.
     """
     if store is None or parameters is None or parameters.version == 0 or store.count == 0:
         raise UserError("there is no map yet: expected its first version")
-    checkpoint = _checkpoint(store, parameters, published_params(parameters)[1], sampling)
-    return replace(checkpoint, T_level_world=T_level_world)
+    return _checkpoint(store, parameters, published_params(parameters)[1], sampling)
 
 
 def published_params(
@@ -66,4 +60,5 @@ def _checkpoint(
         second_moment=parameters.second_moment.copy(),
         step=parameters.step,
         gravity=store.gravity,
+        T_level_world=store.T_level_world,
     )

@@ -30,9 +30,8 @@ class RollingWindow:
     from the newest keyframes that are kept and stand in it. Marks outside the window are forgotten.
 
     Args:
-        store: keyframes, in the world of the poses; one or more when a frame is taken.
-        T_level_world: a frame whose z is up, [4, 4], which the window keeps but for its height; None: up and
-            the axes are those of the floor that keyframes saw.
+        store: keyframes, in the world of the poses; one or more when a frame is taken. The window keeps their
+            level frame but for its height; without one, up and the axes are those of the floor that they saw.
         size_m: along x, y and z.
         voxel_m: side of a voxel.
     """
@@ -40,12 +39,10 @@ class RollingWindow:
     def __init__(
         self,
         store: KeyframeStore,
-        T_level_world: np.ndarray | None = None,
         size_m: tuple[float, float, float] = SIZE_M,
         voxel_m: float = VOXEL_M,
     ) -> None:
         self._store = store
-        self._T_level_world = T_level_world
         self._size_m, self._voxel_m = size_m, voxel_m
         self._looked_at = 0  # keyframes that there were when the floor was last looked for
         self._pose_version = -1
@@ -77,8 +74,8 @@ class RollingWindow:
 
     def _look_for_floor(self) -> bool:
         """Look for it each time the keyframes have doubled; whether it is elsewhere than before."""
-        count, gravity = self._store.count, self._store.gravity
-        is_new = gravity is not None and self._T_level_world is None
+        count, gravity, level = self._store.count, self._store.gravity, self._store.T_level_world
+        is_new = gravity is not None and level is None
         is_new &= self.floor is not None and self.floor.source != "gravity"
         if self.floor is not None and count < 2 * self._looked_at and not is_new:
             return False
@@ -86,7 +83,7 @@ class RollingWindow:
         keyframes = keyframes_of_store(self._store)
         chosen = np.linspace(0, len(keyframes) - 1, min(len(keyframes), _FLOOR_VIEWS))
         views = [keyframes.views[k] for k in chosen.astype(int).tolist()]
-        found = floor_by(gravity, views, keyframes.camera, self._T_level_world)
+        found = floor_by(gravity, views, keyframes.camera, level)
         T_before, before = self.T_floor_world, self.floor
         self.floor = found
         if before is not None:

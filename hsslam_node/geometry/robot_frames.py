@@ -1,8 +1,9 @@
 """The robot's frames as ROS names them (REP 103, REP 105), from poses of its camera.
 
 `world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is
-the same place with the axes of a robot, x forward, y left, z up: `base_link` stands in its origin when the
-camera stands in that of `world`. `odom` begins as `map` and has no jumps.
+the same place with the axes of a robot, x forward, y left, z up: `base_link` of the robot with which the
+world began stands in its origin when that robot's camera stands in that of `world`. `odom` begins where the
+robot of now stands, and has no jumps.
 """
 
 from collections.abc import Sequence
@@ -27,9 +28,13 @@ def _camera_ahead() -> np.ndarray:
 @dataclass(frozen=True)
 class RobotFrames:
     """Where the camera is on the robot, `T_base_cam` [4, 4]: its optical frame (x right, y down, z forward)
-    in `base_link` (x forward, y left, z up); by default in its origin, looking ahead."""
+    in `base_link` (x forward, y left, z up); by default in its origin, looking ahead.
+
+    T_level_world: to the frame `map`, [4, 4], if another robot has begun the world; None: this one.
+    """
 
     T_base_cam: np.ndarray = field(default_factory=_camera_ahead)
+    T_level_world: np.ndarray | None = None
 
     @classmethod
     def mounted(cls, numbers: Sequence[float]) -> "RobotFrames":
@@ -40,9 +45,14 @@ class RobotFrames:
         """
         return cls(mounting("--base-T-camera", numbers)) if numbers else cls()
 
+    @property
+    def T_map_world(self) -> np.ndarray:
+        """World to `map`, [4, 4]."""
+        return self.T_base_cam if self.T_level_world is None else self.T_level_world
+
     def base_pose(self, T_world_cam: np.ndarray) -> np.ndarray:
-        """`base_link` in `map` [4, 4], or in `odom` if the pose is that of the odometry."""
-        return self.T_base_cam @ T_world_cam @ inverse(self.T_base_cam)
+        """`base_link` in `map` [4, 4]; in `odom`, which this robot begins, if the pose is of the odometry."""
+        return self.T_map_world @ T_world_cam @ inverse(self.T_base_cam)
 
     def base_covariance(self, covariance: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
         """[6, 6] of `base_pose`, about its own origin, axes of `map`.
@@ -50,7 +60,7 @@ class RobotFrames:
         covariance: of `T_world_cam`, about the camera's centre, axes of `world`.
         """
         lever_m = T_world_cam[:3, :3] @ inverse(self.T_base_cam)[:3, 3]  # to base_link, in world
-        return turned(carried(covariance, lever_m), self.T_base_cam[:3, :3])
+        return turned(carried(covariance, lever_m), self.T_map_world[:3, :3])
 
 
 def mounting(option: str, numbers: Sequence[float]) -> np.ndarray:

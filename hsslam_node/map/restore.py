@@ -43,6 +43,7 @@ def restore_map(
     store.mark_inherited()
     if saved.gravity is not None:
         store.note_gravity(saved.gravity)
+    store.note_level(saved.T_level_world)
     return store, _restore_parameters(arrays, saved, moment)
 
 

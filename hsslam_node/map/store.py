@@ -43,12 +43,13 @@ class KeyframeStore:
     def __init__(self, arrays: ArrayAllocator) -> None:
         """Attach to a store; KeyError if it does not exist yet."""
         self._header = arrays.open("keyframes")  # [16] int64
-        row = arrays.open("keyframe_camera")  # [7] float64
+        row = arrays.open("keyframe_camera")  # [23] float64: camera, depth scale, level frame
         if load_ordered(row, 0) == 0:  # the width is written last: its maker is still at it
             raise KeyError("keyframe_camera")
-        width, height, fx, fy, cx, cy, units = row
+        width, height, fx, fy, cx, cy, units = row[:7]
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
+        self._level = row[7:]  # rows of a [4, 4]; zeros: not known
         self._gravity = arrays.open("keyframe_gravity")  # [2, 4] float64, up and sigma; two banks
         self._rows = KeyframeRows(arrays)
         self._slots = KeyframeSlots(arrays, self.camera)
@@ -61,8 +62,8 @@ class KeyframeStore:
         arrays.create("keyframes", (16,), np.int64)
         arrays.create("keyframe_gravity", (2, 4), np.float64)
         KeyframeSlots.create_table(arrays, capacity)
-        row = arrays.create("keyframe_camera", (7,), np.float64)
-        row[1:] = camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy, depth_units_per_m
+        row = arrays.create("keyframe_camera", (23,), np.float64)
+        row[1:7] = camera.height_px, camera.fx, camera.fy, camera.cx, camera.cy, depth_units_per_m
         store_ordered(row, 0, camera.width_px)  # last: it says that the row is complete
         return cls(arrays)
 
@@ -314,6 +315,16 @@ class KeyframeStore:
         version = load_ordered(self._header, _GRAVITY) + 1
         self._gravity[version % 2] = *gravity.up, gravity.sigma_rad
         store_ordered(self._header, _GRAVITY, version)
+
+    @property
+    def T_level_world(self) -> np.ndarray | None:
+        """To the frame `map` of the robot that began the world, [4, 4] (`level_frame`); None: not known."""
+        return self._level.reshape(4, 4).copy() if self._level.any() else None
+
+    def note_level(self, T_level_world: np.ndarray | None) -> None:
+        """Whoever makes the store, before others use it; the first that is noted stays: the world does."""
+        if T_level_world is not None and not self._level.any():
+            self._level[:] = T_level_world.ravel()
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""

@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
@@ -34,12 +35,17 @@ class JoinedMap:
     parts: tuple[Trajectory, Trajectory]  # the keyframes of both as they were saved, own worlds
     meetings: tuple[Meeting, ...]  # that the pose graph confirms
     places: int  # of them that are apart
-    T_level_world: np.ndarray | None  # as of the first map's checkpoint
 
     @property
     def seam(self) -> int:
         """Id of the first keyframe of the second map."""
         return len(self.parts[0])
+
+    @property
+    def T_first_second(self) -> np.ndarray:
+        """[4, 4], from the second world to the first, by the keyframe where the runs meet best."""
+        k = self.meetings[0].second
+        return self.store.pose(self.seam + k) @ inverse(self.parts[1].T_world_cam[k])
 
 
 def merge_maps(
@@ -84,7 +90,10 @@ def merge_maps(
         Trajectory(saved.keyframe_stamps_ns, saved.T_world_keyframe),
         Trajectory(other.keyframe_stamps_ns, poses),
     )
-    return JoinedMap(config, store, parameters, parts, tuple(meetings), places, saved.T_level_world)
+    joined = JoinedMap(config, store, parameters, parts, tuple(meetings), places)
+    if other.T_level_world is not None:
+        store.note_level(other.T_level_world @ inverse(joined.T_first_second))
+    return joined
 
 
 def _refit(

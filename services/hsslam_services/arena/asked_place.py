@@ -9,7 +9,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.keyframes import keyframes_of_store
 from hsslam_node.distance.floor_plane import UpSource, floor_by
 from hsslam_node.geometry.floor_pose import FloorFrames, FloorPose
-from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.places.place_near import Whereabouts
@@ -29,14 +29,13 @@ class AskedPlace:
 
     def __init__(
         self, arrays: ArrayAllocator, config: SlamConfig, mode: MapState,
-        base_T_camera: Sequence[float], *, in_ros: bool,
+        base_T_camera: Sequence[float],
     ) -> None:  # fmt: skip
-        """`base_T_camera`: as of `RobotFrames.mounted`. `in_ros`: ROS uses the frame of the map."""
+        """`base_T_camera`: as of `RobotFrames.mounted`."""
         self._link = SharedMap(arrays, config)
         self._mode = mode
         self._knows_places = config.tracker.method != "rendering"
         self._T_base_cam = RobotFrames.mounted(base_T_camera).T_base_cam
-        self._T_level_world = level_frame(base_T_camera, in_ros=in_ros)
         self._asking = threading.Lock()  # one client at a time
         self._changed = threading.Condition()
         self._near: Whereabouts | None = None
@@ -87,8 +86,8 @@ class AskedPlace:
 
     def _floor(self, store: KeyframeStore) -> tuple[FloorFrames, UpSource]:
         """The frame of the floor as `hsslam-map grid` and `--grid` have it, and what up is by."""
-        if self._T_level_world is not None:
-            return FloorFrames(self._T_level_world, self._T_base_cam), "--base-T-camera"
+        if (level := store.T_level_world) is not None:
+            return FloorFrames(level, self._T_base_cam), "--base-T-camera"
         keyframes = keyframes_of_store(store)
         floor = floor_by(store.gravity, keyframes.views, keyframes.camera)
         return FloorFrames(floor.T_floor_world, self._T_base_cam), floor.source

@@ -98,7 +98,7 @@ class _DistancesLoop:
         self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose
     ) -> None:
         if self._window is None:
-            self._window = RollingWindow(store, self._worker.options.T_level_world)
+            self._window = RollingWindow(store)
         depth_m = depth_raw * np.float32(1 / image.depth_units_per_m)
         camera = Camera(image.width_px, image.height_px, image.fx, image.fy, image.cx, image.cy)
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))

@@ -27,9 +27,7 @@ def _run(worker: Worker) -> None:
         raise UserError(f"map {request.name} already exists: expected another name, or --replace")
     options = worker.options
     link = SharedMap(worker.arena, options.slam)
-    checkpoint = map_snapshot(
-        link.store(), link.parameters(), options.slam.sampling, options.T_level_world
-    )
+    checkpoint = map_snapshot(link.store(), link.parameters(), options.slam.sampling)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -7,6 +7,7 @@ Arena: reads keyframes, pose_log
 """
 
 import time
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -61,13 +62,12 @@ def _run(worker: Worker) -> None:
                 out.tell(pose)
             initial.hear()
             if floor is not None:
-                floor.tell_news()
+                floor.tell_news(out.frames.T_map_world)
 
 
 def _floor_out(worker: Worker, node: RosNode, messages: RosMessages) -> FloorOut:
-    frames = RobotFrames.mounted(worker.options.base_T_camera)
     has_ros_stamps = speaks_ros2(worker.options.source)
-    return FloorOut(worker.bus, node, messages, frames, MAP, has_ros_stamps=has_ros_stamps)
+    return FloorOut(worker.bus, node, messages, MAP, has_ros_stamps=has_ros_stamps)
 
 
 class Ros2Out:
@@ -76,7 +76,7 @@ class Ros2Out:
     def __init__(self, worker: Worker, node: RosNode, messages: RosMessages) -> None:
         self._worker = worker
         self._messages = messages
-        self._frames = RobotFrames.mounted(worker.options.base_T_camera)
+        self._robot = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._images: WaitingFrames | None = None
@@ -96,8 +96,14 @@ class Ros2Out:
         if worker.options.ros2_tf:
             self._transforms = node.publisher("/tf", "tf2_msgs/msg/TFMessage", Qos(100))
             static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
-            camera = (BASE, CAMERA, self._frames.T_base_cam)
+            camera = (BASE, CAMERA, self._robot.T_base_cam)
             static.put(messages.transforms(time.time_ns(), [camera]))
+
+    @property
+    def frames(self) -> RobotFrames:
+        """The robot in the world of now, which another may have begun: that of a saved map."""
+        store = self._link.store()
+        return replace(self._robot, T_level_world=store.T_level_world) if store else self._robot
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and what is due of the rest."""
@@ -115,17 +121,17 @@ class Ros2Out:
                 self._tell_points(pose, now_s)
 
     def _tell_pose(self, pose: Pose) -> None:
-        stamp_ns, make = self._stamp_ns(pose), self._messages
+        stamp_ns, make, frames = self._stamp_ns(pose), self._messages, self.frames
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
         T_odom_cam = pose_matrix(pose.odometry) if pose.odometry else T_world_cam
-        T_map_base = self._frames.base_pose(T_world_cam)
-        T_odom_base = self._frames.base_pose(T_odom_cam)
+        T_map_base = frames.base_pose(T_world_cam)
+        T_odom_base = self._robot.base_pose(T_odom_cam)
         T_map_odom = T_map_base @ inverse(T_odom_base)
         if self._transforms is not None:
             chain = [(MAP, ODOM, T_map_odom), (ODOM, BASE, T_odom_base)]
             self._transforms.put(make.transforms(stamp_ns, chain))
         known = covariance_matrix(pose.covariance)
-        covariance = None if known is None else self._frames.base_covariance(known, T_world_cam)
+        covariance = None if known is None else frames.base_covariance(known, T_world_cam)
         self._pose.put(make.pose(stamp_ns, MAP, T_map_base, covariance))
         twist, seconds = self._twist(stamp_ns, T_odom_base)
         in_odom = None if covariance is None else turned(covariance, T_map_odom[:3, :3].T)
@@ -165,7 +171,8 @@ class Ros2Out:
         own_ns = store.stamps_ns()[: len(poses)]
         step = -(-len(poses) // _MOST_PATH_POSES)
         ros_ns = self._clock.ros_ns(own_ns[::step]).tolist()
-        placed = np.stack([self._frames.base_pose(T) for T in poses[::step]])
+        frames = self.frames
+        placed = np.stack([frames.base_pose(T) for T in poses[::step]])
         message = self._messages.path(self._stamp_ns(pose), MAP, ros_ns, placed)
         self._path.put(message)
 

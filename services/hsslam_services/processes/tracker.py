@@ -75,10 +75,7 @@ class _TrackerLoop:
         self._events = TrackingEvents(worker, self._link)
         self._tracker: FrameTracker | None = None
         options = worker.options
-        self._asked = AskedPlace(
-            worker.arena, options.slam, self._mode, options.base_T_camera,
-            in_ros=bool(options.ros2_out),
-        )  # fmt: skip
+        self._asked = AskedPlace(worker.arena, options.slam, self._mode, options.base_T_camera)
         worker.bus.answer(LOCATE, self._asked.answer)
         self._is_realtime = worker.options.pace == "realtime"  # lockstep waits for all
         self._governor = LatencyGovernor(
@@ -153,6 +150,7 @@ class _TrackerLoop:
                 frame.depth_units_per_m,
                 options.slam.keyframes.capacity,
             )
+            store.note_level(options.T_level_world)
             self._tracker = self._open_tracker(store)
         views = self._map_views()
         with self._worker.timed("track"):

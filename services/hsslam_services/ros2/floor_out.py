@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_proto import topics
 from hsslam_proto.distance.arrays import T_world_raster, cells_of, slice_m
 from hsslam_proto.distance.messages import Esdf, Raster
@@ -27,13 +26,12 @@ class FloorOut:
         bus: Bus,
         node: RosNode,
         messages: RosMessages,
-        frames: RobotFrames,
         frame: str,
         *,
         has_ros_stamps: bool,
     ) -> None:
         self._bus, self._messages = bus, messages
-        self._T_map_world, self._frame = frames.T_base_cam, frame
+        self._frame = frame
         self._has_ros_stamps = has_ros_stamps
         self._grids = bus.subscribe(topics.GRID, 1, history=True)
         self._slices: Subscription[Esdf] | None = None
@@ -42,11 +40,11 @@ class FloorOut:
             "static_map_slice", "nvblox_msgs/msg/DistanceMapSlice", Qos(1)
         )
 
-    def tell_news(self) -> None:
-        """Publish what has come since the last time."""
+    def tell_news(self, T_map_world: np.ndarray) -> None:
+        """Publish what has come since the last time; T_map_world [4, 4]: world to the frame."""
         make = self._messages
         if (grid := self._grids.poll()) is not None:
-            cells, T = cells_of(grid), self._T_map_raster(grid)
+            cells, T = cells_of(grid), T_map_world @ T_world_raster(grid)
             stamp_ns = self._stamp_ns(grid)
             self._map.put(make.occupancy_grid(stamp_ns, self._frame, grid.resolution_m, T, cells))
         if not self._distances.has_subscribers():
@@ -54,7 +52,7 @@ class FloorOut:
         if self._slices is None:  # they cost something: only from the first subscriber on
             self._slices = self._bus.subscribe(topics.ESDF, 1)
         if (found := self._slices.poll()) is not None:
-            corner = self._T_map_raster(found)[:3, 3]
+            corner = (T_map_world @ T_world_raster(found))[:3, 3]
             corner[2] += (found.low_m + found.high_m) / 2
             self._distances.put(
                 make.distance_slice(
@@ -66,9 +64,6 @@ class FloorOut:
                     _UNKNOWN_M,
                 )
             )
-
-    def _T_map_raster(self, message: Raster) -> np.ndarray:
-        return self._T_map_world @ T_world_raster(message)
 
     def _stamp_ns(self, message: Raster) -> int:
         """The time of the image, on the clock of ROS."""

@@ -52,7 +52,8 @@ def store(camera) -> KeyframeStore:
 
 @pytest.fixture
 def window(store) -> RollingWindow:
-    return RollingWindow(store, _UPRIGHT)
+    store.note_level(_UPRIGHT)
+    return RollingWindow(store)
 
 
 def test_it_has_the_axes_that_it_is_given_and_its_lowest_voxels_below_the_floor(window, camera):
@@ -103,8 +104,9 @@ def test_a_correction_moves_what_was_marked(camera):
     half = wall(2.02)
     half[:, 80:] = 3.0  # the wall ends at x = 0
     store = _store(camera)
+    store.note_level(_UPRIGHT)
     k = [_append(store, half, np.eye(4)) for _ in range(2)][-1]
-    window = RollingWindow(store, _UPRIGHT)
+    window = RollingWindow(store)
     for _ in range(4):
         known = window.take(half, camera, np.eye(4), k)
     assert _at(known, (-0.1, 0, 2.025), (0.1, 0, 2.025)) == [OCCUPIED, FREE]
@@ -125,10 +127,11 @@ def test_a_small_correction_leaves_the_marks(window, store, camera):
 def test_a_new_window_knows_what_keyframes_about_it_saw(camera):
     """As after a restart; keyframes that stand elsewhere are left out."""
     store = _store(camera)
+    store.note_level(_UPRIGHT)
     for x_m in (0.0, 1.0, 20.0):
         _append(store, wall(2.02), _shifted(x_m))
         _append(store, wall(2.02), _shifted(x_m))
-    known = RollingWindow(store, _UPRIGHT).take(wall(0.0), camera, np.eye(4), -1)
+    known = RollingWindow(store).take(wall(0.0), camera, np.eye(4), -1)
     assert _at(known, (0.0, 0, 2.025), (1.0, 0, 2.025)) == [OCCUPIED, OCCUPIED]
 
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.floor_pose import FloorFrames
 from hsslam_node.geometry.robot_frames import RobotFrames, velocity
 from hsslam_node.geometry.se3 import (
     inverse,
@@ -49,8 +50,18 @@ def test_the_robot_begins_in_the_origin_wherever_its_camera_is():
     np.testing.assert_allclose(frames.base_pose(np.eye(4)), np.eye(4), atol=1e-12)
 
 
-def test_the_covariance_is_that_of_the_base():
-    frames = RobotFrames(_TILTED)
+def test_a_robot_in_the_world_of_another_stands_where_locate_has_it():
+    other = se3_exp(np.array([0.1, 0.4, 0.2, 0.0, 0.0, 0.7])) @ RobotFrames().T_base_cam
+    T_world_cam = se3_exp(np.array([1.0, 2.0, -1.0, 0.1, 0.8, -0.1]))
+    T = RobotFrames(_TILTED, other).base_pose(T_world_cam)
+    at = FloorFrames(other, _TILTED).pose_of(T_world_cam)
+    np.testing.assert_allclose(T[:2, 3], (at.x_m, at.y_m), atol=1e-12)
+    np.testing.assert_allclose(inverse(other) @ T @ _TILTED, T_world_cam, atol=1e-12)
+
+
+@pytest.mark.parametrize("level", [None, se3_exp(np.array([0, 0, 0, 0.5, 1.0, -0.7]))])
+def test_the_covariance_is_that_of_the_base(level):
+    frames = RobotFrames(_TILTED, level)
     rng = np.random.default_rng(0)
     A = rng.normal(size=(6, 6)) * 1e-3
     covariance = A @ A.T

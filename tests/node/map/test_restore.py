@@ -9,6 +9,7 @@ import pytest
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
@@ -16,6 +17,8 @@ from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from tests.small_room import SMALL, MappedRoom, mapped_room
+
+_LEVEL = RobotFrames.mounted((0.3, 0.1, 0.35, 0.1, 0.7, 0.1, 0.7)).T_base_cam
 
 
 def _saved(path: Path, room: MappedRoom) -> Path:
@@ -27,6 +30,7 @@ def _saved(path: Path, room: MappedRoom) -> Path:
 def room():
     room = mapped_room()
     room.store.note_gravity(Gravity((0.0, -0.6, -0.8), 0.002))
+    room.store.note_level(_LEVEL)
     return room
 
 
@@ -41,6 +45,8 @@ def test_whoever_attaches_finds_the_map_as_it_was(room, path):
     store, parameters = KeyframeStore(arrays), FieldParameters(arrays, SMALL.field)
     assert store.count == store.inherited == room.store.count
     assert store.gravity == Gravity((0.0, -0.6, -0.8), 0.002)
+    store.note_level(np.eye(4))  # of a robot that goes on in the map
+    np.testing.assert_array_equal(store.T_level_world, _LEVEL)
     np.testing.assert_array_equal(store.poses(), room.store.poses())
     np.testing.assert_array_equal(store.stamps_ns(), room.store.stamps_ns())
     np.testing.assert_array_equal(store.pixels(2)[1], room.store.pixels(2)[1])

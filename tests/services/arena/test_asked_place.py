@@ -10,7 +10,7 @@ from tests.small_room import SMALL, mapped_room
 
 def test_a_question_that_waits_for_frames_is_answered_when_the_tracker_ends(tmp_path):
     mode = MapState.create(tmp_path, localise_only=False)
-    asked = AskedPlace(mapped_room().arrays, SMALL, mode, (), in_ros=False)
+    asked = AskedPlace(mapped_room().arrays, SMALL, mode, ())
     told: list[Located | Refusal] = []
     client = threading.Thread(target=lambda: told.append(asked.answer(Locate(x=0, y=0, yaw_deg=0))))
     client.start()

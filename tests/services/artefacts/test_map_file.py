@@ -1,4 +1,4 @@
-"""The map of a run tells what its robot is, for those who ask it later."""
+"""The map of a run tells what robot began it, for those who ask it later."""
 
 import numpy as np
 import pytest
@@ -10,19 +10,21 @@ from hsslam_services.run.options import ServeOptions
 from tests.small_room import SMALL, mapped_room
 
 _MOUNT = (0.3, 0.1, 0.35, -0.5, 0.5, -0.5, 0.5)
+_OTHER = ServeOptions(slam=SMALL, base_T_camera=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize(
-    ("options", "frames"),
+    ("began", "frames"),
     [
         (ServeOptions(slam=SMALL), None),
         (ServeOptions(slam=SMALL, ros2_out="/hsslam"), RobotFrames()),
         (ServeOptions(slam=SMALL, base_T_camera=_MOUNT), RobotFrames.mounted(_MOUNT)),
     ],
 )
-def test_the_map_has_the_frame_of_the_robot_if_the_run_has_it(tmp_path, options, frames):
+def test_the_map_keeps_the_frame_of_the_robot_that_began_it(tmp_path, began, frames):
     room = mapped_room()
-    save_map(tmp_path, room.store, room.parameters, options)
+    room.store.note_level(began.T_level_world)
+    save_map(tmp_path, room.store, room.parameters, _OTHER)
     kept = load_checkpoint(tmp_path / "map.safetensors").T_level_world
     if frames is None:
         assert kept is None

@@ -2,24 +2,35 @@
 
 import numpy as np
 
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.map.checkpoint import load_checkpoint
 from tests.services.serve_process import SMALL_ROOM
+
+_MOUNT = (0.1, 0.0, 0.3, -0.5, 0.5, -0.5, 0.5)
+_TILTED = (0.1, 0.0, 0.3, -0.612372, 0.612372, -0.353553, 0.353553)
 
 
 def test_localise_only_finds_its_place_and_changes_no_byte(serve):
-    first = serve(*SMALL_ROOM, "--frames", "16", "--pace", "lockstep")
+    first = serve(
+        *SMALL_ROOM, "--base-T-camera", *map(str, _MOUNT), "--frames", "16", "--pace", "lockstep"
+    )
     assert first.finish() == 0, first.stderr
     saved = first.out / "map.safetensors"
+    level = load_checkpoint(saved).T_level_world
+    np.testing.assert_allclose(level, RobotFrames.mounted(_MOUNT).T_base_cam, atol=1e-12)
     before = saved.read_bytes()
 
     second = serve(
         *(*SMALL_ROOM, "--start", "8", "--frames", "12", "--pace", "lockstep"),
-        *("--map", str(saved), "--localise-only"),
+        *("--map", str(saved), "--localise-only", "--grid"),
+        *("--base-T-camera", *map(str, _TILTED)),
     )
     assert second.finish() == 0, second.stderr
     second.expect_nothing_left()
     assert saved.read_bytes() == before
     assert f"map_loader: localises in {saved}" in second.stderr
+    assert "grid: up is 0.000 -1.000 0.000 by --base-T-camera" in second.stderr  # as in the map
     summary = second.summary()
     assert summary["frames"]["tracked"] == 12 and summary["frames"]["lost"] == 0
     assert summary["map"]["versions"] == summary["ba_rounds"] == 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.choose_device import choose_device
-from hsslam_node.geometry.se3 import inverse, so3_log
+from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.checkpoint import save_checkpoint
@@ -80,9 +80,7 @@ def merge_runs(options: MergeOptions) -> None:
         write_tum(folder / "trajectory.second.txt", second)
         keyframes = Trajectory(found.store.stamps_ns(), poses)
         write_tum(folder / "keyframes.txt", keyframes)
-        snapshot = map_snapshot(
-            found.store, found.parameters, found.config.sampling, found.T_level_world
-        )
+        snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
         save_checkpoint(folder / MAP_NAME, snapshot)
         save_mesh(folder, mesh)
         update_summary(folder, _section(options, found) | mesh_section(mesh))
@@ -96,14 +94,8 @@ def _frames(file: Path) -> Trajectory | None:
     return read_tum(path) if path.is_file() else None
 
 
-def _T_worlds(found: JoinedMap) -> np.ndarray:
-    """[4, 4], from the second world to the first, by the keyframe where the runs meet best."""
-    k = found.meetings[0].second
-    return found.store.pose(found.seam + k) @ inverse(found.parts[1].T_world_cam[k])
-
-
 def _told(found: JoinedMap) -> str:
-    T = _T_worlds(found)
+    T = found.T_first_second
     turned_deg = np.rad2deg(np.linalg.norm(so3_log(T[:3, :3])))
     counts = " and ".join(str(len(part)) for part in found.parts)
     return (
@@ -120,7 +112,7 @@ def _section(options: MergeOptions, found: JoinedMap) -> dict[str, Any]:
             "keyframes": [len(part) for part in found.parts],
             "places": found.places,
             "meetings": len(found.meetings),
-            "T_first_second": _T_worlds(found).tolist(),
+            "T_first_second": found.T_first_second.tolist(),
         },
         "map": {"adam_steps": found.parameters.step},
     }
