@@ -82,8 +82,8 @@ def run_subcommand(
 
 def exit_code(command: Callable[[], int | None]) -> int:
     """The exit code of the command: its own (0 if it returns None), 1 if it is interrupted or its output has
-    no reader or no room, 2 on bad input or if memory does not suffice. Bad input, too little memory and a full
-    disk are reported on stderr in one line."""
+    no reader or no room, 2 on bad input or too little memory. Bad input, too little memory and a full disk
+    are one line on stderr."""
     _open_closed_streams()
     try:
         try:
