@@ -15,13 +15,16 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile as `numba.njit` does, and keep machine code where `hsslam-serve warm-up` has put it.
 
     All programs find it there: commands, notebooks and services. Other functions of a program that uses this
-    package are kept where numba puts them.
+    package are kept where numba puts them. If no folder can be written, each program compiles anew.
     """
 
     def compiled(function: Callable[..., Any]) -> Any:
         place: str = config.CACHE_DIR  # type: ignore[attr-defined]
         config.CACHE_DIR = place or _cache_folder()  # type: ignore[attr-defined]  # read right below
         try:
+            return numba.njit(**options)(function)
+        except RuntimeError:  # there is no folder that can be written
+            options["cache"] = False
             return numba.njit(**options)(function)
         finally:
             config.CACHE_DIR = place  # type: ignore[attr-defined]
@@ -31,7 +34,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @cache
 def _cache_folder() -> str:
-    """If it cannot be written, "": numba then chooses."""
+    """If it cannot be written, "": numba then chooses another."""
     try:
         return str(writable_kernel_cache())
     except UserError:

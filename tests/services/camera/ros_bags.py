@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,9 +129,11 @@ class BagWriter:
         kind = "tf2_msgs/msg/TFMessage"
         self._write("/tf_static", stamp_ns, kind, self._new(kind, transforms=stamped))
 
-    def frame(self, frame: Frame, depth_lag_ns: int = 0) -> None:
+    def frame(
+        self, frame: Frame, depth_lag_ns: int = 0, distortion: tuple[float, ...] = ()
+    ) -> None:
         """Colour, depth and intrinsics of a frame, on the topics of a RealSense with aligned depth."""
-        self.info(INFO, frame.stamp_ns, frame.camera)
+        self.info(INFO, frame.stamp_ns, replace(frame.camera, distortion=distortion))
         self.image(COLOR, frame.stamp_ns, frame.color, "rgb8")
         self.image(DEPTH, frame.stamp_ns + depth_lag_ns, frame.depth_raw, "16UC1")
 
@@ -160,11 +163,12 @@ def written(
     frames: Sequence[Frame],
     more: Callable[[BagWriter], None] = lambda bag: None,
     depth_lag_ns: int = 0,
+    distortion: tuple[float, ...] = (),
 ) -> Path:
     """The bag of these frames, with `more` in it."""
     path = folder / ("recorded.bag" if kind == "bag" else f"recorded_{kind}")
     with new_bag(path, kind) as bag:
         more(bag)
         for frame in frames:
-            bag.frame(frame, depth_lag_ns)
+            bag.frame(frame, depth_lag_ns, distortion)
     return path
