@@ -55,15 +55,14 @@ def clearance(saved: SavedMap, from_m: float, to_m: float) -> tuple[np.ndarray, 
     The room is the least distance, over the robot's heights, to a surface or to what no keyframe saw.
     """
     poses = saved.trajectory().T_world_cam
-    right, down, _ = looking_down(
-        mean_up(poses), mean_ahead(poses), np.pi / 2
-    ).T  # of a picture from above
+    up, ahead = mean_up(poses), mean_ahead(poses)
+    right, down, _ = looking_down(up, ahead, np.pi / 2).T  # of a picture from above
     steps = np.arange(-REACH_M, REACH_M + CELL_M / 2, CELL_M)
     points = poses[0, :3, 3] + steps[:, None, None] * down + steps[:, None] * right
     clearance_m = np.full(points.shape[:2], np.inf)
     known = np.ones(points.shape[:2], np.bool_)
     for height_m in np.linspace(from_m, to_m, 5):
-        found = saved.query((points + height_m * mean_up(poses)).reshape(-1, 3))
+        found = saved.query((points + height_m * up).reshape(-1, 3))
         clearance_m = np.fmin(clearance_m, found.distance_m.reshape(known.shape))
         known &= found.known.reshape(known.shape)
     to_unknown_m = CELL_M * np.asarray(distance_transform_edt(known))

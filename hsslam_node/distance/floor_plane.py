@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.view_from_above import mean_up
 from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.presets import REALTIME
 
 UpSource = Literal["gravity", "--up", "--base-T-camera", "floor plane", "camera poses"]
 _MOST_VIEWS = 40
@@ -22,7 +23,9 @@ _THICKNESS_M = 0.05  # of a floor, to each side; depth noise is most of it
 _FEWEST = 300  # points of a floor
 _FLOOR_SHARE = 0.03  # of all points
 _BELOW_M = 0.15  # the cameras
-_FAR_M = 12.0  # depth beyond is no floor: noise, or how a camera writes that it measured none
+_FAR_M = (
+    REALTIME.mapper.max_depth_m
+)  # depth beyond is no floor: noise, or how a camera writes that it measured none
 
 
 @dataclass(frozen=True)

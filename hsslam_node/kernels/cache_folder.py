@@ -31,15 +31,6 @@ def kernel_cache_folder() -> Path:
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 
 
-def use_kernel_cache() -> None:
-    """Let this process and its children load and compile kernels there; comes before numba is imported.
-
-    Raises:
-        UserError: the folder cannot be written.
-    """
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(writable_kernel_cache()))
-
-
 def writable_kernel_cache() -> Path:
     """The folder of `kernel_cache_folder`, made. numba uses no folder that it cannot write, not even for
     kernels that are compiled.

@@ -11,10 +11,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from hsslam_node.doctor.examine import examine
 from hsslam_node.doctor.finding import Finding
 from hsslam_node.doctor.sample import Sample, take_sample
+from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import use_kernel_cache
+from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_node.sources.options import (
     BagOptions,
     CameraOptions,
@@ -97,10 +99,7 @@ def _options(args: Sequence[str]) -> DoctorOptions:
 
 def _look(options: DoctorOptions) -> int:
     """The number of faults."""
-    use_kernel_cache()
-    from hsslam_node.doctor.examine import examine  # after the cache, which numba looks for
-    from hsslam_node.doctor.stamps import recorded_stamps
-
+    writable_kernel_cache()
     wanted = SourceOptions.among(options)
     # a sequence that is fetched shows a bar of its own
     stamps = recorded_stamps(options.source, ALL_SOURCES)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_node.kernels.cache_folder import use_kernel_cache
+from hsslam_node.kernels.cache_folder import writable_kernel_cache
 from hsslam_services.arena.arena_folder import SHM_ROOT, remove_arena, run_dir_of, try_own
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import read_unsaved
@@ -66,7 +66,7 @@ def _places(given: Path) -> tuple[Path, Path]:
 
 
 def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
-    use_kernel_cache()
+    writable_kernel_cache()
     os.environ.update(child_environment())
     from hsslam_services.artefacts.rescue import (
         rescue,

@@ -30,10 +30,10 @@ def _serve() -> int:
         from hsslam_services.commands.serve_command_line import parse_command_line
 
         options = parse_command_line(sys.argv[1:])
-        from hsslam_node.kernels.cache_folder import use_kernel_cache
+        from hsslam_node.kernels.cache_folder import writable_kernel_cache
         from hsslam_services.supervisor.supervisor import Supervisor  # --help is quicker without
 
-        use_kernel_cache()
+        writable_kernel_cache()
 
         return Supervisor(options).run()
     except KeyboardInterrupt:  # before there was anything to save

@@ -76,6 +76,13 @@ def test_other_pixels_are_left_to_opencv(image):
     assert decode_png(cv2.imencode(".png", image)[1].tobytes()) is None
 
 
+def test_a_palette_is_left_to_opencv():
+    packed = png_of_rows(np.zeros((2, 1 + 3), np.uint8), 3, 8, 3)
+    header_end = 33
+    colors = chunk(b"PLTE", bytes(3))
+    assert decode_png(packed[:header_end] + colors + packed[header_end:]) is None
+
+
 def test_chunks_that_may_change_pixels_are_left_to_opencv():
     packed = encode_png(np.ones((4, 5, 3), np.uint8))
     header_end = 33
@@ -98,9 +105,10 @@ def test_a_damaged_file_is_never_read_as_something_else(image, data):
 def test_rows_beyond_those_of_the_header_take_no_memory():
     rows = np.zeros((50_000, 1 + 2 * 500), np.uint8)  # 50 MB
     packed = bytearray(png_of_rows(rows, 500, 16, 0))
-    header = struct.pack(">IIBBBBB", 500, 4, 16, 0, 0, 0, 0)
-    packed[8:33] = chunk(b"IHDR", header)
-    assert decode_png(bytes(packed)) is None
+    for width, height in ((500, 4), (2**31 - 1, 2**31 - 1)):
+        header = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
+        packed[8:33] = chunk(b"IHDR", header)
+        assert decode_png(bytes(packed)) is None
     assert decode_png(png_of_rows(rows[:3], 500, 16, 0)[:-12]) is None  # no end
 
 

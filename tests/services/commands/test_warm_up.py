@@ -59,7 +59,7 @@ def test_a_cache_that_cannot_be_written_is_one_line(
     folder = kernel_cache_folder()
     folder.mkdir(parents=True)
     warm_stamp().touch()  # complete
-    (folder / "tracking").symlink_to("/proc")  # nobody can write there, root neither
+    (folder / "tracking").symlink_to("/proc")  # root cannot write there either
     out = tmp_path / "out"
     command = [sys.executable, "-m", "hsslam_services.commands.hsslam", *words.split()]
     command = [str(out) if word == "OUT" else word for word in command]

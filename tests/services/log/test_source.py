@@ -94,7 +94,7 @@ def test_what_a_log_was_recorded_from_is_found_by_the_indices_of_its_frames(
     for folder in (whole, short):
         folder.mkdir()
     _write(whole, [frame(k) for k in (*range(5), *range(7, 50))], "png", run=run)
-    # a log of the replay of that log; its frames keep their indices
+    # the second log records a replay of the first: both number their frames alike
     again = ServeOptions(source=f"mcap:{whole}", start=1)
     _write(short, [frame(k) for k in logged], "png", run=again)
     found = recorded_source(f"mcap:{short}", options, print)

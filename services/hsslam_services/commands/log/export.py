@@ -36,8 +36,8 @@ def export(
 ) -> Iterator[str]:
     """Write the wanted parts of the log into the folder; yields a line for each that is written.
 
-    What the log does not hold is told through `say`. Nothing is written if frames or the recording find their
-    place taken.
+    `say` takes a line for each part that the log does not hold. If the folder has frames already, or a folder
+    run.rrd, the command writes nothing.
 
     Raises:
         UserError: the folder cannot be written, or holds such files of another log that are in the way.
