@@ -41,23 +41,47 @@ def unfilter(rows, step, out):
             for i in range(step, width):
                 here[i] = row[i] + ((np.int32(here[i - step]) + np.int32(above[i])) >> 1)
         elif kind == _PAETH:
-            for channel in range(step):
-                _unfilter_paeth(row, above, channel, step, here)
+            pixels = (width // step, step)
+            row, above, here = row.reshape(pixels), above.reshape(pixels), here.reshape(pixels)
+            if step == 3:
+                _unfilter_paeth_of_three(row, above, here)
+            else:
+                _unfilter_paeth_of_two(row, above, here)
         else:
             return False
     return True
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _unfilter_paeth(row, above, first, step, here):
-    """Every `step`-th byte from `first` on: plus the one of left, above, and above left that fits best."""
-    left = above_left = np.int32(0)
-    for i in range(first, len(here), step):
-        up = np.int32(above[i])
-        from_left, from_up = abs(up - above_left), abs(left - above_left)
-        from_both = abs(left + up - 2 * above_left)
-        best = up if from_up < from_left else left
-        best = above_left if from_both < min(from_left, from_up) else best
-        left = (np.int32(row[i]) + best) & np.int32(255)
-        above_left = up
-        here[i] = left
+def _unfilter_paeth_of_three(row, above, here):
+    """Pixels of three bytes [W, 3]: all bytes at once, as each pixel waits for the one to its left."""
+    left_0 = left_1 = left_2 = corner_0 = corner_1 = corner_2 = 0
+    for p in range(len(here)):
+        up_0, up_1, up_2 = np.int64(above[p, 0]), np.int64(above[p, 1]), np.int64(above[p, 2])
+        left_0 = _plus_paeth(row[p, 0], left_0, up_0, corner_0)
+        left_1 = _plus_paeth(row[p, 1], left_1, up_1, corner_1)
+        left_2 = _plus_paeth(row[p, 2], left_2, up_2, corner_2)
+        corner_0, corner_1, corner_2 = up_0, up_1, up_2
+        here[p, 0], here[p, 1], here[p, 2] = left_0, left_1, left_2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unfilter_paeth_of_two(row, above, here):
+    """The same for pixels of two bytes [W, 2]."""
+    left_0 = left_1 = corner_0 = corner_1 = 0
+    for p in range(len(here)):
+        up_0, up_1 = np.int64(above[p, 0]), np.int64(above[p, 1])
+        left_0 = _plus_paeth(row[p, 0], left_0, up_0, corner_0)
+        left_1 = _plus_paeth(row[p, 1], left_1, up_1, corner_1)
+        corner_0, corner_1 = up_0, up_1
+        here[p, 0], here[p, 1] = left_0, left_1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _plus_paeth(byte, left, up, corner):
+    """A byte plus the one of left, up and the corner between them that fits best, modulo 256."""
+    from_left, from_up = abs(up - corner), abs(left - corner)
+    from_both = abs(left + up - 2 * corner)
+    best = up if from_up < from_left else left
+    best = corner if from_both < min(from_left, from_up) else best
+    return (np.int64(byte) + best) & 255
