@@ -27,6 +27,7 @@ class AttachedViewer:
 
     def __init__(self, run_folder: Path) -> None:
         self._run_folder = run_folder
+        self._since_s = time.time()
         self._process: subprocess.Popen | None = None
         self.received_bytes = 0
         self._seconds: set[int] = set()
@@ -38,7 +39,7 @@ class AttachedViewer:
                 self.received_bytes = so_far
                 self._seconds.add(time.time_ns() // 10**9)
             return
-        url = _served_url(self._run_folder)
+        url = _served_url(self._run_folder, self._since_s)
         if url is not None:
             program = str(Path(rerun_cli.__file__).parent / "rerun")
             self._process = subprocess.Popen(
@@ -64,13 +65,18 @@ class AttachedViewer:
                 self._process.wait()
 
 
-def _served_url(run_folder: Path) -> str | None:
-    """Where the page of the run gets its data; None: it has not been told yet."""
-    for log in (run_folder / "logs").glob("*.log"):
-        for line in log.read_text(errors="replace").splitlines():
-            _, told, page = line.partition(_TOLD)
-            if told:
-                return parse_qs(urlparse(page.strip()).query).get("url", [None])[0]
+def _served_url(run_folder: Path, since_s: float) -> str | None:
+    """Where the page of the run gets its data; None: no log written since then says it yet.
+
+    An older log is of the run that the folder held before.
+    """
+    with contextlib.suppress(FileNotFoundError):  # the new run takes its place
+        for log in (run_folder / "logs").glob("*.log"):
+            lines = log.read_text(errors="replace") if log.stat().st_mtime >= since_s else ""
+            for line in lines.splitlines():
+                _, told, page = line.partition(_TOLD)
+                if told:
+                    return parse_qs(urlparse(page.strip()).query).get("url", [None])[0]
     return None
 
 
