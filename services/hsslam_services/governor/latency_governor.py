@@ -13,7 +13,7 @@ def first_level(cores: float) -> int:
     """The load level at which a service that may use `cores` cores begins."""
     if cores >= _FULL_CORES:
         return 0
-    return 2 if cores >= _SCARCE_CORES else len(LEVELS) - 1
+    return 2 if cores >= _SCARCE_CORES else 5
 
 
 class LatencyGovernor:

@@ -71,4 +71,15 @@ LEVELS: Final = (
         ba_every=8.0,
         background_share=0.08,
     ),
+    LoadLevel(
+        "mapping but for a twenty-fourth, with a third of the rays",
+        mesh_every=48.0,
+        distances_every=4.0,
+        view_width_px=32,
+        image_every_s=1.0,
+        iterations=0.0417,
+        rays=0.33,
+        ba_every=8.0,
+        background_share=0.03,
+    ),
 )

@@ -15,9 +15,7 @@ def level(tmp_path: Path) -> SharedLevel:
     return SharedLevel(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("cores", "number"), [(16.0, 0), (2.0, 0), (1.6, 2), (1.2, _MOST), (0.5, _MOST)]
-)
+@pytest.mark.parametrize(("cores", "number"), [(16.0, 0), (2.0, 0), (1.6, 2), (1.2, 5), (0.5, 5)])
 def test_few_cores_begin_at_a_higher_level_and_say_so(
     level: SharedLevel, cores: float, number: int
 ):
