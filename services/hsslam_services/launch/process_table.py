@@ -54,7 +54,7 @@ class ProcessSpec:
 
 
 _ARRAY_BYTES = 512 << 10
-_IMAGE_BYTES = 64 << 10  # images of the log, whose sizes differ: kept ones would leave holes
+_IMAGE_BYTES = 4 << 20  # those of usual cameras stay: the system would clear 4 MB for each frame
 CAMERA_STAGE, TRACKER_STAGE, BA_STAGE, MAP_STAGE, MESHER_STAGE, RECORDER_STAGE = range(6)
 
 

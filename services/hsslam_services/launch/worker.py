@@ -1,6 +1,7 @@
 """What all processes of a run share: bus, arena, heartbeat, signals, death with the supervisor."""
 
 import contextlib
+import gc
 import os
 import signal
 import sys
@@ -90,6 +91,7 @@ class Worker:
 
     def ready(self) -> None:
         """Tell everybody that work is taken from now on; they wait for it."""
+        gc.freeze()  # collections pass over what was imported and loaded until now
         self._state = "running"
         self._publish_health()
 
