@@ -16,7 +16,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:

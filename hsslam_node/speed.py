@@ -21,7 +21,8 @@ from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _PRESETS = ("paper", "realtime")
 _WARM_UP = 10  # iterations: compiled kernels, graphs captured

@@ -19,7 +19,8 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from tests.small_room import SMALL
 
 FIRST, SECOND = slice(0, None, 2), slice(1, None, 2)

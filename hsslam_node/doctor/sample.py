@@ -8,7 +8,7 @@ import numpy as np
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame, Source
 

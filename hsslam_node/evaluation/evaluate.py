@@ -25,7 +25,7 @@ from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_node.map.checkpoint import load_checkpoint
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 
 

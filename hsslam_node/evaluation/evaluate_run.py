@@ -9,7 +9,7 @@ from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge, load_mesh
 from hsslam_node.evaluation.scores import protocol, scores_as_json
 from hsslam_node.evaluation.trajectory.score_trajectories import score_trajectories
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _TRAJECTORIES = {
     "online": "trajectory_online.txt",

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hsslam_node.errors import UserError, one_line
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source import Source
 from hsslam_node.sources.source_row import (

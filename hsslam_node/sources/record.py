@@ -7,7 +7,7 @@ from hsslam_node.sources.files.camera_file import read_record_camera
 from hsslam_node.sources.files.image_files import BadImageError, read_any_color, read_any_depth
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.record_folder import RecordFolder
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _MOST_BROKEN = 30  # pairs before the first that can be used
 

@@ -14,7 +14,7 @@ from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_replica_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader, read_matrices
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 RATE_HZ = 30.0  # the layout has no stamps
 _VMAP_CAMERA = Camera(1200, 680, 600.0, 600.0, 599.5, 339.5)  # vMAP's configuration for Replica

@@ -19,7 +19,7 @@ from hsslam_node.sources.files.image_files import (
 )
 from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 _CROP_PX = 10  # colour has a black border

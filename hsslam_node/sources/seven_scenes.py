@@ -14,7 +14,7 @@ from hsslam_node.sources.download.data_folder import possible_places
 from hsslam_node.sources.files.camera_file import read_record_camera
 from hsslam_node.sources.files.image_pairs import ImagePair, ImagePairSource
 from hsslam_node.sources.files.truth_files import Truth, read_matrix
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, IsLate
 
 RATE_HZ = 30.0  # of a Kinect v1; the layout has no stamps

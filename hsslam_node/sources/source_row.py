@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.errors import UserError, did_you_mean
-from hsslam_node.sources.options import CameraOptions
+from hsslam_node.sources.options.camera import CameraOptions
 from hsslam_node.user_path import user_path
 
 

@@ -11,7 +11,8 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.inertial.reading import ImuReading
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 from hsslam_node.synth.scenes.scenes import SCENES
 

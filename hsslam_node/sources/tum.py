@@ -15,7 +15,7 @@ from hsslam_node.sources.files.camera_file import read_tum_camera
 from hsslam_node.sources.files.image_pairs import ImagePairSource
 from hsslam_node.sources.files.record_times import listed_stamp_ns
 from hsslam_node.sources.files.truth_files import Truth
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.user_path import user_path
 
 MAX_DT_NS = 20_000_000

@@ -14,7 +14,8 @@ import pytest
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_services.bus.bus import free_endpoint
 from tests.repository import ROOT
 

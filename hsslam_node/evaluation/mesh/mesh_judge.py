@@ -22,7 +22,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.progress import Track, silently
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 CULL_EVERY = 10  # of the given cameras
 CULL_TOLERANCE_M = 0.03

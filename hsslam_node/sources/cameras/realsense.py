@@ -11,7 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.cameras.driver import chosen_camera, driver
 from hsslam_node.sources.cameras.watched import WatchedCamera
 from hsslam_node.sources.files.undistortion import Undistortion
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
 _WAIT_MS = 200

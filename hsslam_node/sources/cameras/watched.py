@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.live_selection import selected_live
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, SourceLostError
 
 _SILENCE_S = 5.0

@@ -10,7 +10,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import BadImageError, read_color, read_depth
 from hsslam_node.sources.files.undistortion import Undistortion
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
 
 ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file

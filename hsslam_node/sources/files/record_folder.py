@@ -14,7 +14,7 @@ from hsslam_node.sources.download.tum_archive import data_folders
 from hsslam_node.sources.files.image_pairs import ImagePair
 from hsslam_node.sources.files.name_stamp import name_number, name_stamp_ns
 from hsslam_node.sources.files.record_times import read_times
-from hsslam_node.sources.options import RecordOptions
+from hsslam_node.sources.options.source import RecordOptions
 from hsslam_node.user_path import user_path
 
 _COLOR_FOLDERS = ("color", "rgb", "colour")

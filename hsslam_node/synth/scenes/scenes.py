@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hsslam_node.sources.options import SynthOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.scenes.apartment import apartment_poses, build_apartment
 from hsslam_node.synth.scenes.chair_scene import build_chair_scene, chair_scene_poses
 from hsslam_node.synth.scenes.corridor import build_corridor, corridor_poses

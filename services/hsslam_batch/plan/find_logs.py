@@ -9,7 +9,7 @@ from hsslam_batch.plan.listing import ListedPath, Listing
 from hsslam_batch.plan.log import Log, log_id
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.parts import is_part, parts

@@ -18,7 +18,7 @@ from hsslam_node.evaluation.trajectory.ate import ate
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _EVERY = 10  # frames between the views
 _TOLERANCE_M = 0.03

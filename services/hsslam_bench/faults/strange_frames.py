@@ -16,7 +16,8 @@ from hsslam_bench.faults.fault import CouldNotTellError, Finding
 from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.request_messages import Status

@@ -24,7 +24,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.mesh.tsdf_baseline import TsdfVolume
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _FRAMES, _QUICK_FRAMES = 320, 24
 _ASKED_AFTER = 2  # frames after a keyframe

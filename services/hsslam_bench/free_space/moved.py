@@ -25,7 +25,8 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.scenes.carried_off import CarriedOff
 from hsslam_node.synth.scenes.scenes import SCENES
 

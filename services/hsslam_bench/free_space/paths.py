@@ -26,7 +26,7 @@ from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 RADIUS_M, _HEIGHT_M, _MARGIN_M = 0.2, 0.5, 0.05
 _ENDS_M = 0.1  # to spare at start and goal

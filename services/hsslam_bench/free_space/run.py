@@ -28,7 +28,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _POINTS = 200_000
 _QUICK_FRAMES = 40

@@ -21,7 +21,7 @@ from hsslam_node.distance.grid_map import grid_map
 from hsslam_node.distance.rolling_window import RollingWindow
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _EVERY, _KEYFRAME_EVERY = 3, 4  # frames
 _MOST_KEYFRAMES = 1024

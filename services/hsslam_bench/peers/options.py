@@ -9,7 +9,7 @@ from hsslam_bench.peers.systems.catalogue import SEQUENCES
 from hsslam_bench.tables.options import data_folder
 from hsslam_bench.tables.plan import expected_place, find_sequence
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _NOISE = "-kinect"
 

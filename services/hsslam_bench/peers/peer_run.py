@@ -18,7 +18,7 @@ from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import write_tum
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source_row import imported
 
 TRAJECTORY, MESH = "trajectory.txt", "mesh.ply"

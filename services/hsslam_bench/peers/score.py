@@ -9,7 +9,7 @@ import trimesh
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 GAP_FRAMES = 30
 Values = dict[str, float | None]  # by metric; None: there is none

@@ -12,7 +12,8 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import format_stamp, write_tum
 from hsslam_node.sources.files.undistortion import resampled_depth
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.source import Frame
 
 SPEC = "synth:room"

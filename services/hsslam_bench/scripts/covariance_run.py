@@ -18,7 +18,7 @@ from hsslam_node.evaluation.trajectory.calibration import calibration
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _QUICK_FRAMES = 20
 

@@ -15,7 +15,7 @@ from hsslam_bench.scripts.source_with_truth import published, source_with_truth
 from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.trajectory.gaps import gap_plan, gap_score
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _QUICK_FRAMES = 60
 

@@ -24,7 +24,8 @@ from hsslam_node.presets import PRESETS
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _FRAMES, _QUICK_FRAMES = 80, 8  # tracked first: their keyframes are what is mapped
 _SETTLING, _TURNS = 20, 60  # iterations before the measured ones, and those

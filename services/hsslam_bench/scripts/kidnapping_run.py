@@ -16,7 +16,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.evaluation.trajectory.kidnapping import kidnapping_plan, kidnapping_score
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reordered import Reordered
 
 _QUICK_FRAMES, _QUICK_JUMPS = 160, 1  # kitchen offers no jump in 120

@@ -29,7 +29,7 @@ from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_chec
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _QUICK_FRAMES = 24
 

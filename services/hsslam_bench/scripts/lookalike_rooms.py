@@ -22,7 +22,8 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.merging.meetings import places_apart
 from hsslam_node.presets import REALTIME
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.scenes.lookalike import ROOM_M, ROOMS_A_ROW, lookalike_poses
 from hsslam_node.tracking.places.relocalisation import Relocalisation
 

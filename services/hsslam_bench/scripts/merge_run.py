@@ -22,7 +22,7 @@ from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.merging.carried_trajectory import carried, joined
 from hsslam_node.merging.merge_maps import merge_maps
 from hsslam_node.slam import Slam
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _SHARE = 0.55  # of the sequence that a session sees
 _QUICK_FRAMES = 120

@@ -25,7 +25,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.warm_start import warm_start
 
 _QUICK_FRAMES = 3

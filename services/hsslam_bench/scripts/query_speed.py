@@ -16,7 +16,8 @@ from hsslam_node.geometry.projection import world_points
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _FRAMES, _QUICK_FRAMES = 60, 6
 _POINTS, _QUICK_POINTS = 1_000_000, 10_000

@@ -5,7 +5,7 @@ import argparse
 from hsslam_bench.scripts.source_with_truth import with_poor_first_map
 from hsslam_node.config import SlamConfig
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def sequence_arguments(

@@ -12,7 +12,7 @@ from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, Source
 
 _QUICK_ITERATIONS = 3

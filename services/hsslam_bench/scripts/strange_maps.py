@@ -21,7 +21,8 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.merging.meetings import Meeting, agreeing, find_meetings, places_apart
 from hsslam_node.merging.merge_maps import FEWEST_PLACES
 from hsslam_node.presets import REALTIME
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _ROOMS, _FRAMES, _EVERY = 7, 315, 15  # frames in a room, and from keyframe to keyframe
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])

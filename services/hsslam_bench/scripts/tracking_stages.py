@@ -12,7 +12,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _FRAMES, _QUICK_FRAMES = 120, 8
 _FIRST = 4  # frames that are not measured: caches and lazy imports

@@ -15,7 +15,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_node.presets import PRESETS, PresetName
 from hsslam_node.sources.download.tum_archive import TumArchive
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _COLLECTIONS = ("", "Replica", "replica", "TUM", "tum", "ScanNet", "scannet", "scans")
 _OWN = {"house": "replica", "livingroom": "tum", "kitchen": "tum"}  # kinds of the test sequences

@@ -10,7 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
-from hsslam_node.sources.options import BagOptions
+from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.camera.bag_file import BagFile, BagMessage
 from hsslam_services.camera.ros2_messages import COMPRESSED, IMAGE, INFO

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
 from hsslam_node.sources.source_row import find_row, imported, refuse_camera_options, source_name
 from hsslam_services.run.options import ServeOptions

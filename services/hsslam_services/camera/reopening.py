@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source, SourceLostError
 from hsslam_services.camera.open_source import open_any_source

@@ -8,7 +8,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera, LensModel, expect_lens
 from hsslam_node.sources.files.image_files import BadImageError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 from hsslam_services.ros2.imu_in import IMU

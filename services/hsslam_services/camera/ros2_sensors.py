@@ -11,7 +11,7 @@ import zenoh.ext
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.files.image_files import BadImageError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import Report, Reports, clock_watch
 from hsslam_services.camera.ros2_messages import CdrMessages, topic_keys, type_of
 from hsslam_services.ros2.imu_in import IMU, RosImu

@@ -17,15 +17,10 @@ from hsslam_node.doctor.sample import Sample, take_sample
 from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import writable_kernel_cache
-from hsslam_node.sources.options import (
-    BagOptions,
-    CameraOptions,
-    RealsenseOptions,
-    RecordOptions,
-    Ros2Options,
-    SourceOptions,
-    SynthOptions,
-)
+from hsslam_node.sources.options.camera import CameraOptions, RealsenseOptions
+from hsslam_node.sources.options.source import RecordOptions, SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.run.options import ServeOptions

@@ -79,7 +79,8 @@ def _compile_the_rest() -> Iterator[str]:
     yield "the built-in room"
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
-    from hsslam_node.sources.options import SourceOptions, SynthOptions
+    from hsslam_node.sources.options.source import SourceOptions
+    from hsslam_node.sources.options.synth import SynthOptions
     from hsslam_node.sources.source import Frame
     from hsslam_node.synth.scenes.room import build_room
     from hsslam_node.synth.scenes.scene import Scene, Zone

@@ -10,7 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import mounting
 from hsslam_node.inertial.track import ImuTrack
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 
 IMU = "sensor_msgs/msg/Imu"

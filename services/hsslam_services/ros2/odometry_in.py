@@ -11,7 +11,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.odometry.track import OdometryTrack
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.ros2.header_stamp import header_stamp_ns
 
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -15,15 +15,10 @@ from hsslam_node.environment import DISPLAYS
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame, mounting
 from hsslam_node.odometry.noise import USUAL_NOISE
-from hsslam_node.sources.options import (
-    BagOptions,
-    CameraOptions,
-    RealsenseOptions,
-    RecordOptions,
-    Ros2Options,
-    SourceOptions,
-    SynthOptions,
-)
+from hsslam_node.sources.options.camera import CameraOptions, RealsenseOptions
+from hsslam_node.sources.options.source import RecordOptions, SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_services.run.exit_code import exit_code_help
 from hsslam_services.run.source_table import (
     comes_over_bus,

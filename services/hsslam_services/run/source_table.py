@@ -1,7 +1,7 @@
 """All sources of a run: the library's, those that need the bus or a log, and plugins; one row a kind."""
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import (
     SourceRow,

@@ -10,7 +10,7 @@ from hsslam_batch.plan.find_logs import find_logs, with_frames
 from hsslam_batch.plan.listing import list_folder
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def _found(root: Path, without: Path = Path("/nowhere")):

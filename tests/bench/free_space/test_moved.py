@@ -5,7 +5,8 @@ import pytest
 
 from hsslam_bench.free_space.former_place import FormerPlace
 from hsslam_bench.free_space.moved import freed, place_and_thing, true_poses
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _OPTIONS = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), stride=3)
 

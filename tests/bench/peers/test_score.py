@@ -12,7 +12,8 @@ from hsslam_node.evaluation.evaluate import Wanted
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from tests.few_samples import few_samples  # noqa: F401
 
 _ROOM = SourceOptions(frames=41, synth=SynthOptions(width_px=96, height_px=72))

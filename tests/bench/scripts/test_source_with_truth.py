@@ -4,7 +4,7 @@ import pytest
 
 from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def test_the_truth_is_of_the_frames_that_the_options_select() -> None:

@@ -8,7 +8,7 @@ from hsslam_bench.tables.plan import Job, RunResult
 from hsslam_bench.tables.result_file import ResultFile
 from hsslam_node.errors import UserError
 from hsslam_node.presets import PRESETS
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def _job(**changes) -> Job:

@@ -6,7 +6,8 @@ import pytest
 from hsslam_node.doctor.sample import take_sample
 from hsslam_node.doctor.stamps import recorded_stamps
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 SMALL = SynthOptions(width_px=64, height_px=48)
 

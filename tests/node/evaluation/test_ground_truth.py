@@ -10,7 +10,7 @@ import hsslam_node
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def test_tum_truth_is_paired_with_the_frames(tum_folder):

@@ -16,7 +16,7 @@ from hsslam_node.inertial.gravity import (
 from hsslam_node.inertial.gyro_bias import GyroBias
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.inertial.simulated import GYRO_BIAS, simulated_imu
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.synth import synth_truth
 
 _UP = np.array([0.0, 0.0, 1.0])

@@ -3,7 +3,8 @@
 import pytest
 
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.source import ReadsInTime, frames_in_time
 from tests.late_frames import expect_late_frames_left_out
 

@@ -1,7 +1,7 @@
 """Which frames of a live camera are used."""
 
 from hsslam_node.sources.live_selection import selected_live
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_node.sources.effects import KinectNoise, add_kinect_noise
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.replica import ReplicaSource
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import CameraOptions, SourceOptions
+from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 
 def test_opens_folders_by_kind(tum_folder, replica_folder):

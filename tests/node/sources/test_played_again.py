@@ -9,7 +9,8 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _SYNTH = SynthOptions(length=5, width_px=32, height_px=32)
 

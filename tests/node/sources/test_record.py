@@ -10,7 +10,8 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import CameraOptions, RecordOptions, SourceOptions
+from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import RecordOptions, SourceOptions
 from hsslam_node.sources.source import BadFrame
 from tests.late_frames import expect_late_frames_left_out
 from tests.sequence_folders import HEIGHT, WIDTH, frame_images

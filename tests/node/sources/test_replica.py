@@ -7,7 +7,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.replica import ReplicaFolder, ReplicaSource
 from hsslam_node.sources.source import BadFrame
 

@@ -3,7 +3,7 @@
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import Ros2Options
+from hsslam_node.sources.options.topics import Ros2Options
 
 
 def test_topics_are_below_the_camera_unless_they_say_otherwise():

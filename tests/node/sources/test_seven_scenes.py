@@ -11,7 +11,8 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import CameraOptions, SourceOptions
+from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.seven_scenes import SevenScenesSource
 from hsslam_node.sources.source import BadFrame
 from tests.late_frames import expect_late_frames_left_out

@@ -3,7 +3,8 @@
 import pytest
 
 from hsslam_node.errors import UserError
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 
 def test_selected_takes_every_nth_up_to_a_limit():

@@ -7,7 +7,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, associate, parse_stamp_ns, write_tum
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame
 from hsslam_node.sources.tum import TumFolder, TumSource, tum_truth
 from tests.sequence_folders import frame_images, write_tum_camera

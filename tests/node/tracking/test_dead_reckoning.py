@@ -13,7 +13,8 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.odometry.reading import OdometryReading
 from hsslam_node.odometry.simulated import simulated_odometry
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 from tests.small_room import SMALL, pose_error, room_frames, room_poses, with_black

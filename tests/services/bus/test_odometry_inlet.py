@@ -11,7 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.odometry.reading import OdometryReading
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import Report
 from hsslam_node.sources.synth import synth_truth
 from hsslam_proto import topics

@@ -15,7 +15,10 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import so3_exp
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import BagOptions, CameraOptions, SourceOptions, SynthOptions
+from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.options.topics import BagOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source
 from hsslam_services.camera.open_source import open_any_source

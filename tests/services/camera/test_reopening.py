@@ -11,7 +11,9 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import BagOptions, Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_node.sources.source import BadFrame
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus

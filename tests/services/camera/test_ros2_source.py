@@ -16,7 +16,9 @@ from hsslam_node.geometry.se3 import so3_exp, transform
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import Ros2Options, SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame
 from hsslam_services.bus.bus import free_endpoint

@@ -10,7 +10,8 @@ import pytest
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_message

@@ -6,7 +6,7 @@ import pytest
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_from_message

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hsslam_node.sources.options import SynthOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.messages import Frame, MapVersion

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances as true_distances
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.distance.arrays import T_world_raster, cells_of, slice_m
 from hsslam_proto.distance.assembled import AssembledDistances

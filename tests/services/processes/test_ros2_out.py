@@ -6,7 +6,8 @@ import pytest
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
 from hsslam_services.bus.bus import free_endpoint

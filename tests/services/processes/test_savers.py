@@ -16,7 +16,8 @@ from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.unsaved_marker import read_unsaved

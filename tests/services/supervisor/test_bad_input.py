@@ -12,7 +12,8 @@ import zenoh
 
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import topics
 from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.frame_codec import frame_message

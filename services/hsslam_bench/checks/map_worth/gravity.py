@@ -7,7 +7,7 @@ from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 
 _MOST_DEG = 0.5
 _UP = np.array([0.0, 0.0, 1.0])  # in the built-in scenes

@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.evaluate.options import EvalOptions
 from hsslam_services.commands.evaluate.subject import run_subject

@@ -7,7 +7,7 @@ from typing import Any
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Subject
 from hsslam_node.evaluation.evaluate_run import run_trajectories
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_proto import messages
 from hsslam_proto.topics import FRAME
 from hsslam_services.camera.open_source import open_any_source

@@ -11,7 +11,8 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_judge import given_views, load_mesh
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
 from hsslam_node.geometry.se3 import se3_exp
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 _SYNTH = SynthOptions(width_px=64, height_px=48)
 _OPTIONS = SourceOptions(frames=25, synth=_SYNTH)

@@ -11,7 +11,8 @@ from hsslam_node.evaluation.mesh.mesh_judge import given_views
 from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes, distances, sample_surface
 from hsslam_node.evaluation.mesh.visibility import Views
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 
 CAMERA = Camera(64, 48, 50.0, 50.0, 31.5, 23.5)
 

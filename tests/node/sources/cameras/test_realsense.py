@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.cameras.realsense import realsense_camera
-from hsslam_node.sources.options import RealsenseOptions
+from hsslam_node.sources.options.camera import RealsenseOptions
 from hsslam_services.camera.open_source import check_source_exists, open_any_source
 from hsslam_services.run.options import ServeOptions
 

@@ -10,7 +10,7 @@ from hsslam_node.sources.files.camera_file import (
     read_replica_camera,
     read_tum_camera,
 )
-from hsslam_node.sources.options import CameraOptions
+from hsslam_node.sources.options.camera import CameraOptions
 from tests.sequence_folders import write_tum_camera
 
 

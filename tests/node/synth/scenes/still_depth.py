@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.synth.rendering.renderer import Renderer
 from hsslam_node.synth.scenes.scene import Scene
 

@@ -7,7 +7,8 @@ import pytest
 
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.scenes.apartment import DOORS_M, apartment_poses, build_apartment
 from tests.node.synth.true_surface import clearance_m, depth_errors_m
 

@@ -6,7 +6,8 @@ import pytest
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.synth.rendering.scene_mesh import scene_mesh
 from hsslam_node.synth.scenes.chair_scene import build_chair_scene, chair_scene_poses
 from tests.node.synth.scenes.still_depth import still_depth

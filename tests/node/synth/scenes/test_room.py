@@ -7,7 +7,8 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.sources.open_source import open_source
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from tests.node.synth.back_projection import back_projected
 
 SYNTH = SynthOptions(width_px=160, height_px=120)

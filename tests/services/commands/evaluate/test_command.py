@@ -9,7 +9,8 @@ import pytest
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
-from hsslam_node.sources.options import SourceOptions, SynthOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import encode
 from hsslam_proto.pose_codec import wire_pose
