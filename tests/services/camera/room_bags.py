@@ -1,0 +1,23 @@
+"""The built-in room for bags, and bags opened as a source; alone because two test modules use it."""
+
+from pathlib import Path
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.source import Source
+from hsslam_services.camera.open_source import open_any_source
+
+ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120), frames=6)
+
+
+def whole_frames(source: Source, first: int = 0) -> list[Frame]:
+    frames = list(source.frames(first))
+    assert all(isinstance(frame, Frame) for frame in frames)
+    return [frame for frame in frames if isinstance(frame, Frame)]
+
+
+def opened(path: Path, units_per_m: float | None = None, **options) -> Source:
+    camera = CameraOptions(depth_scale=units_per_m)
+    return open_any_source(f"bag:{path}", SourceOptions(camera=camera, **options))
