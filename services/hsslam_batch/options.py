@@ -153,6 +153,10 @@ class RunOptions:
             raise UserError(
                 f"--metrics-file {self.metrics_file}: expected a name that ends in .prom"
             )
+        if self.metrics_file is not None and not self.metrics_file.absolute().parent.is_dir():
+            raise UserError(
+                f"--metrics-file {self.metrics_file}: no such folder: expected a file in one that exists"
+            )
         if self.parallel is not None and self.parallel < 1:
             raise UserError(f"--parallel {self.parallel}: expected 1 or more")
         _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb)

@@ -3,7 +3,7 @@
 import math
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,13 +24,16 @@ _LINE_EVERY_S = 60.0  # off a terminal
 class BatchProgress:
     """Shows and writes what happens; a line of `progress.jsonl` has the counts after its event.
 
+    If its files cannot be written later, a warning says so once for each reason: no log ends for it.
+
     Raises:
-        OSError: the folder or the store of the batch cannot be written.
+        OSError: the folder or the store of the batch cannot be written at the start.
     """
 
     def __init__(self, batch: Batch, tally: Tally, metrics_file: Path | None = None) -> None:
         self.tally = tally
         self._metrics = MetricsFile(metrics_file, batch.about)
+        self._metrics_name = str(metrics_file)
         self._batch = batch
         if batch.store is not None:
             before = batch.store.read_all([PROGRESS]).get(PROGRESS, b"")
@@ -41,6 +44,7 @@ class BatchProgress:
         self._bar = terminal_progress(*columns)
         self._task = self._bar.add_task("", total=tally.frames)
         self._said_s = time.monotonic()
+        self._unwritten: set[str] = set()  # reasons that were said
 
     def __enter__(self) -> "BatchProgress":
         self._bar.start()
@@ -56,14 +60,14 @@ class BatchProgress:
     ) -> None:
         self.look({})
         self._write("end")
-        self._metrics.write(self.tally, running=0)
+        self._try(self._metrics_name, lambda: self._metrics.write(self.tally, running=0))
         self._bar.stop()
         self._file.close()
 
     def look(self, frames: Mapping[str, int]) -> None:
         """Take in the frames of running logs, by id, and show how far it is."""
         self.tally.run(frames)
-        self._metrics.tick(self.tally, len(frames))
+        self._try(self._metrics_name, lambda: self._metrics.tick(self.tally, len(frames)))
         self._bar.update(
             self._task, completed=self.tally.frames_done, description=self.tally.line()
         )
@@ -98,7 +102,18 @@ class BatchProgress:
             line |= {name: getattr(outcome, name) for name in names}
         counts = ("logs", "done", "failed", "left", "tried_again", "frames", "frames_done")
         line |= {name: getattr(tally, name) for name in counts}
-        self._file.write(msgspec.json.encode(line | {"rest_s": tally.rest_s()}) + b"\n")
+        text = msgspec.json.encode(line | {"rest_s": tally.rest_s()}) + b"\n"
+        self._try(PROGRESS, lambda: self._file.write(text))
         if event == "end" or time.monotonic() - self._published_s >= _LINE_EVERY_S:
             self._published_s = time.monotonic()
-            self._batch.publish(PROGRESS)
+            self._try(PROGRESS, lambda: self._batch.publish(PROGRESS))
+
+    def _try(self, name: str, write: Callable[[], object]) -> None:
+        """Write what only reports."""
+        try:
+            write()
+        except OSError as error:
+            reason = f"{name}: {error.strerror or error}"
+            if reason not in self._unwritten:
+                self._unwritten.add(reason)
+                self.say(f"warning: {reason}: not written; the logs go on")

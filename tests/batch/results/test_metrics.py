@@ -40,6 +40,30 @@ def test_metrics_follow_the_counts(tmp_path: Path):
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["batch.prom"]
 
 
+def test_no_log_ends_for_files_of_progress_that_cannot_be_written(tmp_path: Path, capsys):
+    """The folder of the collector goes away, the store of the batch is closed to us."""
+    store = f"memory://{tmp_path.name}/batch"
+    batch = planned(tmp_path / "out", frames=(100, 200), url=store)
+    file = tmp_path / "collected" / "batch.prom"
+    file.parent.mkdir()
+    tally = Tally(read_manifest(batch.out), [])
+    with BatchProgress(batch, tally, file) as progress:
+        file.unlink()
+        file.parent.rmdir()
+        (batch.out / "progress.jsonl").unlink()  # reading it for the store fails
+        for index in range(2):
+            progress.settled(outcome(batch, index))
+    said = capsys.readouterr().err
+    assert said.count(f"warning: {file}: No such file or directory: not written") == 1
+    assert said.count("warning: progress.jsonl: No such file or directory: not written") == 1
+    assert (tally.done, tally.left) == (2, 0)
+
+
+def test_a_folder_of_metrics_that_is_not_there_is_refused_before_the_start(tmp_path: Path):
+    with pytest.raises(UserError, match=r"^--metrics-file .*: no such folder: expected a file in"):
+        RunOptions(metrics_file=tmp_path / "none" / "batch.prom")
+
+
 def test_a_file_that_the_collector_would_not_read_is_refused():
     with pytest.raises(UserError, match=r"^--metrics-file batch.txt: expected a name that ends in"):
         RunOptions(metrics_file=Path("batch.txt"))
