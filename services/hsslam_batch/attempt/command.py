@@ -12,7 +12,7 @@ from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
-from hsslam_batch.plan.batch import folder_of, read_batch
+from hsslam_batch.plan.batch import UnavailableError, folder_of, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
@@ -28,6 +28,14 @@ def work_command(args: Sequence[str]) -> int:
         UserError: no batch there, no such log, or other code than it was planned with.
     """
     options = parse_options(WorkOptions, "hsslam-batch work", args)
+    try:
+        return _work(options)
+    except UnavailableError as error:  # not bad input: another attempt may work
+        print(f"error: {error}", file=sys.stderr)
+        return _FAILED
+
+
+def _work(options: WorkOptions) -> int:
     before = None
     if is_remote := bool(folder_of(options.out)[1]):
         batch, before = look_up(options.out, options.index)

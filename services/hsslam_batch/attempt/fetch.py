@@ -4,10 +4,10 @@ python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB
 """
 
 import contextlib
+import errno
 import fcntl
 import shutil
 import sys
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,20 +17,20 @@ from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.find_logs import log_files
 from hsslam_batch.plan.listing import FileStamp
 from hsslam_batch.plan.log import Log, read_manifest
-from hsslam_batch.plan.remote_listing import list_url, open_store
+from hsslam_batch.plan.remote_listing import asked_listing, open_store
+from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import exit_code
 
 _PART_BYTES = 8 << 20  # of one request
-_TRIES = 6  # in a row without a byte
-_FIRST_WAIT_S = 0.2  # doubled after each
 _AT_ONCE = 8  # files
 _LOCK = ".lock"
 _WHOLE = ".whole"
 
 
 def main() -> int:
-    """Fetch; exit code 0 if the log is there, 2 if it is not what was planned or too large."""
+    """Fetch; exit code 0 if the log is there, 2 if it is not what was planned or too large, 1 if the store or
+    the disk fails now."""
     out, index, folder, most_gb = sys.argv[1:]
     return exit_code(lambda: _fetch(out, int(index), Path(folder), float(most_gb)))
 
@@ -44,8 +44,8 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
     """Bring all files of a log; those that are there are not fetched again.
 
     Raises:
-        UserError: the log is larger than `most_gb` or the room on the disk, or not as it was planned.
-        OSError: the store does not answer, try after try.
+        UserError: the log is larger than `most_gb`, or not as it was planned.
+        OSError: the store does not answer, try after try, or the disk has no room for it now.
     """
     if log.nbytes > 1e9 * most_gb:
         raise UserError(
@@ -53,7 +53,7 @@ def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
         )
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder):
-        listing = list_url(log.place)
+        listing = asked_listing(log.place)
         files = log_files(listing, listing.alone, log.kind)
         if listing.stamp(files, listing.alone) != FileStamp(log.nbytes, log.version):
             raise UserError(f"{log.place}: has changed since the plan: expected the same files")
@@ -98,15 +98,14 @@ def _part(store: Any, url: str, first: int, end: int) -> bytes:
     Raises:
         OSError: none came, try after try.
     """
-    wait_s = _FIRST_WAIT_S
-    for last in range(1, _TRIES + 1):
-        with contextlib.suppress(Exception) if last < _TRIES else contextlib.nullcontext():
-            data = store.cat_file(url, start=first, end=end)
-            if data:
-                return data
-        time.sleep(wait_s)
-        wait_s *= 2
-    raise OSError(f"{url}: no answer for bytes {first} to {end}")
+
+    def some() -> bytes:
+        data = store.cat_file(url, start=first, end=end)
+        if not data:
+            raise OSError(f"no answer for bytes {first} to {end}")
+        return data
+
+    return tried(url, some)
 
 
 def _expect_room(folder: Path, log: Log) -> None:
@@ -114,7 +113,8 @@ def _expect_room(folder: Path, log: Log) -> None:
     free = shutil.disk_usage(folder).free
     if log.nbytes - there > free:
         needed = (log.nbytes - there) / 1e9
-        raise UserError(f"{folder}: {free / 1e9:.2f} GB free: expected {needed:.2f} for {log.name}")
+        lack = f"{free / 1e9:.2f} GB free, {needed:.2f} needed for {log.name}"
+        raise OSError(errno.ENOSPC, lack, str(folder))
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 import contextlib
 import signal
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,13 @@ from hsslam_services.run.summary import read_summary
 _STATUS_LINE = "frame "
 
 
-def judged(end: End, limits: Limits, words: str) -> tuple[Kind, str]:
-    """What a command that has ended counts as, and why in one line if it failed; `words`: its last line."""
+def judged(
+    end: End, limits: Limits, words: str, meanings: Mapping[int, str] = MEANINGS
+) -> tuple[Kind, str]:
+    """What a command that has ended counts as, and why in one line if it failed.
+
+    `words`: its last line; `meanings`: of its exit codes.
+    """
     if end.why == "timeout":
         return "timeout", f"not done after {limits.timeout_s:g} s: ended (--timeout)"
     if end.why == "memory":
@@ -28,8 +34,8 @@ def judged(end: End, limits: Limits, words: str) -> tuple[Kind, str]:
     if end.code == ExitCode.BAD_INPUT:
         return "bad input", words
     if end.code != ExitCode.SAVED:
-        meaning = next((text for code, text in MEANINGS.items() if code == end.code), "")
-        return "crash", f"exit code {end.code} ({meaning}); {words}"
+        meaning = next((f" ({text})" for code, text in meanings.items() if code == end.code), "")
+        return "crash", f"exit code {end.code}{meaning}; {words}"
     return "done", ""
 
 

@@ -10,14 +10,16 @@ import msgspec
 
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.outcome import Outcome
-from hsslam_batch.plan.batch import Batch, mirrored_batch, read_batch
+from hsslam_batch.plan.batch import Batch, UnavailableError, mirrored_batch, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import exit_code
 
+_UNAVAILABLE = 3
+
 
 def main() -> int:
-    """Bring the plan here and print the row of a log, null if it has none."""
+    """Bring the plan here and print the row of a log, null if it has none; exit code 3 if the store fails."""
     out, index = sys.argv[1:]
     return exit_code(lambda: _look_up(out, int(index)))
 
@@ -26,22 +28,29 @@ def look_up(out: str, index: int) -> tuple[Batch, Outcome | None]:
     """The batch of a URL, its plan on this machine, and the row of a log; no such index: None.
 
     Raises:
-        UserError: no batch there, or the store fails.
+        UserError: no batch there.
+        UnavailableError: the store fails.
     """
     command = [sys.executable, "-P", "-m", "hsslam_batch.attempt.look_up", out, str(index)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode:
         words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        raise UserError(words[-1].removeprefix("error: "))
+        refusal = UnavailableError if done.returncode == _UNAVAILABLE else UserError
+        raise refusal(words[-1].removeprefix("error: "))
     return mirrored_batch(out), msgspec.json.decode(done.stdout, type=Outcome | None)
 
 
-def _look_up(out: str, index: int) -> None:
-    batch = read_batch(out)
-    logs = read_manifest(batch.out)[index : index + 1]
-    with batch.expect_writable():
-        found = [settled(batch, log.id) for log in logs]
+def _look_up(out: str, index: int) -> int:
+    try:
+        batch = read_batch(out)
+        logs = read_manifest(batch.out)[index : index + 1]
+        with batch.expect_writable():
+            found = [settled(batch, log.id) for log in logs]
+    except UnavailableError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return _UNAVAILABLE
     print(msgspec.json.encode(found[0] if found else None).decode())
+    return 0
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ from hsslam_services.arena.arena_folder import remove_arena
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 
+_OF_FETCH = {1: "the log could not be fetched"}
+
 
 class CancelledError(Exception):
     """The attempt was ended from outside; nothing of it counts."""
@@ -104,7 +106,7 @@ def _attempt(
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
-        kind, reason = judged(end, terms.limits, last_words(place.output))
+        kind, reason = judged(end, terms.limits, last_words(place.output), _OF_FETCH)
         if kind != "done":  # what has come stays for the next attempt
             return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))

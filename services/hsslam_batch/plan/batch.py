@@ -39,6 +39,10 @@ _FILE = "batch.json"
 _DIGEST_BYTES = 8
 
 
+class UnavailableError(UserError):
+    """The folder or the store of a batch fails now; the same command may work later."""
+
+
 class BatchFile(msgspec.Struct, frozen=True):
     """`batch.json`."""
 
@@ -113,13 +117,13 @@ class Batch:
         """In the block an OSError is that of a folder that cannot be written.
 
         Raises:
-            UserError: in its place.
+            UnavailableError: in its place.
         """
         try:
             yield
         except OSError as error:
             reason = error.strerror or str(error)
-            raise UserError(
+            raise UnavailableError(
                 f"{self.place}: {reason}: expected a folder that can be written"
             ) from None
 
@@ -177,7 +181,8 @@ def read_batch(out: str) -> Batch:
     """The batch of a folder or URL; of a URL its plan is brought here.
 
     Raises:
-        UserError: the folder holds none, or one of another version; the store fails.
+        UserError: the folder holds none, or one of another version.
+        UnavailableError: the store fails.
     """
     folder, url = folder_of(out)
     if url:
@@ -199,7 +204,7 @@ def _bring_plan(store: Store, folder: Path) -> None:
     try:
         found = store.read_all(names)
     except OSError as error:
-        raise UserError(f"{error}: expected a store that can be read") from None
+        raise UnavailableError(f"{error}: expected a store that can be read") from None
     for name in names:
         if name not in found:
             raise UserError(

@@ -3,6 +3,7 @@
 from typing import Any
 
 from hsslam_batch.plan.listing import FileStamp, Listing
+from hsslam_batch.plan.tried import tried
 from hsslam_node.errors import UserError
 
 _VERSIONS = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "updated", "created")
@@ -30,16 +31,26 @@ def open_store(url: str) -> tuple[Any, str]:
 
 
 def list_url(url: str) -> Listing:
+    """As `asked_listing`.
+
+    Raises:
+        UserError: there is none, or the store refuses it or does not answer.
+    """
+    try:
+        return asked_listing(url)
+    except OSError as error:
+        raise UserError(f"{error}: expected a URL that can be read") from None
+
+
+def asked_listing(url: str) -> Listing:
     """All files below a URL but hidden ones; a file is listed alone.
 
     Raises:
-        UserError: there is none, or the store refuses it.
+        UserError: there is none.
+        OSError: the store refuses it, or does not answer, try after try.
     """
     store, path = open_store(url)
-    try:
-        found = store.find(path, detail=True)
-    except OSError as error:
-        raise UserError(f"{url}: {error}: expected a URL that can be read") from None
+    found = tried(url, lambda: store.find(path, detail=True))
     root, prefix, alone = url.rstrip("/"), f"{path}/", ""
     if set(found) == {path}:
         root, _, alone = root.rpartition("/")

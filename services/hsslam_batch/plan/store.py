@@ -2,16 +2,14 @@
 
 import contextlib
 import functools
-import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
 from hsslam_batch.plan.remote_listing import open_store
+from hsslam_batch.plan.tried import tried
 
-_TRIES = 6  # of one request
-_FIRST_WAIT_S = 0.2  # doubled after each
 _AT_ONCE = 8  # files
 
 _Answer = TypeVar("_Answer")
@@ -104,17 +102,4 @@ class Store:
         return f"{self._root}/{name}"
 
     def _tried(self, name: str, request: Callable[[], _Answer]) -> _Answer:
-        """The answer to a request; what the file system itself raises is of many kinds."""
-        wait_s = _FIRST_WAIT_S
-        for last in range(1, _TRIES + 1):
-            try:
-                return request()
-            except (FileNotFoundError, FileExistsError, PermissionError):
-                raise
-            except Exception as error:
-                if last == _TRIES:
-                    reason = next(iter(str(error).splitlines()), type(error).__name__)
-                    raise OSError(f"{self.url}/{name}: {reason}") from error
-            time.sleep(wait_s)
-            wait_s *= 2
-        raise AssertionError
+        return tried(f"{self.url}/{name}", request)

@@ -10,7 +10,7 @@ import pytest
 
 from hsslam_batch.attempt.commit import all_settled, commit, settle_failed, settled
 from hsslam_batch.attempt.store_results import StoredOutcome
-from hsslam_batch.plan import store as store_module
+from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.report import report_command
@@ -32,7 +32,7 @@ def server() -> Iterator[tuple[str, Any]]:
 def plan(server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Batch]:
     """Plans a batch in the store, in a folder of this test."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(store_module, "_FIRST_WAIT_S", 0.01)
+    monkeypatch.setattr(tried, "_FIRST_WAIT_S", 0.01)
     reach(server[0], monkeypatch)
     url = f"s3://{BUCKET}/{tmp_path.name}"
     return lambda **options: planned(tmp_path / "here", url=url, **options)
@@ -112,7 +112,7 @@ def test_what_was_uploaded_in_part_does_not_count(plan, server, monkeypatch):
     batch.store.upload(run_dir, "runs/id0/1.0123abcd")  # and then its machine is lost
     left = _objects(server, batch, "runs/")
     assert len(left) == 4 and settled(batch, "id0") is None
-    monkeypatch.setattr(store_module, "_TRIES", 1)
+    monkeypatch.setattr(tried, "_TRIES", 1)
     with faulty(server[0], Faults(every=1, of_all=True)) as address:
         reach(address, monkeypatch)
         with pytest.raises(OSError, match=r"^s3://"):
@@ -145,7 +145,7 @@ def test_results_of_another_configuration_are_replaced(plan, server):
 def test_a_url_without_a_batch_is_one_line(plan, monkeypatch):
     with pytest.raises(UserError, match=r"^s3://fleet/none/manifest.parquet: no such file: exp"):
         read_batch(f"s3://{BUCKET}/none")
-    monkeypatch.setattr(store_module, "_TRIES", 1)
+    monkeypatch.setattr(tried, "_TRIES", 1)
     reach("http://127.0.0.1:9", monkeypatch)
     with pytest.raises(
         UserError, match=r"^s3://fleet/none/: .*: expected a store that can be read"

@@ -1,0 +1,32 @@
+"""A request to a store that is made again if it fails; alone because stores, listings and fetches use it."""
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+_TRIES = 6
+_FIRST_WAIT_S = 0.2  # doubled after each
+
+_Answer = TypeVar("_Answer")
+
+
+def tried(what: str, request: Callable[[], _Answer]) -> _Answer:
+    """The answer to a request; what the file systems of fsspec raise is of many kinds.
+
+    Raises:
+        OSError: no answer, try after try, with `what` in its text; at once if there is no such file, there is
+            one, or the store refuses it.
+    """
+    wait_s = _FIRST_WAIT_S
+    for last in range(1, _TRIES + 1):
+        try:
+            return request()
+        except (FileNotFoundError, FileExistsError, PermissionError):
+            raise
+        except Exception as error:
+            if last == _TRIES:
+                reason = next(iter(str(error).splitlines()), type(error).__name__)
+                raise OSError(f"{what}: {reason}") from error
+        time.sleep(wait_s)
+        wait_s *= 2
+    raise AssertionError
