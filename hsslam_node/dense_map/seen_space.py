@@ -141,7 +141,7 @@ class SeenSpace:
         if occupancy is None:
             grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
             self._information = np.zeros(grid.shape, np.float32, order="F")
-            self._occupancy = Occupancy(grid)
+            self._occupancy = Occupancy(grid, max_depth_m=self._max_depth_m)
             return self._occupancy
         before = occupancy.grid
         is_low, is_high = low < before.low, high > before.high

@@ -18,6 +18,7 @@ from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.compiled import njit
+from hsslam_node.presets import REALTIME
 
 _SLACK = 8  # a window moves when its wanted middle is this share of its side away
 _RECORD_BYTES = 8
@@ -33,16 +34,21 @@ class Occupancy:
         grid: of a frame of its own.
         T_grid_world: that of poses to that of the grid, [4, 4]; None: they are the same.
         far_m: farther measurements say that the way up to there is free, and nothing else.
+        max_depth_m: those beyond say nothing.
     """
 
     def __init__(
-        self, grid: VoxelGrid, T_grid_world: np.ndarray | None = None, far_m: float = 4.0
+        self,
+        grid: VoxelGrid,
+        T_grid_world: np.ndarray | None = None,
+        far_m: float = 4.0,
+        max_depth_m: float = REALTIME.mapper.max_depth_m,
     ) -> None:
         if not far_m > 0:
             raise UserError(f"far_m = {far_m}: expected metres above 0")
         self.grid = grid
         self.T_grid_world = np.eye(4) if T_grid_world is None else np.array(T_grid_world)
-        self._far_m = far_m
+        self._far_m, self._max_depth_m = far_m, max_depth_m
         self._evidence = np.zeros(grid.shape[::-1], np.int8)  # [nz, ny, nx]
         self._surface = np.zeros((*grid.shape[::-1], _RECORD_BYTES), np.int8)
         self._touched: Touched | None = None
@@ -60,7 +66,7 @@ class Occupancy:
             stride_px: step between the pixels that are looked at, both ways; it should leave a voxel that
                 is `far_m` away two pixels or more.
         """
-        image = depth_extremes(depth_m, camera, stride_px)
+        image = depth_extremes(depth_m, camera, stride_px, self._max_depth_m)
         if self._touched is None or len(self._touched.voxel) <= image.depth.size:
             self._touched = touched(self._evidence.shape, image.depth.size)
         marks, voxel_m, far_m = self._touched, self.grid.voxel_m, self._far_m

@@ -12,6 +12,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.meshing.observed_space import surface_shift_m
+from hsslam_node.presets import REALTIME
 
 SIZE_M = (10.0, 10.0, 2.5)
 _BELOW = 0.05  # of the height, below the floor
@@ -34,6 +35,7 @@ class RollingWindow:
             level frame but for its height; without one, up and the axes are those of the floor that they saw.
         size_m: along x, y and z.
         voxel_m: side of a voxel.
+        max_depth_m: measurements beyond say nothing.
     """
 
     def __init__(
@@ -41,25 +43,35 @@ class RollingWindow:
         store: KeyframeStore,
         size_m: tuple[float, float, float] = SIZE_M,
         voxel_m: float = VOXEL_M,
+        max_depth_m: float = REALTIME.mapper.max_depth_m,
     ) -> None:
         self._store = store
-        self._size_m, self._voxel_m = size_m, voxel_m
+        self._size_m, self._voxel_m, self._max_depth_m = size_m, voxel_m, max_depth_m
         self._looked_at = 0  # keyframes that there were when the floor was last looked for
         self._pose_version = -1
+        self._marked_version = -1  # of the poses that it was last marked anew at
         self._marked_at: OrderedDict[int, np.ndarray] = OrderedDict()  # T_world_cam of keyframes
         self.floor: FloorPlane | None = None
         self.occupancy: Occupancy | None = None
 
     def take(
-        self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, keyframe: int
+        self,
+        depth_m: np.ndarray,
+        camera: Camera,
+        T_world_cam: np.ndarray,
+        keyframe: int,
+        pose_version: int | None = None,
     ) -> Occupancy:
         """Take in a frame; returns what is known then.
+
+        A frame whose pose is from before the correction that the window was marked anew for is left out.
 
         Args:
             depth_m: [H, W] float32, planar, 0 = no measurement.
             camera: undistorted.
             T_world_cam: [4, 4].
             keyframe: id of the one that the frame was tracked from; below 0: none.
+            pose_version: of the store when the frame was tracked; None: now.
         """
         has_new_floor = self._look_for_floor()
         occupancy = self.occupancy
@@ -67,6 +79,8 @@ class RollingWindow:
             occupancy = self._marked_anew(T_world_cam)
         else:
             occupancy.move_to(self._middle(T_world_cam))
+        if pose_version is not None and pose_version < self._marked_version:
+            return occupancy
         occupancy.observe(depth_m, camera, T_world_cam, _stride_px(camera))
         if 0 <= keyframe < self._store.count:
             self._remember(keyframe, self._store.pose(keyframe))
@@ -113,9 +127,11 @@ class RollingWindow:
         height_m = (0.5 - _BELOW) * self._size_m[2]
         middle = self.T_floor_world @ T_world_cam[:, 3]
         grid = VoxelGrid.around(np.array([*middle[:2], height_m]), self._size_m, self._voxel_m)
-        occupancy = self.occupancy = Occupancy(grid, self.T_floor_world)
+        occupancy = self.occupancy = Occupancy(
+            grid, self.T_floor_world, max_depth_m=self._max_depth_m
+        )
         self._marked_at.clear()
-        self._pose_version = self._store.pose_version
+        self._pose_version = self._marked_version = self._store.pose_version
         keyframes = keyframes_of_store(self._store)
         for k in self._within(grid, keyframes)[-_MOST_KEYFRAMES:].tolist():
             depth_m, T = keyframes.views[k]

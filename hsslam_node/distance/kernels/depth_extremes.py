@@ -31,12 +31,17 @@ class DepthExtremes(NamedTuple):
     cy: float
 
 
-def depth_extremes(depth_m: np.ndarray, camera: Camera, stride_px: int) -> DepthExtremes:
-    """Of every stride-th pixel of depth [H, W] m, taken by a camera without a lens."""
+def depth_extremes(
+    depth_m: np.ndarray, camera: Camera, stride_px: int, max_depth_m: float
+) -> DepthExtremes:
+    """Of every stride-th pixel of depth [H, W] m, taken by a camera without a lens.
+
+    A pixel beyond `max_depth_m` is a hole: some cameras write 65535 where they measured nothing.
+    """
     chosen = depth_m[::stride_px, ::stride_px]
     h, w = chosen.shape
     padded = np.zeros((h + 2, w + 2), np.float32)
-    padded[1:-1, 1:-1] = chosen
+    np.copyto(padded[1:-1, 1:-1], chosen, where=chosen <= np.float32(max_depth_m))
     depth, bounded = np.empty((2, h, w), np.float32)
     _without_flying(padded, depth)
     _bound_flying(padded, depth, bounded)

@@ -98,11 +98,12 @@ class _DistancesLoop:
         self, store: KeyframeStore, depth_raw: np.ndarray, image: Frame, pose: Pose
     ) -> None:
         if self._window is None:
-            self._window = RollingWindow(store)
+            reach_m = self._worker.options.slam.mapper.max_depth_m
+            self._window = RollingWindow(store, max_depth_m=reach_m)
         depth_m = depth_raw * np.float32(1 / image.depth_units_per_m)
         camera = Camera(image.width_px, image.height_px, image.fx, image.fy, image.cx, image.cy)
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
-        known = self._window.take(depth_m, camera, T_world_cam, pose.keyframe)
+        known = self._window.take(depth_m, camera, T_world_cam, pose.keyframe, pose.pose_version)
         floor = self._window.floor
         assert floor is not None
         self._tell_of(floor)

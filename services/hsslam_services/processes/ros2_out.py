@@ -79,6 +79,7 @@ class Ros2Out:
         self._robot = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._link = SharedMap(worker.arena, worker.options.slam)
+        self._max_depth_m = worker.options.slam.mapper.max_depth_m
         self._images: WaitingFrames | None = None
         self._clock = StampClock()
         if not self._has_ros_stamps:
@@ -185,7 +186,7 @@ class Ros2Out:
         if message is None:
             return
         self._next_points_s = now_s + _POINTS_S
-        points, colors = depth_points(frame_from_message(message), _MOST_POINTS)
+        points, colors = depth_points(frame_from_message(message), _MOST_POINTS, self._max_depth_m)
         self._points.put(self._messages.cloud(self._stamp_ns(pose), CAMERA, points, colors))
 
     def _stamp_ns(self, pose: Pose) -> int:

@@ -14,9 +14,12 @@ def test_they_are_never_more_than_wanted(size):
     camera = Camera(width_px, height_px, fx=500.0, fy=510.0, cx=width_px / 2, cy=height_px / 3)
     depth = np.full((height_px, width_px), 2000, np.uint16)
     depth[:, : width_px // 4] = 0
+    depth[: height_px // 4] = 65535  # as some cameras write that they measured nothing
     color = np.zeros((height_px, width_px, 3), np.uint8)
     color[..., 0] = np.arange(height_px)[:, None] % 256
-    points, colors = depth_points(Frame(0, 0, camera, color, depth, 1000.0), 20_000)
+    points, colors = depth_points(
+        Frame(0, 0, camera, color, depth, 1000.0), 20_000, max_depth_m=12.0
+    )
     assert 0.3 * min(20_000, width_px * height_px) < len(points) <= 20_000
     assert (points[:, 2] == 2.0).all()
     u = 500.0 * points[:, 0] / points[:, 2] + camera.cx
