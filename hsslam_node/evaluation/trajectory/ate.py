@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hsslam_node.evaluation.trajectory.mean_transform import mean_transform
 from hsslam_node.geometry.se3 import transformed
 from hsslam_node.geometry.trajectory import Trajectory, associate
+
+_NARROW_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class AteResult:
     max_m: float
     scored: int
     expected: int
-    T_truth_estimate: np.ndarray  # [4, 4], maps the estimate's world to the truth's
+    T_truth_estimate: np.ndarray  # [4, 4], maps the estimate's world to the truth's; see `ate`
     stamps_ns: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # [scored]
     errors_m: np.ndarray = field(default_factory=lambda: np.zeros(0))  # [scored], in order of time
 
@@ -30,7 +33,10 @@ class AteResult:
 def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteResult:
     """Error over all frames after one rigid alignment without scale (Horn 1987; TUM protocol).
 
-    Poses are paired by stamp, the closest first, at most `max_dt_s` apart.
+    Poses are paired by stamp, the closest first, at most `max_dt_s` apart. `T_truth_estimate` is this
+    alignment. If the path is narrower than 10 cm (RMS across its longest axis), as of a camera that walks
+    straight, turns or stands still, its positions tell too little of the rotation; then it is the mean of
+    the poses' transforms.
     """
     source, target = associated(estimate, truth, max_dt_s)
     expected = len(truth)
@@ -40,13 +46,14 @@ def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteR
     T = align(source.positions, target.positions)
     moved = transformed(T, source.positions)
     errors = np.linalg.norm(moved - target.positions, axis=1)
+    is_wide = _width_m(target.positions) >= _NARROW_M
     return AteResult(
         rmse_m=float(np.sqrt(np.mean(errors**2))),
         mean_m=float(errors.mean()),
         max_m=float(errors.max()),
         scored=len(source),
         expected=expected,
-        T_truth_estimate=T,
+        T_truth_estimate=T if is_wide else mean_transform(source.T_world_cam, target.T_world_cam),
         stamps_ns=target.stamps_ns,
         errors_m=errors,
     )
@@ -75,6 +82,12 @@ def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     T[:3, :3] = rotation.as_matrix()
     T[:3, 3] = target_mean - T[:3, :3] @ source_mean
     return T
+
+
+def _width_m(positions: np.ndarray) -> float:
+    """RMS extent of points [n, 3] along the second longest of their axes."""
+    centred = positions - positions.mean(axis=0)
+    return float(np.linalg.svd(centred, compute_uv=False)[1] / np.sqrt(len(centred)))
 
 
 def _pairs(estimate: Trajectory, truth: Trajectory, max_dt_s: float) -> list[tuple[int, int]]:
