@@ -8,13 +8,14 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 _END = object()
 _POLL_S = 0.2
+_CLOSE_S = 5.0  # an item may take longer, as a log that is read up to the frame to go on with
 
 
 class Prefetch(Generic[T]):
     """Iterate over `items`, computed up to `depth` ahead; an error of theirs is raised here.
 
-    `close` lets the thread go when the consumer stops early. `waiting` is called several times a second
-    while the next item is not there; if it returns True, the iteration ends.
+    `close` lets the thread go when the consumer stops early, and waits some seconds for it. `waiting` is
+    called several times a second while the next item is not there; if it returns True, the iteration ends.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class Prefetch(Generic[T]):
 
     def close(self) -> None:
         self._closed.set()
-        self._thread.join()
+        self._thread.join(_CLOSE_S)
 
     def _run(self, items: Iterable[T]) -> None:
         try:

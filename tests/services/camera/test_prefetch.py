@@ -1,10 +1,12 @@
 """Running ahead, by a bounded number, with errors handed over."""
 
+import threading
 import time
 from collections.abc import Callable
 
 import pytest
 
+from hsslam_services.camera import prefetch
 from hsslam_services.camera.prefetch import Prefetch
 
 
@@ -43,6 +45,21 @@ def test_error_of_the_items_is_raised_behind_what_came_before():
     assert next(ahead) == 1
     with pytest.raises(ValueError, match="broken"):
         next(ahead)
+
+
+def test_close_does_not_wait_for_an_item_that_takes_minutes(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(prefetch, "_CLOSE_S", 0.1)
+    minutes = threading.Event()
+
+    def slow():
+        minutes.wait(600)
+        yield 0
+
+    ahead = Prefetch(slow(), depth=2)
+    start_s = time.monotonic()
+    ahead.close()
+    assert time.monotonic() - start_s < 60
+    minutes.set()
 
 
 def test_close_ends_the_thread_of_an_endless_source():
