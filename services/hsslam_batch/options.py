@@ -166,8 +166,8 @@ class RunOptions:
 class ReportOptions:
     """Writes runs.parquet, a row a log, shows sums, costs and the worst logs; with --against what changed.
 
-    A log got worse if its value grew by more than --noise, and by more than what is too small to matter. Logs
-    are compared by name.
+    A log got worse if its value grew by more than --noise, and by more than what is too small to matter,
+    or if it has no value any more. Logs are compared by name.
 
     Exit codes: 0 if no log got worse, 1 if some did, 2 if the input is bad.
 

@@ -46,12 +46,16 @@ class Pair:
 
 @dataclass(frozen=True)
 class Change:
-    """One figure over all logs that have it in both batches. `worse`: by ratio, the worst first."""
+    """One figure over all logs that have it in both batches. `worse`: by ratio, the worst first.
+
+    `gone`: names of logs that are done in both batches and have the figure in the first alone.
+    """
 
     figure: Figure
     pairs: Sequence[Pair]
     worse: Sequence[Pair]
     better: int
+    gone: Sequence[str]
 
     @property
     def median_ratio(self) -> float | None:
@@ -65,16 +69,15 @@ def compare(before: Sequence[Row], after: Sequence[Row], noise: float) -> list[C
     earlier = {row["name"]: row for row in before if row["kind"] == "done"}
     changes = []
     for figure in FIGURES:
-        pairs = [
-            Pair(row["name"], float(old[figure.column]), float(row[figure.column]))
-            for row in after
-            if row["kind"] == "done" and (old := earlier.get(row["name"]))
-            if _is_known(old[figure.column]) and _is_known(row[figure.column])
-        ]
+        had = {n: old[figure.column] for n, old in earlier.items() if _is_known(old[figure.column])}
+        has = {row["name"]: row[figure.column] for row in after if row["kind"] == "done"}
+        both = [name for name in has if name in had]
+        pairs = [Pair(n, float(had[n]), float(has[n])) for n in both if _is_known(has[n])]
+        gone = [name for name in both if not _is_known(has[name])]
         worse = [pair for pair in pairs if _is_beyond(pair.before, pair.after, figure, noise)]
         better = sum(_is_beyond(pair.after, pair.before, figure, noise) for pair in pairs)
         worse.sort(key=lambda pair: (-pair.ratio, pair.name))
-        changes.append(Change(figure, pairs, worse, better))
+        changes.append(Change(figure, pairs, worse, better, gone))
     return changes
 
 

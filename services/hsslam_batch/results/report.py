@@ -106,11 +106,9 @@ def _show_changes(
 ) -> int:
     failed = newly_failed(before, after)
     table = Table("figure", "logs", "median of after / before", "better", "worse", "worst of these")
-    is_worse = bool(failed)
     for change in changes:
         if change.median_ratio is None:
             continue
-        is_worse = is_worse or bool(change.worse)
         scale = change.figure.scale
         shown = [
             f"{pair.name} {scale * pair.before:.4g} -> {scale * pair.after:.4g}"
@@ -125,6 +123,9 @@ def _show_changes(
             "\n".join(shown),
         )
     _print(table, console)
+    for change in changes:
+        if change.gone:
+            console.print(_gone_line(change, options.worst), soft_wrap=True)
     for row in failed[: options.worst]:
         console.print(
             f"{row['name']}: was done, now {row['kind']}: {row['reason']}", soft_wrap=True
@@ -132,4 +133,11 @@ def _show_changes(
     only = {row["name"] for row in before} ^ {row["name"] for row in after}
     if only:
         console.print(f"{len(only)} logs are in one of the two batches only")
+    is_worse = failed or any(change.worse or change.gone for change in changes)
     return _WORSE if is_worse else 0
+
+
+def _gone_line(change: Change, most: int) -> str:
+    have = "1 log has" if len(change.gone) == 1 else f"{len(change.gone)} logs have"
+    names = ", ".join(change.gone[:most]) + (", ..." if len(change.gone) > most else "")
+    return f"{have} no {change.figure.title.partition(',')[0]} any more: {names}"

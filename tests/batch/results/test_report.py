@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
 
 
-def _batch(out: Path, ates_m: tuple[float, ...], lost: int = 0) -> Batch:
+def _batch(out: Path, ates_m: tuple[float | None, ...], lost: int = 0) -> Batch:
     batch = planned(out, frames=(100,) * len(ates_m))
     for k, ate_m in enumerate(ates_m):
         row = outcome(batch, k, frames=100, tracked=100 - lost, lost=lost, ate_m=ate_m, core_s=5.0)
@@ -111,6 +111,20 @@ def test_a_log_that_got_worse_ends_with_1(tmp_path: Path, capsys: pytest.Capture
     assert "log3: was done, now crash: killed by SIGSEGV" in shown
     with pytest.raises(UserError, match="--noise -1: expected a fraction"):
         report_command([str(worse.out), "--noise", "-1"])
+
+
+def test_a_figure_that_is_gone_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    before = _batch(tmp_path / "a", (0.01, 0.02, None))
+    without = _batch(tmp_path / "b", (None, None, None))
+    assert report_command([str(without.out), "--against", str(before.out), "--worst", "1"]) == 1
+    shown = capsys.readouterr().out
+    assert "2 logs have no ATE any more: log0, ...\n" in shown and "consistency" not in shown
+    assert report_command([str(before.out), "--against", str(without.out)]) == 0
+    without.done_file("id1").unlink()
+    settle_failed(without, outcome(without, 1, "crash"))
+    assert report_command([str(without.out), "--against", str(before.out)]) == 1
+    shown = capsys.readouterr().out
+    assert "1 log has no ATE any more: log0\n" in shown and "log1: was done" in shown
 
 
 def test_what_is_beyond_noise():
