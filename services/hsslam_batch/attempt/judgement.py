@@ -18,7 +18,10 @@ _STATUS_LINE = "frame "
 
 
 def judged(
-    end: End, limits: Limits, words: str, meanings: Mapping[int, str] = MEANINGS
+    end: End,
+    limits: Limits,
+    words: str,
+    meanings: Mapping[ExitCode, str] | Mapping[int, str] = MEANINGS,
 ) -> tuple[Kind, str]:
     """What a command that has ended counts as, and why in one line if it failed.
 
