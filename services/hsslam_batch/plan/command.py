@@ -11,7 +11,7 @@ from hsslam_batch.plan.batch import folder_of, write_batch
 from hsslam_batch.plan.find_logs import find_logs, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.log import write_manifest
-from hsslam_batch.plan.remote_listing import is_url, list_url
+from hsslam_batch.plan.remote_listing import list_url
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
@@ -37,8 +37,8 @@ def plan_command(args: Sequence[str]) -> None:
         raise UserError(f"plan {' '.join(args)}: expected LOGS --out OUT")
     serve = run_options(of_serve)
     out, url = folder_of(options.out)
-    place = url or out
-    found = find_logs(_listing(options.logs, out))
+    place = url or str(out)
+    found = find_logs(_listing(options.logs, place))
     columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
     with terminal_progress(*columns) as progress:
         counting = with_frames(found, serve.source_options)
@@ -82,10 +82,10 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
     return replace(given, pace="lockstep", viewer="none", map=saved, mask=mask)
 
 
-def _listing(logs: str, out: Path) -> Listing:
-    if is_url(logs):
-        return list_url(logs)
-    return list_folder(user_path(logs).absolute(), without=out)
+def _listing(logs: str, place: str) -> Listing:
+    """All files below LOGS but those of the batch."""
+    folder, url = folder_of(logs)
+    return list_url(url, without=place) if url else list_folder(folder, without=place)
 
 
 def _names(args: Sequence[str], flag: str) -> bool:

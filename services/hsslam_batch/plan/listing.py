@@ -104,10 +104,11 @@ class ListedPath:
         return (self / name for name in names if fnmatch.fnmatchcase(name, pattern))
 
 
-def list_folder(root: Path, without: Path) -> Listing:
-    """All files below a folder of this machine but hidden ones and those below `without`.
+def list_folder(root: Path, without: str) -> Listing:
+    """All files below a folder of this machine but hidden ones and those below the folder `without`.
 
-    Links to folders are not followed. A file as `root` is listed alone.
+    Links to folders are not followed, but `root` and `without` may lead through some. A file as `root`
+    is listed alone.
 
     Raises:
         UserError: there is no such folder, or it cannot be read.
@@ -119,9 +120,10 @@ def list_folder(root: Path, without: Path) -> Listing:
     except OSError as error:
         raise UserError(f"{root}: {error.strerror}: expected a folder with logs") from None
     files = {}
+    own = root / os.path.relpath(os.path.realpath(without), os.path.realpath(root))
     for folder, folders, names in os.walk(root):
         here = Path(folder)
-        folders[:] = sorted(n for n in folders if n[0] != "." and here / n != without)
+        folders[:] = sorted(n for n in folders if n[0] != "." and here / n != own)
         for name in sorted(names):
             if name[0] != "." and (here / name).is_file():
                 files[(here / name).relative_to(root).as_posix()] = _stamp(here / name)

@@ -30,20 +30,20 @@ def open_store(url: str) -> tuple[Any, str]:
     return store, path.rstrip("/")
 
 
-def list_url(url: str) -> Listing:
+def list_url(url: str, without: str = "") -> Listing:
     """As `asked_listing`.
 
     Raises:
         UserError: there is none, or the store refuses it or does not answer.
     """
     try:
-        return asked_listing(url)
+        return asked_listing(url, without)
     except OSError as error:
         raise UserError(f"{error}: expected a URL that can be read") from None
 
 
-def asked_listing(url: str) -> Listing:
-    """All files below a URL but hidden ones; a file is listed alone.
+def asked_listing(url: str, without: str = "") -> Listing:
+    """All files below a URL but hidden ones and those below `without`; a file is listed alone.
 
     Raises:
         UserError: there is none.
@@ -52,13 +52,14 @@ def asked_listing(url: str) -> Listing:
     store, path = open_store(url)
     found = tried(url, lambda: store.find(path, detail=True))
     root, prefix, alone = url.rstrip("/"), f"{path}/", ""
+    own = _below(without, store, prefix)
     if set(found) == {path}:
         root, _, alone = root.rpartition("/")
         prefix = path.removesuffix(alone)
     files = {
         name.removeprefix(prefix): FileStamp(int(about["size"]), _version(about))
         for name, about in sorted(found.items())
-        if name.startswith(prefix)
+        if name.startswith(prefix) and not name.startswith(own)
     }
     shown = {
         name: stamp
@@ -68,6 +69,14 @@ def asked_listing(url: str) -> Listing:
     if not shown:
         raise UserError(f"{url}: no files below: expected logs")
     return Listing(root, shown, alone)
+
+
+def _below(url: str, store: Any, prefix: str) -> tuple[str, ...]:
+    """How the names below a URL begin in this store; empty if they do not begin with the prefix."""
+    if not url:
+        return ()
+    other, path = open_store(url)
+    return (f"{path}/",) if type(other) is type(store) and path.startswith(prefix) else ()
 
 
 def _version(about: dict[str, Any]) -> str:

@@ -11,8 +11,10 @@ import pytest
 from hsslam_batch.attempt import fetch
 from hsslam_batch.attempt.fetch import fetch_log, fetched_place
 from hsslam_batch.plan import tried
+from hsslam_batch.plan.batch import read_batch
+from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.find_logs import find_logs
-from hsslam_batch.plan.log import Log
+from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.plan.remote_listing import list_url
 from hsslam_node.errors import UserError
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
@@ -69,6 +71,19 @@ def test_logs_in_a_store_are_found_as_in_a_folder(store):
         list_url(f"s3://{BUCKET}/nothing")
     with pytest.raises(UserError, match=r"^ftq://a: .*expected a URL as s3://"):
         list_url("ftq://a")
+
+
+def test_results_of_the_batch_are_no_logs(store, tmp_path: Path, monkeypatch):
+    client, _, _ = store
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    out = f"s3://{BUCKET}/fleet/tonight"
+    for name in ("day/run.mcap", "tonight/runs/0/1.0/run.mcap", "tonight2/run.mcap"):
+        client.put_object(Bucket=BUCKET, Key=f"fleet/{name}", Body=b"a log")
+    plan_command([f"s3://{BUCKET}/fleet/", "--out", f"{out}/"])
+    names = [log.name for log in read_manifest(read_batch(out).out)]
+    assert names == ["day", "tonight2"]
+    (only,) = find_logs(list_url(f"{out}/runs", without=out))  # asked for: OUT is above it
+    assert only.name == "0/1.0"
 
 
 def test_a_log_comes_whole_in_spite_of_faults(store, tmp_path: Path, monkeypatch):

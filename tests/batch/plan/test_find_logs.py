@@ -14,7 +14,7 @@ from hsslam_node.sources.options.source import SourceOptions
 
 
 def _found(root: Path, without: Path = Path("/nowhere")):
-    return find_logs(list_folder(root, without))
+    return find_logs(list_folder(root, str(without)))
 
 
 @pytest.fixture

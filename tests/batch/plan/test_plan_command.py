@@ -49,6 +49,16 @@ def test_the_hash_follows_the_options_and_not_the_folder(logs: Path, tmp_path: P
     )
 
 
+def test_results_of_the_batch_are_no_logs_whatever_path_leads_to_them(logs: Path, tmp_path: Path):
+    write_small_log(logs / "out" / "runs" / "id0", count=1)
+    (tmp_path / "link").symlink_to(logs)
+    for root, out in ((logs, logs / "out"), (logs, "link/out"), ("link", logs / "out")):
+        batch = _plan(tmp_path / root, tmp_path / out)
+        assert [log.name for log in read_manifest(batch.out)] == ["log0", "log1"]
+    plan_command([logs.as_uri(), "--out", str(tmp_path / "link/out")])
+    assert read_manifest(batch.out)[0].place == str(logs / "log0")
+
+
 @pytest.mark.parametrize(
     ("options", "line"),
     [
