@@ -53,6 +53,8 @@ class WorkOptions:
     """Row of the log in the manifest, from 0."""
     attempt: int = 1
     """Number of this attempt at the log."""
+    retries: int = 0
+    """Attempts that may follow the first: what a failed fetch has brought stays for the next."""
     timeout_s: float | None = None
     """Seconds that the run may take (none: no limit)."""
     memory_gb: float | None = None
@@ -71,6 +73,8 @@ class WorkOptions:
             raise UserError(f"--index {self.index}: expected 0 or more")
         if self.attempt < 1:
             raise UserError(f"--attempt {self.attempt}: expected 1 or more")
+        if self.retries < 0:
+            raise UserError(f"--retries {self.retries}: expected 0 or more")
         _expect_limits(self.timeout_s, self.memory_gb, self.fetch_gb)
 
 

@@ -53,7 +53,7 @@ def _work(options: WorkOptions) -> int:
         return 0
     cancel_fds = [_signalled()] + ([sys.stdin.fileno()] if options.tied else [])
     limits = Limits(options.timeout_s, options.memory_gb)
-    terms = Terms(options.attempt, limits, options.scratch, options.fetch_gb)
+    terms = Terms(options.attempt, options.retries, limits, options.scratch, options.fetch_gb)
     last = 0
 
     def tell_frames(frames: int) -> None:

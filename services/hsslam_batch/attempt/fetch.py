@@ -40,6 +40,12 @@ def fetched_place(folder: Path, log: Log) -> Path:
     return folder / log.place.rstrip("/").rpartition("/")[2]
 
 
+def remove_fetched(folder: Path) -> None:
+    """Remove what was fetched to a folder, unless another process fetches to it."""
+    with contextlib.suppress(OSError), _alone(folder):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
     """Bring all files of a log; those that are there are not fetched again.
 

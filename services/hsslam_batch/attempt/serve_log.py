@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hsslam_batch.attempt.commit import commit, settle_failed
-from hsslam_batch.attempt.fetch import fetched_place
+from hsslam_batch.attempt.fetch import fetched_place, remove_fetched
 from hsslam_batch.attempt.judgement import (
     judged,
     judged_frames,
@@ -19,7 +19,7 @@ from hsslam_batch.attempt.judgement import (
     selected_frames,
     summary_of,
 )
-from hsslam_batch.attempt.outcome import Outcome, figures
+from hsslam_batch.attempt.outcome import Outcome, figures, may_try_again
 from hsslam_batch.attempt.watched_process import End, Limits, watch
 from hsslam_batch.plan.batch import Batch
 from hsslam_batch.plan.log import Log
@@ -38,9 +38,13 @@ class CancelledError(Exception):
 
 @dataclass(frozen=True)
 class Terms:
-    """On which terms an attempt is made. `scratch`: where logs are fetched to (None: into the batch)."""
+    """On which terms an attempt is made. `scratch`: where logs are fetched to (None: into the batch).
+
+    `retries`: how many attempts may follow the first; a fetch that failed is kept for them.
+    """
 
     attempt: int = 1
+    retries: int = 0
     limits: Limits = dataclasses.field(default_factory=Limits)
     scratch: Path | None = None
     fetch_gb: float = 100.0
@@ -63,6 +67,12 @@ class Place:
         return self.folder / "output.txt"
 
 
+def place_of(batch: Batch, log: Log, terms: Terms) -> Place:
+    """The place of an attempt; all attempts of a batch at a log fetch to one folder, no other batch does."""
+    fetched = (terms.scratch or batch.work) / f"{batch.key}.{log.id}.log"
+    return Place(batch.work / f"{log.id}.{terms.attempt}", fetched)
+
+
 def serve_log(
     batch: Batch,
     log: Log,
@@ -76,12 +86,12 @@ def serve_log(
         CancelledError: one of `cancel_fds` could be read before the end.
         OSError: the folder of the batch cannot be written.
     """
-    fetched = (terms.scratch or batch.work) / f"{log.id}.log"
-    place = Place(batch.work / f"{log.id}.{terms.attempt}", fetched)
+    place = place_of(batch, log, terms)
     shutil.rmtree(place.folder, ignore_errors=True)
     place.folder.mkdir(parents=True)
     try:
-        outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames)
+        with contextlib.ExitStack() as at_end:
+            outcome = _attempt(batch, log, terms, place, cancel_fds, on_frames, at_end)
         if outcome.is_done:
             commit(batch, outcome, place.run_dir)
         else:
@@ -98,32 +108,33 @@ def _attempt(
     place: Place,
     cancel_fds: Sequence[int],
     on_frames: Callable[[int], None],
+    at_end: contextlib.ExitStack,
 ) -> Outcome:
-    """Fetch and run the log."""
+    """Fetch and run the log; `at_end`: takes what removes what is not to stay."""
     started_ns, fetch_s = time.time_ns(), 0.0
     here = log
     if is_url(log.place):
+        at_end.callback(remove_fetched, place.fetched)
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
         kind, reason = judged(end, terms.limits, last_words(place.output), _OF_FETCH)
-        if kind != "done":  # what has come stays for the next attempt
-            return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
+        if kind != "done":
+            outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
+            if may_try_again(outcome, terms.retries):
+                at_end.pop_all()  # what has come stays for the next attempt
+            return outcome
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
-    try:
-        command = serve_command(batch, here, place.run_dir)
-        run_dir = place.run_dir
-        end = _watched(
-            command, place, terms.limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir))
-        )
-        kind, reason = judged(end, terms.limits, last_words(place.output))
-        if kind == "done":
-            expected = selected_frames(batch, here.source)
-            kind, reason = judged_frames(summary_of(run_dir), expected)
-    finally:
-        _remove_arena(place.run_dir)
-        if here is not log:
-            shutil.rmtree(place.fetched, ignore_errors=True)
+    run_dir = place.run_dir
+    at_end.callback(_remove_arena, run_dir)
+    command = serve_command(batch, here, run_dir)
+    end = _watched(
+        command, place, terms.limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir))
+    )
+    kind, reason = judged(end, terms.limits, last_words(place.output))
+    if kind == "done":
+        expected = selected_frames(batch, here.source)
+        kind, reason = judged_frames(summary_of(run_dir), expected)
     found = figures(summary_of(run_dir)) | {"nbytes": _nbytes(run_dir), "started_ns": started_ns}
     return _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s, **found)
 

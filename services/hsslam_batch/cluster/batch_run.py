@@ -96,6 +96,7 @@ def work_words(batch: Batch, options: RunOptions, one: Try) -> list[str]:
     """The arguments of `hsslam-batch work` for an attempt."""
     words = [batch.place, "--index", str(one.index), "--attempt", str(one.attempt)]
     given = {
+        "--retries": options.retries,
         "--memory": options.memory_gb,
         "--timeout": options.timeout_s,
         "--scratch": options.scratch,

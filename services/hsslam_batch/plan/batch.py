@@ -64,6 +64,11 @@ class Batch:
         """Where the batch is, as users name it."""
         return self.url or str(self.out)
 
+    @property
+    def key(self) -> str:
+        """A digest of the place, for names outside of the batch."""
+        return _digest(self.place)
+
     @functools.cached_property
     def store(self) -> Store | None:
         """Where results go; None: to the folder.
@@ -143,6 +148,11 @@ def code() -> str:
     return " ".join(part for part in (__version__, source_commit()) if part)
 
 
+def _digest(text: str) -> str:
+    data = text.encode("utf-8", "surrogateescape")
+    return hashlib.blake2b(data, digest_size=_DIGEST_BYTES).hexdigest()
+
+
 def folder_of(out: str) -> tuple[Path, str]:
     """The folder of this machine for a batch, and its URL; a `file://` URL is a folder and no URL.
 
@@ -157,8 +167,7 @@ def folder_of(out: str) -> tuple[Path, str]:
             raise UserError(f"{out}: expected a folder as file:///FOLDER")
         return Path(unquote(parts.path)), ""
     url = out.rstrip("/")
-    digest = hashlib.blake2b(url.encode(), digest_size=_DIGEST_BYTES).hexdigest()
-    return cache_root() / "batch" / digest, url
+    return cache_root() / "batch" / _digest(url), url
 
 
 def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> Batch:
@@ -168,8 +177,7 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
         OSError: the folder or the store cannot be written.
     """
     text = config_text(options)
-    digest = hashlib.blake2b(f"{code()}\n{text}".encode(), digest_size=_DIGEST_BYTES).hexdigest()
-    batch = Batch(out, BatchFile(digest, code(), logs), url)
+    batch = Batch(out, BatchFile(_digest(f"{code()}\n{text}"), code(), logs), url)
     write_durably(batch.config, text.encode())
     write_durably(out / _FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
     for name in (MANIFEST, CONFIG_FILE, _FILE):

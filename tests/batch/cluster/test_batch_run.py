@@ -75,10 +75,11 @@ def test_once_it_is_asked_to_stop_the_board_is_closed(
 def test_work_gets_the_limits_of_run(tmp_path: Path):
     batch = planned(tmp_path / "out")
     options = RunOptions(
-        out=str(batch.out), memory_gb=3.5, timeout_s=60.0, scratch=Path("/scratch")
+        out=str(batch.out), memory_gb=3.5, timeout_s=60.0, scratch=Path("/scratch"), retries=1
     )
     words = work_words(batch, options, Try(2, 3))
     work = parse_options(WorkOptions, "hsslam-batch work", words)
     assert (work.out, work.index, work.attempt) == (str(batch.out), 2, 3)
+    assert work.retries == 1
     assert (work.memory_gb, work.timeout_s, work.scratch) == (3.5, 60.0, Path("/scratch"))
     assert "--timeout" not in work_words(batch, RunOptions(out=str(batch.out)), Try(0))

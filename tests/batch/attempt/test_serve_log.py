@@ -1,0 +1,60 @@
+"""What an attempt has fetched stays for the next one of its batch, or for none."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import pytest
+
+from hsslam_batch.attempt.serve_log import CancelledError, Terms, place_of, serve_log
+from hsslam_batch.attempt.watched_process import Limits
+from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import Log, read_manifest, write_manifest
+from tests.batch.outcomes import planned
+
+
+def _in_store(out: Path) -> tuple[Batch, Log]:
+    """A batch of a log that is elsewhere."""
+    batch = planned(out, frames=(100,))
+    (log,) = read_manifest(batch.out)
+    there = dataclasses.replace(log, place="s3://fleet/log0")
+    write_manifest(batch.out, [there])
+    return batch, there
+
+
+def _begin(batch: Batch, log: Log, terms: Terms) -> Path:
+    """A folder with a part of the log, as an earlier attempt leaves it."""
+    folder = place_of(batch, log, terms).fetched
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / ".log0.partial").write_bytes(b"a part")
+    return folder
+
+
+def test_a_fetch_is_kept_for_an_attempt_that_may_follow(tmp_path: Path):
+    batch, log = _in_store(tmp_path / "out")
+    at_once = Limits(timeout_s=1e-6)
+    for attempt, retries, is_kept in ((1, 2, True), (2, 2, False)):
+        terms = Terms(attempt, retries, at_once, tmp_path / "scratch")
+        folder = _begin(batch, log, terms)
+        assert serve_log(batch, log, terms).kind == "timeout"
+        assert folder.exists() == is_kept
+    readable, writable = os.pipe()
+    os.close(writable)
+    terms = Terms(1, 2, Limits(), tmp_path / "scratch")
+    folder = _begin(batch, log, terms)
+    with pytest.raises(CancelledError):
+        serve_log(batch, log, terms, cancel_fds=[readable])
+    os.close(readable)
+    assert not folder.exists()
+
+
+def test_bad_input_leaves_nothing_and_no_batch_takes_the_fetch_of_another(tmp_path: Path):
+    scratch = tmp_path / "scratch"
+    batch, log = _in_store(tmp_path / "a")
+    other, same_log = _in_store(tmp_path / "b")
+    assert log == same_log
+    terms = Terms(1, 2, Limits(), scratch, fetch_gb=1e-9)
+    folder, of_other = _begin(batch, log, terms), _begin(other, log, terms)
+    outcome = serve_log(batch, log, terms)
+    assert outcome.kind == "bad input" and "(--fetch-gb)" in outcome.reason
+    assert list(scratch.iterdir()) == [of_other] != [folder]
