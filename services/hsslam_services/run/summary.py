@@ -92,11 +92,16 @@ def versions() -> dict[str, str]:
 
 
 def source_commit() -> str:
-    """Commit of the source tree, with + if it has been changed since."""
-    here = Path(__file__).parent
+    """Commit of the source tree, with + if it has been changed since; empty outside of a checkout."""
+    return commit_of(Path(__file__))
+
+
+def commit_of(file: Path) -> str:
+    """Commit of the repository that keeps a file; empty if none does, as of an installation below another."""
     try:
-        commit = _git(here, "rev-parse", "--short=12", "HEAD")
-        changed = _git(here, "status", "--porcelain", "--untracked-files=no")
+        _git(file.parent, "ls-files", "--error-unmatch", file.name)
+        commit = _git(file.parent, "rev-parse", "--short=12", "HEAD")
+        changed = _git(file.parent, "status", "--porcelain", "--untracked-files=no")
     except (OSError, subprocess.CalledProcessError):
         return ""
     return commit + ("+" if changed else "")

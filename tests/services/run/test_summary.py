@@ -1,11 +1,18 @@
 """summary.json: sections merge; rate and latency come from the pose log."""
 
+import subprocess
 from pathlib import Path
 
 import numpy as np
 
 from hsslam_node.map.pose_log import LOST, POSE_ROW, TRACKED
-from hsslam_services.run.summary import evaluation_line, pose_section, read_summary, update_summary
+from hsslam_services.run.summary import (
+    commit_of,
+    evaluation_line,
+    pose_section,
+    read_summary,
+    update_summary,
+)
 
 
 def test_sections_merge_key_by_key(tmp_path: Path):
@@ -48,3 +55,21 @@ def test_the_evaluation_line_has_errors_in_centimetres_and_shares_in_percent():
     with_mesh = f"{expected}; mesh: 0.72 cm off, 98.5 % complete within 5 cm"
     assert evaluation_line({"ate": ate, "mesh": mesh}) == with_mesh
     assert evaluation_line({"ate": {"final": {"rmse_m": None}}}) == "ATE: no poses to compare"
+
+
+def test_the_commit_is_that_of_a_repository_that_keeps_the_file(tmp_path: Path):
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b", *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    kept, installed = tmp_path / "kept.py", tmp_path / ".venv" / "installed.py"
+    installed.parent.mkdir()
+    kept.touch(), installed.touch()
+    assert commit_of(kept) == ""
+    git("init")
+    git("add", "kept.py")
+    git("commit", "-m", "one")
+    assert commit_of(kept) == git("rev-parse", "--short=12", "HEAD")
+    assert commit_of(installed) == ""
+    kept.write_text("changed")
+    assert commit_of(kept).endswith("+")
