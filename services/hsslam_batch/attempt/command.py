@@ -8,11 +8,11 @@ import msgspec
 
 from hsslam_batch.attempt.commit import settled
 from hsslam_batch.attempt.look_up import look_up
-from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome
+from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome, Refused
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
-from hsslam_batch.plan.batch import UnavailableError, folder_of, read_batch
+from hsslam_batch.plan.batch import OtherCodeError, UnavailableError, folder_of, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
@@ -33,6 +33,10 @@ def work_command(args: Sequence[str]) -> int:
     except UnavailableError as error:  # not bad input: another attempt may work
         print(f"error: {error}", file=sys.stderr)
         return _FAILED
+    except OtherCodeError as error:  # no failure of the log
+        if options.json:
+            print(msgspec.json.encode(Refused(str(error))).decode(), flush=True)
+        raise
 
 
 def _work(options: WorkOptions) -> int:

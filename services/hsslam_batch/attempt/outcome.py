@@ -59,7 +59,13 @@ class Ended(msgspec.Struct, frozen=True, tag="ended"):
     outcome: Outcome
 
 
-Line = Frames | Ended
+class Refused(msgspec.Struct, frozen=True, tag="refused"):
+    """No attempt was made, as the code is not that of the plan; a line of JSON."""
+
+    reason: str
+
+
+Line = Frames | Ended | Refused
 """What `hsslam-batch work --json` prints."""
 
 

@@ -25,7 +25,7 @@ class Watched(Protocol):
 
 
 class Stop:
-    """Whether the batch is to end; set by a signal, which may come inside of any call."""
+    """Whether the batch is to end: if no log can begin, or by a signal, which may come inside of any call."""
 
     def __init__(self) -> None:
         self._is_asked = False
@@ -54,10 +54,15 @@ class BatchRun:
     def judge(self, one: Try, result: TaskResult) -> Try | None:
         """Write down what came of an attempt; another one if the log is worth it.
 
+        If the log could not begin, no other does.
+
         Raises:
             OSError: the folder of the batch cannot be written.
         """
         if not result.is_begun:
+            if result.trouble and not self.stop.is_asked():
+                self.progress.say(f"error: {result.trouble}")
+                self.stop.ask()
             return None
         outcome = result.outcome or self._without_result(one, result)
         if may_try_again(outcome, self.retries):

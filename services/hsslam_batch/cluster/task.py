@@ -11,13 +11,14 @@ from typing import Any
 
 import msgspec
 
-from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome
+from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome, Refused
 
 
 class TaskResult(msgspec.Struct, frozen=True):
     """What came of a task: an outcome, or why there is none.
 
-    `is_begun`: False if no more logs were to begin. `is_lost`: its worker or machine was. `node_id`: of Ray.
+    `is_begun`: False if no more logs were to begin, or, with `trouble`, can begin. `is_lost`: its worker or
+    machine was. `node_id`: of Ray.
     """
 
     outcome: Outcome | None = None
@@ -47,7 +48,7 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
-    outcome = None
+    outcome, refusal = None, ""
     assert process.stdout and process.stderr
     for text in process.stdout:
         match msgspec.json.decode(text, type=Line):
@@ -55,10 +56,14 @@ def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResul
                 board.progress.remote(index, frames)
             case Ended(found):
                 outcome = found
+            case Refused(reason):
+                refusal = reason
     words = process.stderr.read().decode(errors="replace").strip().splitlines()
     code = process.wait()
     if outcome is not None:
         return TaskResult(outcome, node_id=node_id)
+    if refusal:
+        return TaskResult(trouble=refusal, is_begun=False, node_id=node_id)
     how = f"exit code {code}" if code >= 0 else f"signal {-code}"
     last = words[-1].removeprefix("error: ") if words else "no message"
     return TaskResult(trouble=f"hsslam-batch work ended with {how}: {last}", node_id=node_id)

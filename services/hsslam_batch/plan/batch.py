@@ -43,6 +43,10 @@ class UnavailableError(UserError):
     """The folder or the store of a batch fails now; the same command may work later."""
 
 
+class OtherCodeError(UserError):
+    """A batch was planned with other code than this."""
+
+
 class BatchFile(msgspec.Struct, frozen=True):
     """`batch.json`."""
 
@@ -134,10 +138,10 @@ class Batch:
 
     def expect_same_code(self) -> None:
         """Raises:
-        UserError: the batch was planned with other code than this.
+        OtherCodeError: the batch was planned with other code than this.
         """
         if self.about.code != code():
-            raise UserError(
+            raise OtherCodeError(
                 f"{self.place}: was planned with {self.about.code}, this is {code()}: expected the same "
                 "code, or a new plan"
             )

@@ -72,6 +72,22 @@ def test_once_it_is_asked_to_stop_the_board_is_closed(
     assert board.end(0) == "node" and board.end(0) == ""
 
 
+def test_other_code_fails_no_log_and_ends_the_batch(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    batch = planned(tmp_path / "out")
+    board = Board()
+    run = _run(batch, board)
+    refused = TaskResult(trouble="other code", is_begun=False)
+    assert run.judge(Try(0), refused) is run.judge(Try(1, 2), refused) is None
+    run.look()
+    assert run.stop.is_asked() and not board.begin(2, "node")
+    assert run.progress.tally.left == 3 and settled(batch, "id0") is None
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "error: other code" and said[1].startswith("no more logs begin, those")
+    assert len(said) == 2
+
+
 def test_work_gets_the_limits_of_run(tmp_path: Path):
     batch = planned(tmp_path / "out")
     options = RunOptions(

@@ -5,10 +5,13 @@ import os
 import sys
 from pathlib import Path
 
+import msgspec
 import pyarrow.parquet as pq
 import pytest
 
+from hsslam_batch.attempt.command import work_command
 from hsslam_batch.attempt.commit import commit, settle_failed
+from hsslam_batch.attempt.outcome import Line, Refused
 from hsslam_batch.cluster.command import run_command, waiting_tries
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.options import RunOptions
@@ -84,9 +87,13 @@ def test_a_wrong_value_is_one_line(batch: Batch, words: list[str]):
         run_command([str(batch.out), *words])
 
 
-def test_other_code_than_planned_is_refused(batch: Batch):
+def test_other_code_than_planned_is_refused(batch: Batch, capsys: pytest.CaptureFixture[str]):
     batch.failed_file("id1").unlink()
     file = batch.out / "batch.json"
     file.write_text(file.read_text().replace(batch.about.code, "0.0.9 abcdef"))
     with pytest.raises(UserError, match=r"was planned with 0.0.9 abcdef, this is .*: expected"):
         run_command([str(batch.out)])
+    with pytest.raises(UserError, match="was planned with") as raised:
+        work_command([str(batch.out), "--index", "1", "--json"])
+    said = msgspec.json.decode(capsys.readouterr().out, type=Line)
+    assert said == Refused(str(raised.value)) and not batch.failed_file("id1").exists()

@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-from hsslam_batch.attempt.outcome import Outcome
+from hsslam_batch.attempt.outcome import Outcome, Refused
 from hsslam_batch.cluster.connect import connected
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.ray_pool import RayPool, Share
-from hsslam_batch.cluster.task import TaskResult
+from hsslam_batch.cluster.task import TaskResult, perform_command
 from hsslam_bench.batch.ray_nodes import add_node
 from hsslam_node.errors import UserError
 
@@ -75,10 +76,12 @@ def test_a_killed_worker_and_a_killed_node_cost_an_attempt_and_no_log(cluster, t
 def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path: Path):
     add_node(cluster, memory_gb=2.0)
     begun: list[int] = []
+    refusals: list[TaskResult] = []
     with connected(cluster.address):
         with pytest.raises(UserError, match=r"no node has as much: expected at most 1 cores and 2"):
             RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=3.0), None)
-        pool = RayPool(_task(tmp_path), lambda one: ["2"], Share(1.0, memory_gb=1.0), None)
+        share = Share(1.0, memory_gb=1.0)
+        pool = RayPool(_task(tmp_path), lambda one: ["2"], share, None)
         pool.close()
 
         def judge(one: Try, result: TaskResult) -> None:
@@ -87,3 +90,7 @@ def test_no_more_begins_after_a_stop_and_no_node_is_too_small(cluster, tmp_path:
 
         drive(map(Try, range(3)), pool, judge, lambda: False)
         assert begun == []
+        line = msgspec.json.encode(Refused("other code")).decode()
+        pool = RayPool(perform_command, lambda one: ["echo", line], share, None)
+        drive([Try(0)], pool, lambda _, result: refusals.append(result), lambda: False)
+        assert [(one.trouble, one.is_begun) for one in refusals] == [("other code", False)]
