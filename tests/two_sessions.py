@@ -11,6 +11,7 @@ from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.map.layout import FieldLayout
@@ -72,11 +73,15 @@ def meetings() -> tuple[Meeting, ...]:
 
 
 def saved_session(
-    folder: Path, rows: slice, *, mirrored: bool = False, level: np.ndarray | None = None
-) -> Path:
-    """The folder of a run with this session: its map, of a robot with this level frame, and trajectory."""
+    folder: Path, rows: slice, *, mirrored: bool = False, level: np.ndarray | None = None,
+    gravity: Gravity | None = None,
+) -> Path:  # fmt: skip
+    """The folder of a run with this session: its map, of a robot with this level frame and gravity, and
+    trajectory."""
     store, parameters = session(rows, mirrored=mirrored)
     store.note_level(level)
+    if gravity is not None:
+        store.note_gravity(gravity)
     folder.mkdir()
     save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL.sampling))
     write_tum(folder / "trajectory.txt", Trajectory(store.stamps_ns(), store.poses()))

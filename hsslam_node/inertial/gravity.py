@@ -31,6 +31,11 @@ class Gravity:
         if not math.isclose(math.hypot(*self.up), 1.0, abs_tol=1e-6) or not self.sigma_rad >= 0:
             raise ValueError(f"gravity: up {self.up}, sigma {self.sigma_rad}: expected a direction")
 
+    def turned(self, R: np.ndarray) -> "Gravity":
+        """In other axes: R [3, 3] maps vectors of the old ones to the new ones."""
+        x, y, z = (R @ np.array(self.up)).tolist()
+        return Gravity((x, y, z), self.sigma_rad)
+
 
 @dataclass(frozen=True)
 class GravityFit:

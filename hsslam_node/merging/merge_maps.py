@@ -93,6 +93,8 @@ def merge_maps(
     joined = JoinedMap(config, store, parameters, parts, tuple(meetings), places)
     if other.T_level_world is not None:
         store.note_level(other.T_level_world @ inverse(joined.T_first_second))
+    if store.gravity is None and other.gravity is not None:
+        store.note_gravity(other.gravity.turned(joined.T_first_second[:3, :3]))
     return joined
 
 

@@ -10,18 +10,20 @@ from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.inertial.gravity import Gravity
 from hsslam_services.commands.maps.command import main
 from tests.small_room import pose_error
 from tests.two_sessions import FIRST, SECOND, saved_session, walk
 
 _LEVEL = RobotFrames.mounted((0.1, 0.0, 0.3, -0.5, 0.5, -0.5, 0.5)).T_base_cam
+_GRAVITY = Gravity((0.0, -0.6, 0.8), 0.004)
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     saved_session(folder / "first", FIRST)
-    saved_session(folder / "second", SECOND, level=_LEVEL)
+    saved_session(folder / "second", SECOND, level=_LEVEL, gravity=_GRAVITY)
     saved_session(folder / "mirrored", SECOND, mirrored=True)
     return folder
 
@@ -50,6 +52,10 @@ def test_two_sessions_become_one_run(runs, tmp_path, capsys):
     level = saved.checkpoint.T_level_world  # the first map has none
     off_m, off_deg = pose_error(level, _LEVEL @ T_second_first)
     assert off_m < 0.02 and off_deg < 0.3
+    gravity = saved.checkpoint.gravity  # nor does it know gravity
+    assert gravity is not None and gravity.sigma_rad == _GRAVITY.sigma_rad
+    true_up = T_second_first[:3, :3].T @ _GRAVITY.up
+    np.testing.assert_allclose(gravity.up, true_up, atol=np.deg2rad(0.3))
     assert len(trimesh.load_mesh(out / "mesh.ply").faces) > 1000
     summary = json.loads((out / "summary.json").read_text())
     assert summary["merged"]["places"] >= 3 and summary["merged"]["keyframes"] == [8, 8]
