@@ -1,6 +1,5 @@
 """Distances in a file: esdf.npz, read with NumPy alone."""
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.floor_plane import FloorPlane
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.durable_file import durable_file
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 
 _FORMAT = "hsslam-esdf 1"
 
@@ -70,6 +69,6 @@ def read_esdf(path: Path) -> tuple[DistanceMap, FloorPlane]:
             x, y, z = (float(value) for value in file["up"])
             source = str(file["up_source"])
             floor = FloorPlane((x, y, z), float(file["floor_height_m"]), source)  # type: ignore[arg-type]
-    except (ValueError, KeyError, OSError, zipfile.BadZipFile, TypeError) as error:
-        raise UserError(f"{path}: not a file of distances: {error}") from None
+    except Exception as error:  # NumPy, zipfile and zlib raise errors of many types
+        raise UserError(f"{path}: not a file of distances: {one_line(error)}") from None
     return distances, floor

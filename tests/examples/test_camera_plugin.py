@@ -60,6 +60,7 @@ def test_help_lists_the_plugin_and_says_what_is_wrong_with_another(site):
 
 
 def test_the_doctor_opens_its_recording(site, recording):
+    (recording / "000006.npz").write_bytes(b"")
     done = _run(site, "doctor", f"npz:{recording}")
     assert done.returncode in (0, 1), done.stderr  # it may find the recording short
     assert "160 x 120" in done.stdout or "160x120" in done.stdout

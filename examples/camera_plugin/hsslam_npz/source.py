@@ -1,13 +1,12 @@
 """A folder of frames, `npz:FOLDER`: camera.json, and one .npz a frame with stamp_ns, color and depth."""
 
 import json
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options.source import SourceOptions
@@ -49,8 +48,8 @@ class NpzSource:
                         depth_raw=arrays["depth"],
                         depth_units_per_m=self.depth_units_per_m,
                     )
-            except (OSError, KeyError, ValueError, zipfile.BadZipFile, UserError) as error:
-                yield BadFrame(index, 0, f"{file}: {error}")
+            except Exception as error:  # NumPy, zipfile and zlib raise errors of many types
+                yield BadFrame(index, 0, f"{file}: {one_line(error)}")
 
 
 def _camera_file(path: Path) -> dict:

@@ -165,10 +165,18 @@ def test_names_and_places_that_do_not_work_are_refused(distances, tmp_path):
         write_esdf(tmp_path / "no" / "esdf.npz", distances, FLOOR)
     with pytest.raises(UserError, match="no such file"):
         read_esdf(tmp_path / "none.npz")
-    for name, data in (("text.npz", b"hello"), ("other.npz", None)):
-        if data is None:
-            np.savez(tmp_path / name, a=np.zeros(3))
-        else:
-            (tmp_path / name).write_bytes(data)
-        with pytest.raises(UserError, match="not a file of distances"):
-            read_esdf(tmp_path / name)
+
+
+def test_a_damaged_file_of_distances_is_refused(distances, tmp_path):
+    path = tmp_path / "esdf.npz"
+    write_esdf(path, distances, FLOOR)
+    whole = path.read_bytes()
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    other = (tmp_path / "other.npz").read_bytes()
+    # the first bytes of the first array: a deflated block of a kind that does not exist
+    start = 30 + sum(int.from_bytes(whole[at : at + 2], "little") for at in (26, 28))
+    no_block = whole[:start] + b"\xff" * 8 + whole[start + 8 :]
+    for data in (b"", b"hello", whole[:100], other, no_block):
+        path.write_bytes(data)
+        with pytest.raises(UserError, match=r"esdf\.npz: not a file of distances: "):
+            read_esdf(path)

@@ -79,15 +79,16 @@ def read_points(path: Path) -> np.ndarray:
     """
     try:
         if path.suffix.lower() == ".npy":
-            rows = np.load(path, allow_pickle=False)
+            with path.open("rb") as stream:
+                rows = np.lib.format.read_array(stream, allow_pickle=False)
         else:
             text = path.read_text(encoding="utf-8").replace(",", " ").splitlines()
             lines = [words for line in text if (words := line.partition("#")[0].split())]
             rows = np.array(lines, np.float64) if lines else np.empty((0, 3))
-        points = np.asarray(rows, np.float64)
+        points = rows.astype(np.float64, casting="same_kind")
     except OSError as error:
         raise UserError(f"--points {path}: {error.strerror}: expected a file of points") from None
-    except ValueError as error:
+    except (ValueError, TypeError, OverflowError, MemoryError) as error:
         reason = " ".join(str(error).split())
         raise UserError(
             f"--points {path}: {reason}: expected lines X Y Z, or [N, 3] in .npy"

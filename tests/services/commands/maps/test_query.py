@@ -9,6 +9,7 @@ import pytest
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_services.commands.maps.command import main
 from hsslam_services.commands.maps.query import read_points
@@ -79,6 +80,34 @@ def test_a_file_that_holds_no_points_is_bad_input(text, tmp_path, capsys):
     assert main(["query", "m", "--points", str(tmp_path / "p.txt")]) == 2
     told = capsys.readouterr().err
     assert f"--points {tmp_path / 'p.txt'}: " in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        (b"", "got 0"),
+        (b"PK\3\4, and cut off", "magic string is not correct"),
+        (np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")]), "Cannot cast array data"),
+        (np.zeros((2, 3), np.complex64), "Cannot cast array data"),
+        (np.zeros((2, 2)), "[2, 2]"),
+    ],
+)
+def test_an_array_that_holds_no_points_is_bad_input(data, text, tmp_path, capsys):
+    path = tmp_path / "p.npy"
+    path.write_bytes(data) if isinstance(data, bytes) else np.save(path, data)
+    assert main(["query", "m", "--points", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: --points {path}: ") and told.count("\n") == 1
+    assert text in told and "expected " in told and "[N, 3]" in told
+
+
+def test_a_header_that_claims_more_than_memory_holds_is_bad_input(tmp_path):
+    path = tmp_path / "p.npy"
+    with path.open("wb") as stream:
+        told = {"descr": "<f8", "fortran_order": False, "shape": (10**15, 3)}
+        np.lib.format.write_array_header_1_0(stream, told)
+    with pytest.raises(UserError, match=r"p\.npy: Unable to allocate .*: expected lines X Y Z"):
+        read_points(path)
 
 
 def test_a_file_without_points_is_no_points(tmp_path):
