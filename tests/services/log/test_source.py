@@ -1,5 +1,6 @@
 """A log as a source: the frames that were logged, with their stamps and indices."""
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.source import BadFrame
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_from_message
@@ -44,6 +46,21 @@ def test_the_frames_of_a_camera_that_began_anew_go_on_behind_the_last(tmp_path):
     _write(tmp_path, [*sent, *[frame(k) for k in (0, 1, 0, 1)]], "png")
     found = list(open_any_source(f"mcap:{tmp_path / 'run.mcap'}").frames())
     assert [item.index for item in found] == list(range(10))
+
+
+def test_frames_of_another_camera_are_bad_ones_if_frames_are_changed(tmp_path):
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
+    sent = [frame(0), frame(1), frame(2, width_px=32, height_px=24), frame(3)]
+    sent[1] = msgspec.structs.replace(sent[1], fx=80.0)  # another lens
+    _write(tmp_path, sent, "png")
+    for options in (SourceOptions(downscale=2), SourceOptions(mask=str(tmp_path / "mask.png"))):
+        found = list(open_any_source(f"mcap:{tmp_path}", options).frames())
+        assert [item.index for item in found] == [0, 1, 2, 3]
+        assert isinstance(found[0], Frame) and isinstance(found[3], Frame)
+        assert [item.reason for item in found[1:3] if isinstance(item, BadFrame)] == [
+            "camera.fx 80.00: expected 51.20 as in the first frame",
+            "size 32 x 24 px: expected 64 x 48 px as in the first frame",
+        ]
 
 
 def test_a_jpeg_log_differs_in_colour_only(tmp_path):
