@@ -4,6 +4,7 @@ A chart is what one keyframe shows of connected triangles, so its pixels are cop
 Source: Waechter, Moehrle and Goesele, Let There Be Color! Large-Scale Texturing of 3D Reconstructions, 2014
 """
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -16,15 +17,17 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.errors import UserError
 from hsslam_node.rendering.chunked_mesh import chunked_mesh
 from hsslam_node.texture.charts import cut_charts
 from hsslam_node.texture.choose_views import NO_VIEW, choose_views
 from hsslam_node.texture.face_views import FaceViews, views_of_faces
 from hsslam_node.texture.packing import pack
+from hsslam_node.texture.tiles import IN_TILE_PX, TILE_PX, Tiles
 
 _SMALLER = 0.9
-_TILE_PX = 4  # of a triangle that no keyframe sees: 2 x 2 pixels, and one around them
-_IN_TILE_PX = np.array([[1.5, 1.5], [2.5, 1.5], [1.5, 2.5]])  # its corners, at pixel centres
+_LEAST_SCALE = 0.1  # of charts: less is no texture
+_WITH_TILES = 1.5  # width of an image beside that of charts which take half of it, and some waste
 ColorOf = Callable[[int], np.ndarray]
 
 
@@ -42,8 +45,12 @@ def textured_mesh(
             small beside their distance from the cameras, as those of marching cubes are.
         keyframes: that the mesh was made of.
         color_of: gives the colour [H, W, 3] uint8 RGB of the k-th of them; it is asked twice.
-        most_px: width and height of the texture at most; if it were larger, charts are made smaller.
+        most_px: width and height of the texture at most; if it were larger, charts are made smaller, and
+            triangles of nearly the same colours that no keyframe sees share pixels.
         threads: that look at keyframes at once; the texture is the same with any number.
+
+    Raises:
+        UserError: charts of a tenth of their size do not fit into the texture.
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     camera, poses = keyframes.camera, keyframes.T_world_cam
@@ -56,20 +63,20 @@ def textured_mesh(
         view, gain = choose_views(faces, list(pool.map(look, range(len(poses)))))
     charts = cut_charts(vertices, faces, view, camera, poses)
     unseen = faces[view == NO_VIEW]
-    sizes, places, (width, height) = _packed(charts.size, len(unseen), most_px)
+    visual: Any = mesh.visual
+    tiles = Tiles.of_each(np.asarray(visual.vertex_colors)[unseen, :3])
+    sizes, places, (width, height), tiles = _packed(charts.size, tiles, most_px)
     texture = np.zeros((height, width, 3), np.uint8)
     for k in np.unique(charts.view):
         image = _brightened(color_of(int(k)), gain[k])
         for i in np.flatnonzero(charts.view == k):
             _paste(texture, image, charts.low[i], charts.size[i], places[i], sizes[i])
-    tiles = places[len(charts.size) :]
-    visual: Any = mesh.visual
-    _paint_tiles(texture, tiles, np.asarray(visual.vertex_colors)[unseen, :3])
+    of_tile = places[len(charts.size) :]
+    tiles.paint(texture, of_tile)
     scale = sizes[: len(charts.size)] / charts.size
     uv_px = (charts.uv_px + 0.5 - charts.low[charts.chart]) * scale[charts.chart]
-    uv_px = np.concatenate(
-        [uv_px + places[charts.chart], (tiles[:, None] + _IN_TILE_PX).reshape(-1, 2)]
-    )
+    in_tile = of_tile[tiles.tile, None] + IN_TILE_PX  # [n, 3, 2]
+    uv_px = np.concatenate([uv_px + places[charts.chart], in_tile.reshape(-1, 2)])
     uv = uv_px / (width, height)
     uv[:, 1] = 1.0 - uv[:, 1]  # trimesh counts from below
     image = Image.fromarray(texture)
@@ -87,17 +94,37 @@ def textured_mesh(
 
 
 def _packed(
-    charts: np.ndarray, tiles: int, most_px: int
-) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """Sizes and places, [n, 2] int64 px, of charts [m, 2] and then of tiles, and the image's size."""
-    rest = np.full((tiles, 2), _TILE_PX, np.int64)
-    scale = 1.0
+    charts: np.ndarray, tiles: Tiles, most_px: int
+) -> tuple[np.ndarray, np.ndarray, tuple[int, int], Tiles]:
+    """Sizes and places, [n, 2] int64 px, of charts [m, 2] and then of tiles, the image's size, and the tiles.
+
+    If all does not fit, triangles share tiles where those take more than half of the image, and charts are
+    made smaller.
+    """
+    most_tiles = most_px**2 // (2 * TILE_PX**2)
+    scale, are_shared = 1.0, False
     while True:
-        sizes = np.concatenate([np.maximum((scale * charts).astype(np.int64), 1), rest])
+        squares = np.full((len(tiles.colors), 2), TILE_PX, np.int64)
+        sizes = np.concatenate([_scaled(charts, scale), squares])
         places, size = pack(sizes)
-        if max(size) <= most_px or scale < 0.01:
-            return sizes, places, size
-        scale *= min(_SMALLER, most_px / max(size))
+        if max(size) <= most_px:
+            return sizes, places, size, tiles
+        if len(squares) > most_tiles and not are_shared:
+            tiles, are_shared = tiles.shared(most_tiles), True
+        elif scale > _LEAST_SCALE:
+            scale = max(_LEAST_SCALE, scale * min(_SMALLER, most_px / max(size)))
+        else:
+            _, size = pack(_scaled(charts, scale))
+            needed = math.ceil(_WITH_TILES * max(size))
+            raise UserError(
+                f"--texture-px {most_px}: {len(charts)} parts of keyframes do not fit at a tenth of their "
+                f"size: expected {needed} or more, or a coarser --voxel"
+            )
+
+
+def _scaled(charts: np.ndarray, scale: float) -> np.ndarray:
+    """Sizes [m, 2] int64 px of charts, 1 px at least."""
+    return np.maximum((scale * charts).astype(np.int64), 1)
 
 
 def _brightened(image: np.ndarray, gain: np.ndarray) -> np.ndarray:
@@ -119,13 +146,3 @@ def _paste(
     if (new_size != size).any():
         part = cv2.resize(part, (int(new_size[0]), int(new_size[1])), interpolation=cv2.INTER_AREA)
     texture[place[1] : place[1] + new_size[1], place[0] : place[0] + new_size[0]] = part
-
-
-def _paint_tiles(texture: np.ndarray, tiles: np.ndarray, colors: np.ndarray) -> None:
-    """Tiles at places [n, 2] whose bilinear colours between corners are those of [n, 3, 3] uint8 RGB."""
-    a, b, c = colors.astype(np.int64).swapaxes(0, 1)
-    block = np.stack([np.stack([a, b], 1), np.stack([c, np.clip(b + c - a, 0, 255)], 1)], 1)
-    whole = np.pad(block, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")  # [n, 4, 4, 3]
-    step = np.arange(_TILE_PX)
-    rows, columns = tiles[:, 1, None, None] + step[:, None], tiles[:, 0, None, None] + step
-    texture[rows, columns] = whole

@@ -2,9 +2,11 @@
 
 import cv2
 import numpy as np
+import pytest
 import trimesh
 
 from hsslam_node.dense_map.keyframes import MapKeyframes
+from hsslam_node.errors import UserError
 from hsslam_node.evaluation.image_quality import psnr_db
 from hsslam_node.evaluation.mesh.mesh_view import MeshView
 from hsslam_node.geometry.camera import Camera
@@ -120,3 +122,36 @@ def test_the_texture_is_no_larger_than_asked_for():
     textured = textured_mesh(_wall(), _keyframes(_WALL_M), lambda _: _image(_WALL_M), 256)
     material = textured.visual.material  # type: ignore[union-attr]
     assert max(material.baseColorTexture.size) <= 256
+
+
+def test_many_triangles_that_no_keyframe_sees_take_no_pixels_from_those_that_one_sees():
+    wall, true = _wall(), _image(_WALL_M)
+    slope = np.stack([128 + 100 * wall.vertices[:, k] for k in (0, 1, 0)], axis=1).astype(np.uint8)
+    wall.visual.vertex_colors = slope  # type: ignore[union-attr]
+    sees_half = _keyframes(_WALL_M)
+    sees_half.T_world_cam[0, 0, 3] = 0.8
+    textured = textured_mesh(wall, sees_half, lambda _: true, 128)  # tiles alone would need 256
+    material = textured.visual.material  # type: ignore[union-attr]
+    assert max(material.baseColorTexture.size) <= 128
+    image, depth_m = MeshView(textured).draw(_CAMERA, sees_half.T_world_cam[0])
+    seen = np.s_[25:-25, 10:75]
+    assert (depth_m[seen] > 0).all()
+    assert psnr_db(image[seen], true[seen] / 255.0) > 32
+    view_m = np.eye(4)
+    view_m[0, 3] = -0.4
+    (of_tiles, _), (of_vertices, _) = (MeshView(m).draw(_CAMERA, view_m) for m in (textured, wall))
+    unseen = np.s_[25:-25, 60:80]
+    np.testing.assert_allclose(255 * of_tiles[unseen], 255 * of_vertices[unseen], atol=9)
+
+
+def test_a_texture_too_small_for_a_tenth_of_the_pixels_is_refused_and_the_size_told_suffices():
+    def made(most_px: int) -> trimesh.Trimesh:
+        sees_half = _keyframes(_WALL_M)
+        sees_half.T_world_cam[0, 0, 3] = 0.8
+        return textured_mesh(_wall(), sees_half, lambda _: _image(_WALL_M), most_px)
+
+    with pytest.raises(UserError, match=r"^--texture-px 8: \d+ parts .* coarser --voxel$") as told:
+        made(8)
+    needed = int(str(told.value).split("expected ")[1].split()[0])
+    material = made(needed).visual.material  # type: ignore[union-attr]
+    assert max(material.baseColorTexture.size) <= needed

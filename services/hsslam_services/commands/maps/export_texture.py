@@ -22,7 +22,7 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
     of its name; they are written first.
 
     Raises:
-        UserError: the map has no images, one is damaged, or a file cannot be written.
+        UserError: the map has no images, one is damaged, its parts do not fit, or a file cannot be written.
     """
     images = saved.checkpoint.images
     if images is None:
