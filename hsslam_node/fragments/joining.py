@@ -1,9 +1,12 @@
 """A fragment becomes part of the map: its pixels go there a few keyframes a frame, then all show at once."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
-from hsslam_node.geometry.pose_covariance import turned
+from hsslam_node.geometry.pose_covariance import carried, turned
+from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
@@ -62,7 +65,7 @@ class Joining:
             self._next = 0
             return None
         poses, R = own.poses(), self._T_map_fragment[:3, :3]  # R: covariances are in the map's axes
-        gaps = [_GAP, *(own.gap_covariance(k) for k in ids[1:])]
+        gaps = [_GAP, *(_gap(own, poses, before, k) for before, k in pairwise(ids))]
         with self._store.appending():
             shown = self._store.append_staged(
                 self._staging, self._T_map_fragment @ poses[ids],
@@ -70,6 +73,15 @@ class Joining:
                 self._fragment.number,
             )  # fmt: skip
         return _joined(self._fragment.number, np.array(ids), shown, poses)
+
+
+def _gap(own: KeyframeStore, poses: np.ndarray, before: int, k: int) -> np.ndarray:
+    """[6, 6] of what odometry alone bridged to keyframe k since keyframe `before`, all between left out."""
+    total = own.gap_covariance(k)
+    for left_out in range(before + 1, k):
+        T = inverse(poses[k]) @ poses[left_out]
+        total = total + carried(turned(own.gap_covariance(left_out), T[:3, :3]), -T[:3, 3])
+    return total
 
 
 def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray) -> JoinedFragment:

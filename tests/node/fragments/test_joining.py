@@ -4,7 +4,7 @@ import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
 from hsslam_node.fragments.joining import Joining
-from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp, so3_log
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
 from tests.small_room import SMALL, room_frames
@@ -38,3 +38,32 @@ def test_covariances_are_turned_into_the_axes_of_the_map():
     assert joined is not None
     sigmas_m = np.sqrt(np.diag(store.covariance(int(joined.keyframes[0]))))[:3]
     np.testing.assert_allclose(sigmas_m, [0.02, 1.0, 0.02], atol=1e-3)
+
+
+def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
+    frames, rng = room_frames(), np.random.default_rng(0)
+    store = KeyframeStore.create(
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 8
+    )
+    store.append(frames[0], np.eye(4))
+    poses = np.stack([se3_exp(rng.normal(size=6)) for _ in range(5)])
+    roots = 0.05 * rng.normal(size=(5, 6, 6))
+    gaps = roots @ roots.swapaxes(1, 2)
+    fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+    for k in range(5):
+        fragment.store.append(frames[k], poses[k], gap_covariance=gaps[k])
+    joined = Joining(fragment, store, se3_exp(rng.normal(size=6)), 3).finish()
+    assert joined is not None and store.count == 1 + 3
+    for k, at in ((2, 2), (4, 3)):
+        T_cam_next = inverse(poses[k - 1]) @ poses[k]
+        J = np.stack([_moved(T_cam_next, 1e-6 * unit) / 1e-6 for unit in np.eye(6)], axis=1)
+        expected = gaps[k] + J @ gaps[k - 1] @ J.T
+        np.testing.assert_allclose(store.gap_covariance(at), expected, rtol=1e-4, atol=1e-7)
+
+
+def _moved(T_cam_next: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """How a camera moves, in its own axes, that is fixed to one which makes this small step in its own."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = so3_exp(step[3:]), step[:3]
+    moved = inverse(T_cam_next) @ T @ T_cam_next
+    return np.concatenate([moved[:3, 3], so3_log(moved[:3, :3])])
