@@ -79,7 +79,7 @@ def _signalled() -> int:
     """A descriptor that can be read once this process was told to end."""
     readable, writable = os.pipe()
     os.set_blocking(writable, False)
-    hear_stop_signals(lambda *_: os.write(writable, b"."))
+    hear_stop_signals(lambda _: os.write(writable, b"."))
     return readable
 
 

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from types import FrameType
 
 from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
@@ -23,6 +22,7 @@ from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
+from hsslam_services.run.stop_signals import hear_stop_signals
 
 _RAY_MESSAGES = "ray.log"
 _LOCK = ".lock"
@@ -97,15 +97,15 @@ def _run(
 
 @contextlib.contextmanager
 def _stopping() -> Iterator[Stop]:
-    """In the block the first SIGINT or SIGTERM asks for the end, the second is a KeyboardInterrupt."""
+    """In the block the first stop signal asks for the end, the second is a KeyboardInterrupt."""
     stop = Stop()
 
-    def hear(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_asked():
+    def hear(count: int) -> None:
+        if count > 1:
             raise KeyboardInterrupt
         stop.ask()
 
-    before = {number: signal.signal(number, hear) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = hear_stop_signals(hear)
     try:
         yield stop
     finally:

@@ -67,6 +67,7 @@ def main() -> None:
     """Serve the supervisor at the other end of the socket until it closes it, or dies."""
     die_with_parent(signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as its forks do
     parser = argparse.ArgumentParser(prog="hsslam fork server")
     parser.add_argument("--run", required=True, metavar="DIR", help="the run folder")
     parser.add_argument("--socket-to-supervisor", type=int, required=True, metavar="FD")

@@ -8,7 +8,6 @@ Arena: reads pose_log; writes map_state
 import contextlib
 import sys
 from collections.abc import Mapping
-from types import FrameType
 
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import warm_stamp
@@ -30,7 +29,7 @@ from hsslam_services.supervisor.run_loop import RunLoop
 class Supervisor:
     """Runs until the source ends, a signal, or a failure that ends it; `run` gives the exit code.
 
-    The first SIGINT or SIGTERM stops in order, the second at once.
+    The first SIGINT, SIGTERM or SIGHUP stops in order, the second SIGINT or SIGTERM at once.
     """
 
     def __init__(self, options: ServeOptions) -> None:
@@ -101,5 +100,5 @@ class Supervisor:
                 text = f"the results of the run before are in {name}: this one has no poses"
                 print(f"{prepared.info.run_dir}: {text}", file=sys.stderr, flush=True)
 
-    def _signalled(self, _number: int, _frame: FrameType | None) -> None:
-        self._signals += 1
+    def _signalled(self, count: int) -> None:
+        self._signals = count

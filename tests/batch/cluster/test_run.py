@@ -94,7 +94,8 @@ def test_a_killed_run_is_tried_again(batch: Batch):
 def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     run = start(batch, "--parallel", "1")
     wait(lambda: arenas(batch) or run.poll() is not None)
-    run.send_signal(signal.SIGINT)
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGHUP):  # the terminal is closed meanwhile
+        run.send_signal(number)
     said = end(run)
     assert run.returncode == 1 and "no more logs begin" in said and "left" in said
     rows = read_runs(batch.out)

@@ -67,18 +67,20 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert {name: counts[f"hsslam/robot/{name}"] for name in expected} == expected
 
 
-def test_ctrl_c_saves_what_there_is_and_the_end_of_a_terminal_ends_nothing_that_nohup_began(serve):
-    run = serve(
-        *SMALL_ROOM, "--synth.length", "1500", prefix=("nohup",)
-    )  # it becomes the supervisor
+def test_the_end_of_a_session_saves_what_there_is(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(5)
-    run.signal(signal.SIGHUP)
+    run.wait_until(lambda: all(run.pid_of(spec.name) for spec in _PROCESSES), 20)
+    for worker in psutil.Process(run.process.pid).children():
+        worker.send_signal(signal.SIGHUP)  # as systemd-logind does
     run.wait_for_poses(10)
-    assert "hangup" not in run.stderr.lower()
-    run.signal(signal.SIGINT)
+    run.signal(signal.SIGTERM)
+    for _ in range(2):  # a shell sends it, and so does the kernel
+        run.signal(signal.SIGHUP)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
     assert run.summary()["stop_reason"] == "interrupted"
+    assert all(process["restarts"] == 0 for process in run.summary()["processes"].values())
     assert len(read_tum(run.out / "trajectory.txt")) >= 15
     assert (run.out / "mesh.ply").exists()
     assert (run.out / "map.safetensors").exists()
