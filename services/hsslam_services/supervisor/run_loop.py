@@ -86,13 +86,13 @@ class RunLoop:
                 self._status.say(spare_cuda)
             if not warm_stamp().exists():
                 self._status.say("compiling kernels for this machine: once, about a minute")
-                if error := self._run_alone(WARM_UP, patience=0):
+                if error := self._run_first(WARM_UP):
                     self._report(f"warm_up: {error}")
             self._guard.run("fork server", self._fork_client.start)
-            if self._info.options.map and (error := self._run_alone(MAP_LOADER, patience=0)):
+            if self._info.options.map and (error := self._run_first(MAP_LOADER)):
                 raise UserError(error)
             for child in self._children.values():
-                child.wanted = not child.spec.is_late
+                child.wanted = not (child.spec.is_late or self._signals())
             reason = self._until_stop()
             self._status.say(f"stopping: {reason.text}")
             self._guard.run("stop", lambda: self._announce(reason))
@@ -249,6 +249,11 @@ class RunLoop:
         return run_one_shot(
             module, self._info.path, self._tick, is_cancelled, self._fork_client.spawn
         )
+
+    def _run_first(self, module: str) -> str:
+        """Run a process before the others; returns what went wrong, "" if a stop signal came meanwhile."""
+        error = self._run_alone(module, patience=0)
+        return "" if self._signals() else error
 
     def _exit_code(self, reason: StopReason) -> ExitCode:
         """What to report to the shell; says which processes were restarted."""

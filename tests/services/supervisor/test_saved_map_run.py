@@ -1,5 +1,7 @@
 """A map is saved by one run; the next ones localise in it, or are told why they cannot."""
 
+import signal
+
 import numpy as np
 
 from hsslam_node.geometry.robot_frames import RobotFrames
@@ -40,6 +42,13 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
     shared = np.isin(now.stamps_ns, then.stamps_ns)
     apart_m = np.linalg.norm(now.positions[shared] - then.positions[8:], axis=1)
     assert len(apart_m) == 8 and apart_m.max() < 0.02
+
+    stopped = serve(*SMALL_ROOM, "--map", str(saved))
+    stopped.wait_until((stopped.out / "run.json").exists, 20)  # the map is loaded next
+    stopped.signal(signal.SIGINT)
+    assert stopped.finish() == 0, stopped.stderr
+    assert stopped.summary()["stop_reason"] == "interrupted"
+    stopped.expect_nothing_left()
 
     saved.write_bytes(before[:100_000])
     third = serve(*SMALL_ROOM, "--map", str(saved))
