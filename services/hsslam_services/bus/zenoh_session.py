@@ -10,6 +10,7 @@ import re
 import resource
 import socket
 import sys
+import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,6 +32,7 @@ _BESIDE_POOL_BYTES = 3 * 2**19  # zenoh's own tables
 _CAP_IPC_LOCK = 14  # capabilities(7): the limit does not count
 Settings = Mapping[str, object]
 _CONNECT_TIMEOUT_S = 10.0
+_THREADS = 8  # of a session with a link
 NO_SETTINGS: Settings = MappingProxyType({})
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
@@ -92,9 +94,10 @@ def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Sess
     `settings`: of zenoh, beside those of this system.
 
     Raises:
-        UserError: the port is taken, or it is no zenoh endpoint.
+        UserError: the port is taken, it is no zenoh endpoint, or no threads can be started.
         OutOfMemoryError: /dev/shm is full.
     """
+    _expect_threads()
     own = {
         "mode": "router",
         "listen/endpoints": endpoints,
@@ -119,9 +122,11 @@ def open_client(
     """A client session that is connected to the router at `endpoint`.
 
     Raises:
-        UserError: no router answers there within `timeout_s`, or it does not take this client.
+        UserError: no router answers there within `timeout_s`, it does not take this client, or no
+            threads can be started.
         OutOfMemoryError: /dev/shm is full.
     """
+    _expect_threads()
     own = {
         "mode": "client",
         "connect/endpoints": [endpoint],
@@ -158,6 +163,25 @@ def _config(settings: Settings) -> zenoh.Config:
     for key, value in {**_COMMON, **shared_memory_settings(), **settings}.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _expect_threads() -> None:
+    """Start as many threads as a session does, and let them end: zenoh panics or aborts without them."""
+    is_over = threading.Event()
+    started: list[threading.Thread] = []
+    try:
+        while len(started) < _THREADS:
+            thread = threading.Thread(target=is_over.wait)
+            thread.start()
+            started.append(thread)
+    except RuntimeError as error:
+        raise UserError(
+            f"zenoh: {error}: expected room for {_THREADS} more (ulimit -u; docker: --pids-limit)"
+        ) from None
+    finally:
+        is_over.set()
+        for thread in started:
+            thread.join()
 
 
 def _expect_shared_memory(reason: str) -> None:

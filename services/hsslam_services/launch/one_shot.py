@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from hsslam_node.errors import UserError
 from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, WATCHDOG
 from hsslam_services.launch.spawn import (
     NOT_STARTED,
@@ -70,16 +71,23 @@ def _kill(process: Process) -> None:
 
 
 def start_watchdog(run_dir: Path, arena_dir: Path) -> subprocess.Popen:
-    """Start the process that saves and cleans up behind a supervisor that was killed."""
-    with open_log(run_dir, WATCHDOG) as log:
-        return subprocess.Popen(
-            [*module_command(WATCHDOG, str(run_dir)), "--arena", str(arena_dir)],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env=child_environment(),
-            start_new_session=True,
-        )
+    """Start the process that saves and cleans up behind a supervisor that was killed.
+
+    Raises:
+        UserError: the system does not start it, or its log cannot be written.
+    """
+    try:
+        with open_log(run_dir, WATCHDOG) as log:
+            return subprocess.Popen(
+                [*module_command(WATCHDOG, str(run_dir)), "--arena", str(arena_dir)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=child_environment(),
+                start_new_session=True,
+            )
+    except OSError as error:
+        raise UserError(f"{run_dir}: the watchdog {not_started(error)}") from None
 
 
 def expect_end(watchdog: subprocess.Popen) -> None:

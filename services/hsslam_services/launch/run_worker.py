@@ -30,9 +30,7 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     """
     faulthandler.enable()
     die_with_parent(signal.SIGTERM)
-    signal.signal(
-        signal.SIGHUP, signal.SIG_IGN
-    )  # what ends with a session: the supervisor hears it
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor hears it
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run

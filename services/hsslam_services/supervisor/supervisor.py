@@ -6,6 +6,7 @@ Arena: reads pose_log; writes map_state
 """
 
 import contextlib
+import subprocess
 import sys
 from collections.abc import Mapping
 
@@ -51,11 +52,12 @@ class Supervisor:
         prepared = prepare(self._options, lambda: self._signals > 0)
         info, arena = prepared.info, prepared.arena
         fork_client = ForkClient(info.path)
-        if warm_stamp().exists():
-            fork_client.start()
-        watchdog = start_watchdog(info.path, arena.path)
+        watchdog: subprocess.Popen | None = None
         is_in_order = False
         try:
+            if warm_stamp().exists():
+                fork_client.start()
+            watchdog = start_watchdog(info.path, arena.path)
             with Bus(info.endpoint, info.robot, "supervisor") as bus:
                 run = RunLoop(prepared, bus, fork_client, lambda: self._signals)
                 try:
@@ -76,7 +78,7 @@ class Supervisor:
             fork_client.close()
             prepared.close()
             arena.let_go()
-            if is_in_order:
+            if is_in_order and watchdog is not None:
                 expect_end(
                     watchdog
                 )  # else it saves what the arena holds, and outlives this process

@@ -51,6 +51,21 @@ def test_no_message_is_lost_to_a_limit_of_locked_memory(endpoint):
     assert [process.returncode for process in (reader, *writers)] == [0] * (1 + _PUBLISHERS)
 
 
+@pytest.mark.parametrize("opener", ["open_router", "open_client"])
+@pytest.mark.parametrize("limit", [1, 3])  # zenoh panics, aborts
+def test_a_limit_of_threads_is_named(opener: str, limit: int):
+    code = (
+        "import os, resource; from hsslam_services.bus.zenoh_session import *\n"
+        f"resource.setrlimit(resource.RLIMIT_NPROC, ({limit}, {limit}))\n"
+        "os.geteuid() or os.setuid(54321)  # root has no limit\n"
+        f"try: {opener}('tcp/127.0.0.1:9')\n"
+        "except UserError as error: print(error)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.startswith("zenoh: can't start new thread: expected room for"), said.stderr
+    assert "ulimit -u; docker: --pids-limit" in said.stdout and not said.stderr
+
+
 def test_what_may_be_locked():
     code = "import hsslam_services.bus.zenoh_session as t; print(t.lockable_bytes())"
     assert _limited(code).communicate(timeout=30)[0] == f"{LIMIT_BYTES}\n"

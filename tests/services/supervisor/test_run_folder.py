@@ -19,6 +19,7 @@ from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.supervisor.folder_claim import FolderClaim
 from hsslam_services.supervisor.preparation import Prepared, prepare
 from tests.services.serve_process import SMALL_ROOM
+from tests.services.small_shared_memory import with_tmpfs
 
 
 @pytest.fixture
@@ -49,6 +50,18 @@ def test_what_the_run_reads_is_not_removed(serve, earlier, option: str, name: st
     run = serve(*SMALL_ROOM, option, str(folder / name), "--out", str(folder))
     assert run.finish(60) == 2
     assert run.stderr == f"error: --out {folder}: holds {what}: expected another folder\n"
+    assert {path: path.read_bytes() for path in earlier} == earlier
+
+
+def test_a_watchdog_that_cannot_be_started_leaves_all_as_it_was(serve, earlier):
+    folder = next(iter(earlier)).parent
+    (folder / "logs").mkdir()
+    read_only = with_tmpfs("ro", folder / "logs")
+    run = serve(*SMALL_ROOM, "--out", str(folder), prefix=read_only)
+    assert run.finish(60) == 2
+    said = "the watchdog cannot be started: Read-only file system"
+    assert run.stderr == f"error: {folder}: {said}\n"
+    run.expect_nothing_left()
     assert {path: path.read_bytes() for path in earlier} == earlier
 
 
