@@ -1,4 +1,4 @@
-"""When a certificate ends, and the warning 14 days before."""
+"""When a certificate begins and ends, and the warning before it begins and from 14 days before its end on."""
 
 import datetime
 from dataclasses import dataclass
@@ -10,9 +10,10 @@ _REPEATED_AFTER = datetime.timedelta(days=1)
 
 @dataclass(frozen=True)
 class CertificateEnd:
-    """The end of the certificate of a folder, or of its CA if that ends first."""
+    """When the certificate of a folder and its CA are both valid."""
 
     folder: Path
+    begins: datetime.datetime  # aware
     ends: datetime.datetime  # aware
 
     def days_left(self, now: datetime.datetime) -> float:
@@ -20,13 +21,19 @@ class CertificateEnd:
         return (self.ends - now) / datetime.timedelta(days=1)
 
     def warning(self, now: datetime.datetime) -> str:
-        """What the user must do; empty if the end is more than 14 days away."""
+        """What the user must do; empty if it is valid, and its end more than 14 days away."""
+        of = f"--security {self.folder}: the certificate"
+        if now < self.begins:
+            return (
+                f"{of} is not valid before {self.begins:%Y-%m-%d %H:%M} UTC, the clock of this machine "
+                f"says {now:%Y-%m-%d %H:%M} UTC: expected a clock that is right"
+            )
         if self.ends - now > _WARNED_BEFORE:
             return ""
-        return (
-            f"--security {self.folder}: the certificate ends on {self.ends.date()}, in "
-            f"{max(self.days_left(now), 0):.0f} days: hsslam-certs makes new ones"
-        )
+        days = self.days_left(now)
+        when = "has ended" if days < 0 else "ends"
+        left = "" if days < 0 else f", in {days:.0f} days"
+        return f"{of} {when} on {self.ends.date()}{left}: hsslam-certs makes new ones"
 
 
 class CertificateWarnings:

@@ -1,14 +1,18 @@
 """A folder with a certificate, its key and the CA that is trusted, as zenoh takes them."""
 
 import datetime
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.security.access import ROLES
 from hsslam_services.security.certificate_end import CertificateEnd
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
 
 CA_FILE, CERTIFICATE_FILE, KEY_FILE = "ca.pem", "cert.pem", "key.pem"
 ROUTER = "router"
@@ -28,7 +32,7 @@ class Credentials:
         """What lies in the folder of an option `--security`.
 
         Raises:
-            UserError: a file is missing or no certificate, it has expired, or is for no role.
+            UserError: a file is missing or no certificate, it has expired, or is not of this CA.
         """
         from cryptography import x509
         from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -44,8 +48,8 @@ class Credentials:
                 f"--security {folder}: {name}: {error.strerror}: expected a folder of hsslam-certs"
             ) from None
         try:
-            authority = x509.load_pem_x509_certificate(read[CA_FILE])
-            certificate = x509.load_pem_x509_certificate(read[CERTIFICATE_FILE])
+            trusted = x509.load_pem_x509_certificates(read[CA_FILE])
+            certificate, *others = x509.load_pem_x509_certificates(read[CERTIFICATE_FILE])
             key = load_pem_private_key(read[KEY_FILE], None)
         except (ValueError, TypeError):
             raise UserError(
@@ -53,14 +57,20 @@ class Credentials:
             ) from None
         if key.public_key() != certificate.public_key():
             raise UserError(f"--security {folder}: key.pem is not the key of cert.pem")
-        ends = min(certificate.not_valid_after_utc, authority.not_valid_after_utc)
+        chain = _chain(certificate, others, trusted)
+        if not chain:
+            raise UserError(
+                f"--security {folder}: cert.pem is not of the CA in ca.pem: expected both of one CA"
+            )
+        begins = max(each.not_valid_before_utc for each in chain)
+        ends = min(each.not_valid_after_utc for each in chain)
         if ends < datetime.datetime.now(datetime.UTC):
             raise UserError(
                 f"--security {folder}: expired on {ends.date()}: expected a valid certificate"
             )
         names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
         name = str(names[0].value) if names else ""
-        return Credentials(path, name, CertificateEnd(path, ends))
+        return Credentials(path, name, CertificateEnd(path, begins, ends))
 
     def expect_router(self) -> None:
         """UserError where it is not for the router."""
@@ -93,6 +103,33 @@ class Credentials:
             f"{_TLS}{act}_private_key": str(self.folder / KEY_FILE),
             f"{_TLS}enable_mtls": True,
         }
+
+
+def _chain(
+    certificate: "Certificate", others: "Sequence[Certificate]", trusted: "Sequence[Certificate]"
+) -> "list[Certificate]":
+    """The certificate and who vouches for it, up to one that is trusted; empty if nobody does.
+
+    Of a CA that was renewed with its key, the certificate that ends last counts.
+    """
+    issuers = (*sorted(trusted, key=lambda each: each.not_valid_after_utc, reverse=True), *others)
+    chain = [certificate]
+    while chain[-1] not in trusted:
+        above = (each for each in issuers if each not in chain and _is_issued(chain[-1], each))
+        if (issuer := next(above, None)) is None:
+            return []
+        chain.append(issuer)
+    return chain
+
+
+def _is_issued(certificate: "Certificate", issuer: "Certificate") -> bool:
+    from cryptography.exceptions import InvalidSignature
+
+    try:
+        certificate.verify_directly_issued_by(issuer)
+    except (ValueError, TypeError, InvalidSignature):
+        return False
+    return True
 
 
 def client_settings(endpoint: str, security: str) -> dict[str, object]:

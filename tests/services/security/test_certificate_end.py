@@ -22,13 +22,23 @@ def test_a_folder_knows_when_it_ends(tmp_path):
 
 @given(st.floats(0.0, 400.0))
 def test_it_warns_in_the_last_14_days_and_not_before(days):
-    end = CertificateEnd(Path("certs"), _NOW + days * _DAY)
+    end = CertificateEnd(Path("certs"), _NOW, _NOW + days * _DAY)
     assert bool(end.warning(_NOW)) == (end.ends - _NOW <= 14 * _DAY)
 
 
 def test_the_warning_comes_once_a_day():
-    warnings = CertificateWarnings(CertificateEnd(Path("certs"), _NOW + 3 * _DAY))
+    warnings = CertificateWarnings(CertificateEnd(Path("certs"), _NOW, _NOW + 3 * _DAY))
     assert "ends on 2026-05-04, in 3 days" in warnings.take(_NOW)
     assert warnings.take(_NOW + 0.9 * _DAY) == ""
     assert "in 2 days" in warnings.take(_NOW + _DAY)
+    assert "has ended on 2026-05-04: hsslam-certs" in warnings.take(_NOW + 4 * _DAY)
     assert CertificateWarnings(None).take(_NOW) == ""
+
+
+def test_one_that_is_not_valid_yet_is_told_with_the_clock_of_this_machine():
+    end = CertificateEnd(Path("certs"), _NOW, _NOW + 90 * _DAY)
+    said = (
+        "not valid before 2026-05-01 00:00 UTC, the clock of this machine says 2026-04-30 00:00 UTC"
+    )
+    assert said in end.warning(_NOW - _DAY)
+    assert end.warning(_NOW) == ""

@@ -42,6 +42,20 @@ def test_an_expired_one(tmp_path):
         Credentials.read(tmp_path / "c" / "camera")
 
 
+def test_one_of_another_ca_and_a_bundle_of_several(certs, other_certs, tmp_path):
+    folder = shutil.copytree(certs / "camera", tmp_path / "camera")
+    theirs, ours = ((each / "ca" / "ca.pem").read_bytes() for each in (other_certs, certs))
+    (folder / "ca.pem").write_bytes(theirs)
+    with pytest.raises(UserError, match="not of the CA in ca"):
+        Credentials.read(folder)
+    make_certificates(tmp_path / "old", (), 0)
+    for first in (theirs, (tmp_path / "old" / "ca" / "ca.pem").read_bytes()):
+        (folder / "ca.pem").write_bytes(first + ours)
+        assert Credentials.read(folder).end.ends == Credentials.read(certs / "camera").end.ends
+    (folder / "cert.pem").write_bytes((certs / "camera" / "cert.pem").read_bytes() + theirs)
+    assert Credentials.read(folder).name == "camera"
+
+
 def test_each_end_wants_its_own(certs, tmp_path):
     with pytest.raises(UserError, match="certificate of 'camera': expected the router's"):
         open_run_router(ServeOptions(security=str(certs / "camera")), tmp_path)
