@@ -7,7 +7,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
-from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase
+from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 
 _FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: error of stamps, also of a robot at rest
 _POSITION, _ROTATION = slice(0, 3), slice(3, 6)
@@ -20,7 +20,8 @@ class OdometryReading:
     `numbers` are x, y, z (m) and the unit quaternion xyzw, [7]: the same as on the wire, so that a replay
     computes with the same bits. `covariance` is [6, 6] of translation (m) and of rotation (rad) about the
     camera's centre, in the axes of odom. It grows along the path: its growth between two readings is the
-    covariance of the motion between them. None: the motion has the usual noise.
+    covariance of the motion between them. None: the motion has the usual noise. `series` is another number
+    each time that odometry or its covariance begins anew; the motion from one series to another is unknown.
 
     Raises:
         UserError: an array has another shape, or numbers that are not finite.
@@ -28,6 +29,7 @@ class OdometryReading:
 
     numbers: np.ndarray
     covariance: np.ndarray | None = None
+    series: int = 0
 
     def __post_init__(self) -> None:
         for name, shape in (("numbers", (7,)), ("covariance", (6, 6))):
@@ -37,12 +39,14 @@ class OdometryReading:
                 raise UserError(f"odometry: {name} {numbers}: expected finite, of shape {shape}")
 
     @classmethod
-    def at(cls, T_odom_cam: np.ndarray, covariance: np.ndarray | None = None) -> "OdometryReading":
+    def at(
+        cls, T_odom_cam: np.ndarray, covariance: np.ndarray | None = None, series: int = 0
+    ) -> "OdometryReading":
         """The reading of a pose [4, 4]; only the upper half of the covariance [6, 6] counts."""
         if covariance is not None:
             covariance = np.triu(covariance) + np.triu(covariance, 1).T
         q = quaternion_from_rotation(T_odom_cam[:3, :3])
-        return cls(np.concatenate([T_odom_cam[:3, 3], q]), covariance)
+        return cls(np.concatenate([T_odom_cam[:3, 3], q]), covariance, series)
 
     @property
     def T_odom_cam(self) -> np.ndarray:
@@ -93,6 +97,8 @@ class MotionSince:
 
 def _grown(before: OdometryReading, after: OdometryReading) -> np.ndarray:
     """Covariance [6, 6] of the motion between two readings, axes of odom."""
+    if before.series != after.series:
+        return of_jump()
     if before.covariance is None or after.covariance is None:
         return growth(before.T_odom_cam, after.T_odom_cam, USUAL_NOISE)
     return increase(before.covariance, after.covariance)

@@ -1,5 +1,6 @@
 """Odometry messages by their own stamps, read at the stamps of frames."""
 
+import secrets
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,7 +34,8 @@ class OdometryTrack:
 
     The motion between two poses is even, and that of the last 0.05 s goes on for at most 0.1 s after the
     newest. Its covariance is that of the usual noise plus the growth of the poses' covariances. A jump is an
-    unknown motion. A stamp that is more than 1 s before the newest begins anew, as after a jump.
+    unknown motion. A stamp that is more than 1 s before the newest begins anew, as after a jump. Readings are
+    a series of their own: what another track knew of the same robot is not known here.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -52,6 +54,7 @@ class OdometryTrack:
         self._clock_set_back = clock_set_back
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
         self._of_base = np.zeros((6, 6))  # covariance that the newest pose came with
+        self._series = secrets.randbits(62)
 
     def add(
         self, stamp_ns: int, T_odom_base: np.ndarray, covariance: np.ndarray | None = None
@@ -92,10 +95,10 @@ class OdometryTrack:
         if before is None:
             return None
         if before.stamp_ns == stamp_ns:
-            return OdometryReading.at(before.T_odom_cam, before.covariance)
+            return OdometryReading.at(before.T_odom_cam, before.covariance, self._series)
         if after is None:  # later than all
             return self._ahead(stamp_ns)
-        return _between(before, after, stamp_ns)
+        return self._between(before, after, stamp_ns)
 
     def _ahead(self, stamp_ns: int) -> OdometryReading | None:
         newest, before = self._poses[-1], None
@@ -109,7 +112,7 @@ class OdometryTrack:
             before = after = pose
             if span_ns >= 1e9 * _SPEED_OVER_S:
                 break
-        return None if before is None else _between(before, newest, stamp_ns)
+        return None if before is None else self._between(before, newest, stamp_ns)
 
     def _jumps(self, stamp_ns: int, T: np.ndarray) -> bool:
         """Whether no robot moves so fast as from the newest pose to this one."""
@@ -121,12 +124,13 @@ class OdometryTrack:
             or np.linalg.norm(way[3:]) > _FASTEST_RAD_S * seconds
         )
 
-
-def _between(a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:
-    """On an even motion through two poses, also beyond the second."""
-    span_ns = b.stamp_ns - a.stamp_ns
-    if span_ns > 1e9 * _LONGEST_S:
-        return None
-    share = (stamp_ns - a.stamp_ns) / span_ns
-    T = a.T_odom_cam @ se3_exp(share * se3_log(inverse(a.T_odom_cam) @ b.T_odom_cam))
-    return OdometryReading.at(T, a.covariance + share * (b.covariance - a.covariance))
+    def _between(self, a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:
+        """On an even motion through two poses, also beyond the second."""
+        span_ns = b.stamp_ns - a.stamp_ns
+        if span_ns > 1e9 * _LONGEST_S:
+            return None
+        share = (stamp_ns - a.stamp_ns) / span_ns
+        T = a.T_odom_cam @ se3_exp(share * se3_log(inverse(a.T_odom_cam) @ b.T_odom_cam))
+        return OdometryReading.at(
+            T, a.covariance + share * (b.covariance - a.covariance), self._series
+        )

@@ -39,13 +39,16 @@ def frame_message(frame: Frame, stamp_ns: int, publisher: int = 0) -> messages.F
         publisher=publisher,
         odometry=[] if reading is None else reading.numbers.tolist(),
         odometry_covariance=[] if covariance is None else wire_covariance(covariance),
+        odometry_series=0 if reading is None else reading.series,
         imu=[] if imu is None else imu.numbers.tolist(),
         imu_series=0 if imu is None else imu.series,
     )
 
 
-def frame_from_message(message: messages.Frame) -> Frame:
+def frame_from_message(message: messages.Frame, publisher: int = 0) -> Frame:
     """The frame in a message, `stamp_ns` being the source's own; the arrays are its own.
+
+    `publisher`: of the camera, where a message that names none may come from; 0: as the message has it.
 
     Raises:
         UserError: a compressed image cannot be read or has another size.
@@ -60,17 +63,18 @@ def frame_from_message(message: messages.Frame) -> Frame:
         color=_owned(color_image(message)),
         depth_raw=_owned(depth_image(message)),
         depth_units_per_m=message.depth_units_per_m,
-        odometry=_odometry_reading(message),
+        odometry=_odometry_reading(message, publisher or message.publisher),
         imu=ImuReading(np.array(message.imu), message.imu_series) if message.imu else None,
     )
 
 
-def _odometry_reading(message: messages.Frame) -> OdometryReading | None:
+def _odometry_reading(message: messages.Frame, publisher: int) -> OdometryReading | None:
+    """Each camera's series are its own: a driver that is restarted has another number of the camera."""
     if not message.odometry:
         return None
-    return OdometryReading(
-        np.array(message.odometry), covariance_matrix(message.odometry_covariance)
-    )
+    covariance = covariance_matrix(message.odometry_covariance)
+    series = message.odometry_series ^ publisher
+    return OdometryReading(np.array(message.odometry), covariance, series)
 
 
 def color_image(message: messages.Frame) -> np.ndarray:

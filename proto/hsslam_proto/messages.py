@@ -48,7 +48,9 @@ class Frame(Message, frozen=True, kw_only=True):
     drifts: x, y, z, qx, qy, qz, qw. Empty: not known. `odometry_covariance` lists the same 21 numbers as
     `covariance` of `Pose`, but along the axes of the odometry's own frame. It grows along the path: its
     growth between two frames is the covariance of the motion between them. Empty with `odometry`: 2 cm
-    after 1 m and 0.02 rad after 1 rad, standard deviations.
+    after 1 m and 0.02 rad after 1 rad, standard deviations. `odometry_series` is another random number each
+    time that odometry or its covariance begins anew. If it changes, or the camera does (`publisher`), the
+    motion since the frame before is unknown.
 
     `imu`: what an IMU has integrated up to the stamp, in the camera's axes (x right, y down, z forward) and
     those that it had when the series began: qx, qy, qz, qw of the camera, the integral of its specific force
@@ -74,6 +76,7 @@ class Frame(Message, frozen=True, kw_only=True):
     publisher: Index = 0
     odometry: Odometry = []
     odometry_covariance: Covariance = []
+    odometry_series: Index = 0
     imu: Inertial = []
     imu_series: StampNs = 0
 

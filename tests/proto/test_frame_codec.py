@@ -1,4 +1,5 @@
 import time
+from dataclasses import replace
 
 import cv2
 import msgspec
@@ -8,9 +9,11 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.odometry.reading import OdometryReading
 from hsslam_proto import messages, topics
 from hsslam_proto.codec import decode, encode, encoding_of
 from hsslam_proto.frame_codec import frame_from_message, frame_message
+from hsslam_proto.frame_order import new_publisher
 from hsslam_services.log.frame_compression import compress_frame
 from tests.claimed_image import png_that_claims
 
@@ -22,6 +25,24 @@ def test_raw_frames_come_back_equal():
     assert back.camera == frame.camera
     np.testing.assert_array_equal(back.color, frame.color)
     np.testing.assert_array_equal(back.depth_raw, frame.depth_raw)
+
+
+def test_odometry_of_another_camera_or_series_is_of_another_series():
+    reading = OdometryReading.at(np.eye(4), np.zeros((6, 6)), series=new_publisher())
+    of_one = replace(_frame(), odometry=reading)
+    cameras = (new_publisher(), new_publisher())
+
+    def series(frame: Frame, camera: int, attached: int = 0) -> int:
+        found = frame_from_message(frame_message(frame, 99, camera), attached).odometry
+        assert found is not None
+        return found.series
+
+    again = replace(of_one, odometry=replace(reading, series=new_publisher()))
+    assert series(of_one, cameras[0]) == series(of_one, cameras[0])
+    assert series(of_one, cameras[0]) != series(again, cameras[0])
+    assert series(of_one, cameras[0]) != series(of_one, cameras[1])
+    assert series(of_one, 0, cameras[0]) != series(of_one, 0, cameras[1])
+    assert series(of_one, 0) == reading.series
 
 
 def test_compressed_frames_are_read():

@@ -49,6 +49,7 @@ _ALL: tuple[Message, ...] = (
         depth_units_per_m=5000.0,
         odometry=[*_T, *_Q],
         odometry_covariance=[0.0] * 21,
+        odometry_series=_STAMP,
         imu=[*_Q, *_T, 0.1],
         imu_series=_STAMP,
     ),

@@ -109,7 +109,7 @@ class _TrackerLoop:
             return
         taken_ns = time.time_ns()
         try:
-            frame = frame_from_message(message)
+            frame = frame_from_message(message, place.publisher)
             decoded_ns = time.time_ns()
             pose_version = self._pose_version()
             result = self._track(frame)

@@ -111,6 +111,21 @@ def test_a_clock_that_was_set_back_begins_anew_as_after_a_jump():
     assert motion is not None and motion.is_surer_than(0.01, 0.01)
 
 
+def test_another_track_of_the_same_robot_knows_nothing_of_the_motion_since_the_first():
+    """A source that is opened again: its covariance begins at 0, and the odometry may have begun anew."""
+    first = OdometryTrack(np.eye(4))
+    for k in range(50):
+        first.add(k * _PERIOD_NS, _base_at(k * _PERIOD_NS), 1e-3 * k * np.eye(6))
+    since = MotionSince()
+    since.restart(_read(first, 49 * _PERIOD_NS))
+    second = _track(np.eye(4))
+    motion = since.to(_read(second, 0))
+    assert motion is not None and not motion.is_surer_than(0.5, 0.5)
+    since.restart(_read(second, 0))
+    motion = since.to(_read(second, 10 * _PERIOD_NS))
+    assert motion is not None and motion.is_surer_than(0.02, 0.02)
+
+
 def test_one_stamp_from_the_future_costs_no_further_poses():
     track = OdometryTrack(np.eye(4))
     track.add(1_700_000_000_000_000_000, np.eye(4))

@@ -1,5 +1,7 @@
 """A log as a source: the frames that were logged, with their stamps and indices."""
 
+from itertools import groupby
+
 import cv2
 import msgspec
 import numpy as np
@@ -43,9 +45,13 @@ def test_a_lossless_log_gives_the_frames_bit_for_bit(tmp_path):
 def test_the_frames_of_a_camera_that_began_anew_go_on_behind_the_last(tmp_path):
     cameras = (new_publisher(), new_publisher())
     sent = [msgspec.structs.replace(frame(i), publisher=c) for c in cameras for i in range(3)]
-    _write(tmp_path, [*sent, *[frame(k) for k in (0, 1, 0, 1)]], "png")
+    sent += [frame(k) for k in (0, 1, 0, 1)]
+    wheels = {"odometry": [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], "odometry_series": 5}
+    _write(tmp_path, [msgspec.structs.replace(message, **wheels) for message in sent], "png")
     found = list(open_any_source(f"mcap:{tmp_path / 'run.mcap'}").frames())
     assert [item.index for item in found] == list(range(10))
+    series = [f.odometry.series for f in found if isinstance(f, Frame) and f.odometry is not None]
+    assert [len(list(same)) for _, same in groupby(series)] == [3, 3, 2, 2]
 
 
 def test_frames_of_another_camera_are_bad_ones_if_frames_are_changed(tmp_path):
