@@ -19,6 +19,7 @@ _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
 _SPEED_OVER_S = 0.05  # poses whose motion goes on: stamps of receipt come in bursts
 _STEP_BACK_S = 1.0  # a clock that was set back; a smaller step is a message that was overtaken
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
+_BURST_S = 0.02  # stamps of receipt may be so much too near to each other
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class OdometryTrack:
     def _jumps(self, stamp_ns: int, T: np.ndarray) -> bool:
         """Whether no robot moves so fast as from the newest pose to this one."""
         newest = self._poses[-1]
-        seconds = 1e-9 * (stamp_ns - newest.stamp_ns)
+        seconds = max(1e-9 * (stamp_ns - newest.stamp_ns), _BURST_S)
         way = se3_log(inverse(newest.T_odom_cam) @ T)
         return bool(
             np.linalg.norm(way[:3]) > _FASTEST_M_S * seconds
