@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import trimesh
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.consistency import GAPS_FRAMES, START_EVERY, Consistency, consistency
+from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
 from hsslam_node.evaluation.mesh.mesh_judge import CULL_VIRTUAL, DEPTH_VIEWS, MeshJudge, load_mesh
@@ -216,11 +217,9 @@ class Evaluator:
                 yield frame, pose_of[frame.stamp_ns]
 
     def _frames(self, every: int, what: str) -> Iterator[Frame]:
-        options = self._subject.options
-        limit = None if options.frames is None else -(-options.frames // every)
-        thinned = replace(options, stride=options.stride * every, frames=limit)
-        source = self._subject.open_it(self._subject.source, thinned)
-        for frame in self._track(source.frames(), source.frame_count, description=what):
+        s = self._subject
+        chosen = EveryNth.of_run(partial(s.open_it, s.source), s.options, every)
+        for frame in self._track(chosen, chosen.count, description=what):
             if isinstance(frame, Frame):
                 yield frame
 

@@ -1,12 +1,14 @@
 """Scores meshes against the true surface of a source, all of them by the same views."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import trimesh
 
 from hsslam_node.errors import UserError
+from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh.depth_l1 import DepthL1, depth_l1
 from hsslam_node.evaluation.mesh.mesh_metrics import MeshMetrics, compare_meshes
@@ -97,20 +99,19 @@ class MeshJudge:
 
 def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
     """Every tenth frame at its true pose: its depth without added noise, where noise left a measurement."""
-    limit = None if options.frames is None else -(-options.frames // CULL_EVERY)
-    thinned = replace(options, stride=options.stride * CULL_EVERY, frames=limit)
     row_of = {int(stamp): row for row, stamp in enumerate(truth.stamps_ns)}
-    exact = open_source(spec, replace(thinned, noise="none"))
+    open_it = partial(open_source, spec)
+    exact = EveryNth.of_run(open_it, replace(options, noise="none"), CULL_EVERY)
     poses, depths = [], []
-    for frame, measured in _together(exact.frames(), open_source(spec, thinned).frames()):
+    for frame, measured in _together(exact, EveryNth.of_run(open_it, options, CULL_EVERY)):
         if frame.stamp_ns in row_of:
             poses.append(truth.T_world_cam[row_of[frame.stamp_ns]])
             true = frame.depth_m()
             agrees = np.abs(measured.depth_m() - true) < _SAME_SURFACE * true
             depths.append(np.where(agrees, true, np.float32(0)))
-    shape = (0, exact.camera.height_px, exact.camera.width_px)
+    camera = exact.source.camera.undistorted()
+    shape = (0, camera.height_px, camera.width_px)
     stacked = np.stack(depths) if depths else np.empty(shape, np.float32)
-    camera = exact.camera.undistorted()
     return Views(camera, np.array(poses).reshape(-1, 4, 4), stacked, CULL_TOLERANCE_M)
 
 
@@ -131,7 +132,7 @@ def load_mesh(path: object) -> trimesh.Trimesh:
     return mesh
 
 
-def _together(exact: Iterator[object], measured: Iterator[object]) -> Iterator[tuple[Frame, Frame]]:
+def _together(exact: Iterable[object], measured: Iterable[object]) -> Iterator[tuple[Frame, Frame]]:
     for a, b in zip(exact, measured, strict=True):
         if isinstance(a, Frame) and isinstance(b, Frame):
             yield a, b

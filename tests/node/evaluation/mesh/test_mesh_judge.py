@@ -10,7 +10,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_judge import given_views, load_mesh
 from hsslam_node.export.opengl_axes import OPENGL_FROM_OPENCV
+from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 
@@ -32,6 +34,25 @@ def test_given_cameras_see_exactly_but_only_where_their_sensor_measured():
     assert far.any()
     assert not measured[far].any()
     assert measured[(exact.depths_m > 0) & (exact.depths_m < 4.0)].mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"frames": 60, "hold_at": 15, "hold_frames": 40},
+        {"frames": 60, "to_and_fro": 2, "stride": 50},
+        {"frames": 60, "cover_at": 15, "cover_frames": 10},
+    ],
+)
+def test_given_cameras_are_where_their_frames_were_seen(changed):
+    options = replace(_OPTIONS, **changed)
+    truth = open_ground_truth("synth:room", options)
+    assert truth is not None
+    found = given_views(truth, "synth:room", options)
+    frames = list(open_source("synth:room", options).frames())[::10]
+    np.testing.assert_array_equal(found.T_world_cam, truth.T_world_cam[::10])
+    seen = [frame.depth_m() for frame in frames if isinstance(frame, Frame)]
+    np.testing.assert_array_equal(found.depths_m, seen)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".glb", ".GLB", ".gltf"])

@@ -1,0 +1,42 @@
+"""Every n-th of the frames of a run, for meshes, images and consistency."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import count, islice
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.source import BadFrame, Source, frames_in_time
+
+
+@dataclass(frozen=True)
+class EveryNth:
+    """Every n-th frame of a source; the others are left out, if it can do that before they are decoded."""
+
+    source: Source
+    every: int = 1
+
+    @classmethod
+    def of_run(
+        cls, open_it: Callable[[SourceOptions], Source], options: SourceOptions, every: int
+    ) -> "EveryNth":
+        """Every n-th of the frames that a run with these options reads, with the stamps that they have there.
+
+        Frames that come again, and the cover of a lens, are counted along all frames of the run. Noise is
+        drawn by the number of a frame among those that are chosen.
+        """
+        if options.reorders or options.cover_frames:
+            return cls(open_it(options), every)
+        limit = None if options.frames is None else -(-options.frames // every)
+        return cls(open_it(replace(options, stride=options.stride * every, frames=limit)))
+
+    def __iter__(self) -> Iterator[Frame | BadFrame]:
+        turn = count()
+        items = frames_in_time(self.source, 0, lambda *_: next(turn) % self.every > 0)
+        return islice(items, 0, None, self.every)
+
+    @property
+    def count(self) -> int | None:
+        """How many there are; None: not known."""
+        frames = self.source.frame_count
+        return None if frames is None else -(-frames // self.every)
