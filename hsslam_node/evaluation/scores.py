@@ -22,7 +22,8 @@ def protocol() -> dict[str, Any]:
         "rpe": "every scored pose to the next, to the first 1 s later, to the first 1 m of path on",
         "mesh_samples": mesh_metrics.SAMPLES,
         "mesh": "exact: points to triangles; aligned by the final trajectory, no ICP; culled: every "
-        f"{mesh_judge.CULL_EVERY}th frame at its true pose, its true depth where its sensor measured, "
+        f"{mesh_judge.CULL_EVERY}th frame (of long runs {mesh_judge.MOST_GIVEN} at most) at its true "
+        "pose, its true depth where its sensor measured, "
         f"{100 * mesh_judge.CULL_TOLERANCE_M:g} cm",
         "mesh_literature": "as published with Co-SLAM: points to points; aligned by the final "
         f"trajectory, then by ICP (point to point, {100 * published_protocol.ICP_WITHIN_M:g} cm); "

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 import trimesh
@@ -27,6 +28,7 @@ from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 
 CULL_EVERY = 10  # of the given cameras
+MOST_GIVEN = 300  # of a run of more than 3000 frames: their depth takes 0.4 GB at 640x480
 CULL_TOLERANCE_M = 0.03
 # virtual cameras that cull in the literature's protocol: the first of those drawn
 CULL_VIRTUAL = 100
@@ -98,21 +100,27 @@ class MeshJudge:
 
 
 def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
-    """Every tenth frame at its true pose: its depth without added noise, where noise left a measurement."""
+    """Every tenth frame at its true pose: its depth without added noise, where noise left a measurement.
+
+    Of more than 3000 frames it is every n-th, so that there are at most 300.
+    """
     row_of = {int(stamp): row for row, stamp in enumerate(truth.stamps_ns)}
     open_it = partial(open_source, spec)
-    exact = EveryNth.of_run(open_it, replace(options, noise="none"), CULL_EVERY)
-    poses, depths = [], []
-    for frame, measured in _together(exact, EveryNth.of_run(open_it, options, CULL_EVERY)):
+    frames = open_it(options).frame_count or len(truth.stamps_ns)
+    every = max(CULL_EVERY, -(-frames // MOST_GIVEN))
+    exact = EveryNth.of_run(open_it, replace(options, noise="none"), every)
+    pairs = _together(exact, EveryNth.of_run(open_it, options, every))
+    camera = exact.source.camera.undistorted()
+    depths_m = np.empty((-(-frames // every), camera.height_px, camera.width_px), np.float32)
+    poses: list[np.ndarray] = []
+    for frame, measured in islice(pairs, len(depths_m)):
         if frame.stamp_ns in row_of:
-            poses.append(truth.T_world_cam[row_of[frame.stamp_ns]])
             true = frame.depth_m()
             agrees = np.abs(measured.depth_m() - true) < _SAME_SURFACE * true
-            depths.append(np.where(agrees, true, np.float32(0)))
-    camera = exact.source.camera.undistorted()
-    shape = (0, camera.height_px, camera.width_px)
-    stacked = np.stack(depths) if depths else np.empty(shape, np.float32)
-    return Views(camera, np.array(poses).reshape(-1, 4, 4), stacked, CULL_TOLERANCE_M)
+            depths_m[len(poses)] = np.where(agrees, true, np.float32(0))
+            poses.append(truth.T_world_cam[row_of[frame.stamp_ns]])
+    T_world_cam = np.array(poses).reshape(-1, 4, 4)
+    return Views(camera, T_world_cam, depths_m[: len(poses)], CULL_TOLERANCE_M)
 
 
 def load_mesh(path: object) -> trimesh.Trimesh:

@@ -41,9 +41,10 @@ class OwnDepth:
     def __init__(self, mesh: trimesh.Trimesh, cameras: CullingCameras) -> None:
         surface = chunked_mesh(mesh.vertices, mesh.faces)
         poses = np.concatenate([cameras.given, cameras.virtual])
-        depths = [view_of(surface, cameras.camera, T, cameras.reach_m) for T in poses]
         shape = (len(poses), cameras.camera.height_px, cameras.camera.width_px)
-        depths_m = np.array(depths, np.float32).reshape(shape)
+        depths_m = np.empty(shape, np.float32)
+        for depth_m, T in zip(depths_m, poses, strict=True):
+            depth_m[:] = view_of(surface, cameras.camera, T, cameras.reach_m)
         count = len(cameras.given)
         self._all = Views(cameras.camera, poses, depths_m, TOLERANCE_M)
         self._given = Views(cameras.camera, cameras.given, depths_m[:count], TOLERANCE_M)

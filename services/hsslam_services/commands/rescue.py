@@ -74,7 +74,7 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
     known = read_summary(run_dir).get("not_saved", {})
-    left = {name: line for name, line in known.items() if name in ("log", "evaluation")} | not_saved
+    left = {name: line for name, line in known.items() if name == "log"} | not_saved
     update_summary(run_dir, {"not_saved": None})
     update_summary(run_dir, {"not_saved": left})
     if not_saved:

@@ -37,7 +37,8 @@ class OrderlyEnd:
     `turn()` is one turn of the supervisor's loop; `run_alone(module, patience)` runs a process to its
     end, or to more stop signals than that, and returns "" or what went wrong; `signals()` is how many
     have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
-    `not_saved` has a line for each artefact that is missing. `done_s`: when each process was no
+    `not_saved` has a line for each artefact that is missing, `not_evaluated` what went wrong with the
+    evaluation, which costs no artefact. `done_s`: when each process was no
     longer waited for and each artefact was first saved, s since the end began.
     """
 
@@ -49,6 +50,7 @@ class OrderlyEnd:
     signals: Callable[[], int]
     report: Callable[[str], None]
     not_saved: dict[str, str] = field(default_factory=dict)
+    not_evaluated: str = ""
     done_s: dict[str, float] = field(default_factory=dict)
     _begun_s: float = field(default_factory=time.monotonic)
 
@@ -77,7 +79,7 @@ class OrderlyEnd:
         self._stop(RECORDER_STAGE)
         self._check_log()
         if self.run.options.evaluate:
-            self._save("evaluation", EVALUATOR)
+            self._evaluate()
 
     def miss(self, artefact: str, why: str) -> None:
         """Note and report that something is not saved."""
@@ -106,14 +108,26 @@ class OrderlyEnd:
                 return
 
     def _save(self, artefact: str, module: str, patience: int = 1) -> None:
+        if self.signals() <= patience:
+            self.not_saved.pop(artefact, None)  # trajectories are saved again after a correction
+        if error := self._step(artefact, module, patience):
+            self.miss(artefact, error)
+
+    def _evaluate(self) -> None:
+        """Nothing is lost without it: the figures can be had from what is saved."""
+        self.not_evaluated = self._step("evaluation", EVALUATOR)
+        if self.not_evaluated:
+            again = f"hsslam-eval {self.run.path} does it again"
+            self.report(f"not evaluated: {self.not_evaluated}; {again}")
+
+    def _step(self, what: str, module: str, patience: int = 1) -> str:
+        """Run a process to its end; returns what went wrong, "" too if more signals have cancelled it."""
         if self.signals() > patience:
-            return
-        self.not_saved.pop(artefact, None)  # trajectories are saved again after a correction
+            return ""
         error = self.run_alone(module, patience)
         if not error:
-            self._done(artefact)
-        elif self.signals() <= patience:
-            self.miss(artefact, error)
+            self._done(what)
+        return error if self.signals() <= patience else ""
 
     def _done(self, what: str) -> None:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))

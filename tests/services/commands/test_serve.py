@@ -67,20 +67,24 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert {name: counts[f"hsslam/robot/{name}"] for name in expected} == expected
 
 
-def test_the_end_of_a_session_saves_what_there_is(serve):
-    run = serve(*SMALL_ROOM, "--synth.length", "1500")
+def test_the_end_of_a_session_saves_what_there_is_also_if_nothing_can_be_evaluated(serve):
+    run = serve(*SMALL_ROOM, "--synth.length", "1500", "--evaluate")
     run.wait_for_poses(5)
     run.wait_until(lambda: all(run.pid_of(spec.name) for spec in _PROCESSES), 20)
     for worker in psutil.Process(run.process.pid).children():
         worker.send_signal(signal.SIGHUP)  # as systemd-logind does
     run.wait_for_poses(10)
+    (run.out / "logs" / "evaluator.log").mkdir()  # in the way: it cannot be started
     run.signal(signal.SIGTERM)
     for _ in range(2):  # a shell sends it, and so does the kernel
         run.signal(signal.SIGHUP)
     assert run.finish() == 0, run.stderr
     run.expect_nothing_left()
-    assert run.summary()["stop_reason"] == "interrupted"
-    assert all(process["restarts"] == 0 for process in run.summary()["processes"].values())
+    summary = run.summary()
+    assert summary["stop_reason"] == "interrupted"
+    assert all(process["restarts"] == 0 for process in summary["processes"].values())
+    assert summary["not_saved"] == {} and "Is a directory" in summary["not_evaluated"]
+    assert f"not evaluated: {summary['not_evaluated']}; hsslam-eval {run.out} does" in run.stderr
     assert len(read_tum(run.out / "trajectory.txt")) >= 15
     assert (run.out / "mesh.ply").exists()
     assert (run.out / "map.safetensors").exists()

@@ -55,6 +55,16 @@ def test_given_cameras_are_where_their_frames_were_seen(changed):
     np.testing.assert_array_equal(found.depths_m, seen)
 
 
+@pytest.mark.parametrize("length, every", [(3000, 10), (4000, 14)])
+def test_a_long_run_has_as_many_given_cameras_as_fit_into_memory(length, every):
+    options = SourceOptions(synth=SynthOptions(width_px=32, height_px=32, length=length))
+    truth = open_ground_truth("synth:room", options)
+    assert truth is not None
+    found = given_views(truth, "synth:room", options)
+    np.testing.assert_array_equal(found.T_world_cam, truth.T_world_cam[::every])
+    assert found.depths_m.shape == (-(-length // every), 32, 32) and found.depths_m.all()
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".glb", ".GLB", ".gltf"])
 def test_a_mesh_has_the_axes_that_it_had_before_it_was_written(tmp_path, suffix):
     box = trimesh.creation.box((1.0, 2.0, 3.0), transform=se3_exp(np.array([1, 2, 3, 0, 0, 0])))
