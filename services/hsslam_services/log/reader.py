@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
+from mcap.data_stream import ReadDataStream
 from mcap.reader import McapReader, make_reader
+from mcap.records import Channel, Chunk, Schema
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import breakup_chunk
 
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
@@ -23,6 +27,7 @@ from hsslam_services.run.source_table import log_place
 
 Say = Callable[[str], None]
 _TOPICS = {topic.name: topic for topic in TOPICS}
+_RECORD_HEADER_BYTES = 9  # opcode, length
 _FORMER_KEY = b"\xa5world"  # msgpack of the string
 
 
@@ -158,22 +163,18 @@ def make_readable(path: Path, say: Say) -> bool:
     return True
 
 
-def bus_messages(
-    files: list[Path], names: Container[str] | None = None, start_s: float = 0.0
-) -> Iterator[Logged]:
+def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
     """Messages of the bus in order of arrival, of the topics of these names (none: all known).
 
-    `start_s` after the first message of the first file, seconds.
+    One topic is read as it was written, whatever the wall clock did meanwhile. Several are written one after
+    the other, so the clock brings those of a file into order.
     """
-    first_ns: int | None = None
     for path in files:
         with log_reader(path) as reader:
             wanted = [key for key in _keys(reader) if _is_wanted(key, names)]
-            if first_ns is None:
-                first_ns = start_ns(reader) + round(1e9 * start_s)
             if not wanted:
                 continue
-            for schema, channel, record in reader.iter_messages(wanted, starting_at=first_ns):
+            for schema, channel, record in _records(path, reader, wanted):
                 robot, name = _split(channel.topic)
                 topic = _TOPICS[name]
                 yield Logged(
@@ -184,6 +185,27 @@ def bus_messages(
                     log_ns=record.log_time,
                     publish_ns=record.publish_time,
                 )
+
+
+def _records(
+    path: Path, reader: McapReader, wanted: list[str]
+) -> Iterator[tuple[Schema | None, Channel, McapMessage]]:
+    """Records of these keys. mcap would hold the whole file in memory to keep the order of one key."""
+    summary = reader.get_summary()
+    if len(wanted) > 1 or summary is None or not summary.chunk_indexes:
+        yield from reader.iter_messages(wanted)
+        return
+    ids = {number for number, each in summary.channels.items() if each.topic in wanted}
+    with path.open("rb") as stream:
+        for index in sorted(summary.chunk_indexes, key=lambda each: each.chunk_start_offset):
+            if index.message_index_offsets and ids.isdisjoint(index.message_index_offsets):
+                continue
+            stream.seek(index.chunk_start_offset + _RECORD_HEADER_BYTES)
+            chunk = Chunk.read(ReadDataStream(stream))
+            for record in breakup_chunk(chunk, validate_crc=True):
+                if isinstance(record, McapMessage) and record.channel_id in ids:
+                    channel = summary.channels[record.channel_id]
+                    yield summary.schemas.get(channel.schema_id), channel, record
 
 
 def _keys(reader: McapReader) -> list[str]:

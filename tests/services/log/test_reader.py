@@ -12,6 +12,7 @@ from rich.text import Text
 from hsslam_node.errors import UserError
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
+from hsslam_proto.run_messages import Event
 from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.file_index import is_finished
@@ -19,6 +20,8 @@ from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.log.reader import bus_messages, log_parts
 from hsslam_services.run.source_table import SERVICE_SOURCES
 from tests.services.wire_samples import pose
+
+_EVENT = Event(process="mapper", level="info", text="a line", stamp_ns=0)
 
 
 def test_an_unfinished_log_is_recovered_and_told_in_a_line(tmp_path):
@@ -144,6 +147,21 @@ def test_each_part_opens_alone_and_together_they_are_the_log(tmp_path):
         found += [sequence for _, sequence in part]
     assert found == list(range(2000))
     assert [logged.message().index for logged in bus_messages(files)] == list(range(2000))
+
+
+def test_a_clock_that_is_set_during_the_log_costs_no_message_and_no_order(tmp_path):
+    log = PartedLog(tmp_path, "r", LogSettings(part_bytes=40_000))
+    for index in range(2000):
+        now_ns = 10**18 + index - (10**15 if index > 150 else 0) + (10**17 if index > 1500 else 0)
+        log.write(topics.POSE, encode(topics.POSE, pose(index)), now_ns, now_ns, index)
+        log.write(topics.EVENT, encode(topics.EVENT, _EVENT), now_ns, now_ns, index)
+        if index % 100 == 0:
+            log._part._writer.flush()
+    log.close()
+    files = log_parts(tmp_path, print)
+    poses = bus_messages(files, {topics.POSE.name})
+    assert [logged.message().index for logged in poses] == list(range(2000))
+    assert sum(1 for _ in bus_messages(files)) == 4000
 
 
 def test_a_log_that_keeps_little_loses_its_oldest_parts_only(tmp_path):

@@ -27,6 +27,7 @@ from hsslam_services.log.reader import Logged, bus_messages, log_parts
 
 _PROG = "hsslam-replay"
 _LONGEST_SLEEP_S = 0.2
+_LONGEST_WAIT_S = 10.0  # of the log's time; its clock may have been set
 _ALL = ("in/**", "out/**")
 _STEP = ("in/**",)
 
@@ -130,15 +131,23 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
     """Publish each message when its time has come, `rate` times as fast as it was logged.
 
     Payloads are those of the log, byte for byte; `restamp`: frames carry the time of the replay.
-    Returns how many went out of each topic.
+    Waits 10 s of the log at most, and not at all where its clock was set back. Returns how many went out of
+    each topic.
     """
     publishers = {}
     sent: Counter[str] = Counter()
-    start_s, first_ns = time.monotonic(), None
+    due_s, last_ns = time.monotonic(), None
     own = new_publisher()
     for message in logged:
-        first_ns = message.log_ns if first_ns is None else first_ns
-        due_s = start_s + (message.log_ns - first_ns) / 1e9 / rate
+        gap_s = 0.0 if last_ns is None else (message.log_ns - last_ns) / 1e9
+        last_ns = message.log_ns
+        if abs(gap_s) > _LONGEST_WAIT_S:
+            wait_s = min(max(gap_s, 0.0), _LONGEST_WAIT_S)
+            _echo(
+                f"{message.topic.name}: {gap_s:.1f} s after the message before: waits {wait_s:g} s"
+            )
+            gap_s = wait_s
+        due_s += gap_s / rate
         while (wait_s := due_s - time.monotonic()) > 0:
             time.sleep(min(wait_s, _LONGEST_SLEEP_S))
         if message.topic not in publishers:

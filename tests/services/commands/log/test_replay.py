@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import msgspec
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages, topics
 from hsslam_services.bus.bus import Bus, free_endpoint, open_router
-from hsslam_services.commands.log.replay import main, wanted_names
+from hsslam_services.commands.log.replay import main, publish, wanted_names
 from hsslam_services.commands.log.replay_step import StepByStep
 from hsslam_services.log.reader import bus_messages
 from tests.services.log.sample_log import write_log
@@ -42,6 +43,17 @@ def test_a_log_is_published_again_byte_for_byte_at_twice_the_rate(tmp_path):
         logged[message.topic.name].append(message.payload)
     assert logged.pop("sys/event") and not got.pop("sys/event")  # what processes said is no data
     assert got == logged
+
+
+def test_a_clock_that_was_set_is_not_waited_for(tmp_path, endpoint, capsys):
+    entries = list(bus_messages([write_log(tmp_path, count=3)], {"out/pose"}))
+    set_ns = (0, 86_400 * 10**9, -86_400 * 10**9)
+    moved = [replace(one, log_ns=one.log_ns + by) for one, by in zip(entries, set_ns, strict=True)]
+    with Bus(endpoint, "r", "replay") as bus:
+        assert publish(bus, moved, rate=100) == {"out/pose": 3}
+    forward, back = capsys.readouterr().err.splitlines()
+    assert forward == "out/pose: 86400.1 s after the message before: waits 10 s"
+    assert back == "out/pose: -172799.9 s after the message before: waits 0 s"
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
