@@ -9,8 +9,8 @@ _HEARS = """
 import signal, sys
 from hsslam_services.run.stop_signals import hear_stop_signals
 counts = []
-if sys.argv[1] == "nohup":
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+before = signal.SIG_IGN if sys.argv[1] == "nohup" else signal.SIG_DFL
+signal.signal(signal.SIGHUP, before)  # whatever the tests run under
 hear_stop_signals(counts.append)
 together = {signal.Signals[name] for name in sys.argv[2].split("+")}
 signal.pthread_sigmask(signal.SIG_BLOCK, together)
