@@ -22,8 +22,12 @@ class Tiles(NamedTuple):
         return cls(colors, np.arange(len(colors)))
 
     def shared(self, most: int) -> "Tiles":
-        """At most so many tiles, or 64: corners are told apart by 5 bits a colour, or if that is not enough
-        triangles have one colour, of 5 bits or fewer. The first triangle of each kind gives the colours."""
+        """At most `most` tiles, or 64 if that is more.
+
+        Triangles share a tile if the colours of their corners have the same 5 highest bits. If the tiles are
+        still too many, they share one if their mean colours have the same 5, 4, 3 or 2 highest bits. A tile
+        has the colours of its first triangle.
+        """
         one_color = np.repeat(self.colors.mean(axis=1, keepdims=True).astype(np.uint8), 3, axis=1)
         for colors, bits in ((self.colors, 5), *((one_color, bits) for bits in (5, 4, 3, 2))):
             levels = (colors >> (8 - bits)).reshape(-1, 9).astype(np.int64)

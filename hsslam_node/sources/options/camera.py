@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import LensModel, expect_lens
+from hsslam_node.sources.options.limits import expect_range
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,6 @@ class RealsenseOptions:
     """Frame rate, Hz."""
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("width_px", 160, 1920),
-            ("height_px", 120, 1440),
-            ("rate_hz", 1, 90),
-        ):
-            if not low <= getattr(self, name) <= high:
-                option = name.replace("_", "-")
-                raise UserError(
-                    f"--realsense.{option} {getattr(self, name)}: expected {low} to {high}"
-                )
+        expect_range("realsense.width-px", self.width_px, 160, 1920)
+        expect_range("realsense.height-px", self.height_px, 120, 1440)
+        expect_range("realsense.rate-hz", self.rate_hz, 1, 90)

@@ -35,8 +35,7 @@ class Ros2Options:
             topic = getattr(self, name)
             if topic or name in ("color", "depth"):
                 _expect_topic(f"--ros2.{name}", topic)
-        if not 0 <= self.domain <= 232:
-            raise UserError(f"--ros2.domain {self.domain}: expected 0 to 232")
+        expect_range("ros2.domain", self.domain, 0, 232)
         if not re.fullmatch(r"[a-z]+/\S+", self.connect):
             raise UserError(f"--ros2.connect {self.connect!r}: expected as tcp/127.0.0.1:7447")
         expect_range("ros2.max-dt-ms", self.max_dt_ms, 0, 1000)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.security.access import ROLES
-from hsslam_services.security.certificate_end import CertificateEnd
+from hsslam_services.security.certificate_validity import CertificateValidity
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -25,7 +25,7 @@ class Credentials:
 
     folder: Path
     name: str
-    end: CertificateEnd
+    validity: CertificateValidity
 
     @staticmethod
     def read(folder: str | Path) -> "Credentials":
@@ -70,7 +70,7 @@ class Credentials:
             )
         names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
         name = str(names[0].value) if names else ""
-        return Credentials(path, name, CertificateEnd(path, begins, ends))
+        return Credentials(path, name, CertificateValidity(path, begins, ends))
 
     def expect_router(self) -> None:
         """UserError where it is not for the router."""
@@ -108,9 +108,9 @@ class Credentials:
 def _chain(
     certificate: "Certificate", others: "Sequence[Certificate]", trusted: "Sequence[Certificate]"
 ) -> "list[Certificate]":
-    """The certificate and who vouches for it, up to one that is trusted; empty if nobody does.
+    """The certificate, the one that issued it, and so on up to a trusted one; empty if no chain ends there.
 
-    Of a CA that was renewed with its key, the certificate that ends last counts.
+    If a CA was renewed with the same key, its certificate that ends last counts.
     """
     issuers = (*sorted(trusted, key=lambda each: each.not_valid_after_utc, reverse=True), *others)
     chain = [certificate]

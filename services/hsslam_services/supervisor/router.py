@@ -9,7 +9,7 @@ import zenoh
 from hsslam_services.bus.zenoh_session import open_router, shared_memory_of_run
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.security.access import WORKER_LINK, access_control
-from hsslam_services.security.certificate_end import CertificateEnd
+from hsslam_services.security.certificate_validity import CertificateValidity
 from hsslam_services.security.credentials import Credentials
 from hsslam_services.supervisor.descriptors import most_sessions
 
@@ -38,7 +38,7 @@ class RunRouter(NamedTuple):
     session: zenoh.Session
     endpoint: str
     notices: tuple[tuple[str, str], ...]
-    certificate_end: CertificateEnd | None
+    certificate_validity: CertificateValidity | None
 
 
 def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
@@ -56,11 +56,11 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     access = access_control(options.robot, bool(options.security), options.ros_domain)
     settings["access_control"] = access
     notices: tuple[tuple[str, str], ...] = ()
-    outside, certificate_end = (), None
+    outside, certificate_validity = (), None
     if options.security:
         credentials = Credentials.read(options.security)
         credentials.expect_router()
-        certificate_end = credentials.end
+        certificate_validity = credentials.validity
         settings |= credentials.listening()
         outside = (f"tls/{options.outside_place}",)
         text = f"zenoh: {outside[0]}, for certificates of the CA of {credentials.folder}"
@@ -70,7 +70,7 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
         warning = exposure(options.bind or "127.0.0.1")
         notices = ((warning, "warning"),) if warning else ()
     session = open_router(*outside, inside, settings=settings)
-    return RunRouter(session, inside, notices, certificate_end)
+    return RunRouter(session, inside, notices, certificate_validity)
 
 
 def exposure(bind: str) -> str:

@@ -24,7 +24,7 @@ from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.summary import evaluation_line, read_summary, update_summary
-from hsslam_services.security.certificate_end import CertificateWarnings
+from hsslam_services.security.certificate_validity import CertificateWarnings
 from hsslam_services.supervisor.guard import Guard
 from hsslam_services.supervisor.orderly_end import OrderlyEnd
 from hsslam_services.supervisor.preparation import Prepared
@@ -59,7 +59,7 @@ class RunLoop:
         self._memory = MemoryOfAll()
         self._metrics = prepared.metrics
         self._replaced = prepared.replaced
-        self._certificate = CertificateWarnings(prepared.router.certificate_end)
+        self._certificate = CertificateWarnings(prepared.router.certificate_validity)
         self._children = {
             spec.name: Child(spec, self._info.path, fork_client.spawn, self._has_poses)
             for spec in PROCESSES

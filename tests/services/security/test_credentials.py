@@ -51,7 +51,10 @@ def test_one_of_another_ca_and_a_bundle_of_several(certs, other_certs, tmp_path)
     make_certificates(tmp_path / "old", (), 0)
     for first in (theirs, (tmp_path / "old" / "ca" / "ca.pem").read_bytes()):
         (folder / "ca.pem").write_bytes(first + ours)
-        assert Credentials.read(folder).end.ends == Credentials.read(certs / "camera").end.ends
+        assert (
+            Credentials.read(folder).validity.ends
+            == Credentials.read(certs / "camera").validity.ends
+        )
     (folder / "cert.pem").write_bytes((certs / "camera" / "cert.pem").read_bytes() + theirs)
     assert Credentials.read(folder).name == "camera"
 

@@ -9,7 +9,7 @@ _REPEATED_AFTER = datetime.timedelta(days=1)
 
 
 @dataclass(frozen=True)
-class CertificateEnd:
+class CertificateValidity:
     """When the certificate of a folder and its CA are both valid."""
 
     folder: Path
@@ -39,19 +39,19 @@ class CertificateEnd:
 class CertificateWarnings:
     """Takes out the warning of a certificate once a day."""
 
-    def __init__(self, end: CertificateEnd | None) -> None:
-        self._end = end
+    def __init__(self, validity: CertificateValidity | None) -> None:
+        self._validity = validity
         self._due: datetime.datetime | None = None
 
     def take(self, now: datetime.datetime) -> str:
         """The warning if it is due; else empty."""
-        if self._end is None or (self._due is not None and now < self._due):
+        if self._validity is None or (self._due is not None and now < self._due):
             return ""
-        text = self._end.warning(now)
+        text = self._validity.warning(now)
         if text:
             self._due = now + _REPEATED_AFTER
         return text
 
     def days_left(self, now: datetime.datetime) -> float | None:
         """Days until the certificate ends; None without one."""
-        return self._end.days_left(now) if self._end else None
+        return self._validity.days_left(now) if self._validity else None

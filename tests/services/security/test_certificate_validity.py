@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hsslam_services.commands.certs import make_certificates
-from hsslam_services.security.certificate_end import CertificateEnd, CertificateWarnings
+from hsslam_services.security.certificate_validity import CertificateValidity, CertificateWarnings
 from hsslam_services.security.credentials import Credentials
 
 _NOW = datetime.datetime(2026, 5, 1, tzinfo=datetime.UTC)
@@ -16,18 +16,18 @@ _DAY = datetime.timedelta(days=1)
 
 def test_a_folder_knows_when_it_ends(tmp_path):
     make_certificates(tmp_path / "c", (), 20)
-    end = Credentials.read(tmp_path / "c" / "router").end
-    assert 19.9 < end.days_left(datetime.datetime.now(datetime.UTC)) <= 20
+    validity = Credentials.read(tmp_path / "c" / "router").validity
+    assert 19.9 < validity.days_left(datetime.datetime.now(datetime.UTC)) <= 20
 
 
 @given(st.floats(0.0, 400.0))
 def test_it_warns_in_the_last_14_days_and_not_before(days):
-    end = CertificateEnd(Path("certs"), _NOW, _NOW + days * _DAY)
-    assert bool(end.warning(_NOW)) == (end.ends - _NOW <= 14 * _DAY)
+    validity = CertificateValidity(Path("certs"), _NOW, _NOW + days * _DAY)
+    assert bool(validity.warning(_NOW)) == (validity.ends - _NOW <= 14 * _DAY)
 
 
 def test_the_warning_comes_once_a_day():
-    warnings = CertificateWarnings(CertificateEnd(Path("certs"), _NOW, _NOW + 3 * _DAY))
+    warnings = CertificateWarnings(CertificateValidity(Path("certs"), _NOW, _NOW + 3 * _DAY))
     assert "ends on 2026-05-04, in 3 days" in warnings.take(_NOW)
     assert warnings.take(_NOW + 0.9 * _DAY) == ""
     assert "in 2 days" in warnings.take(_NOW + _DAY)
@@ -36,9 +36,9 @@ def test_the_warning_comes_once_a_day():
 
 
 def test_one_that_is_not_valid_yet_is_told_with_the_clock_of_this_machine():
-    end = CertificateEnd(Path("certs"), _NOW, _NOW + 90 * _DAY)
+    validity = CertificateValidity(Path("certs"), _NOW, _NOW + 90 * _DAY)
     said = (
         "not valid before 2026-05-01 00:00 UTC, the clock of this machine says 2026-04-30 00:00 UTC"
     )
-    assert said in end.warning(_NOW - _DAY)
-    assert end.warning(_NOW) == ""
+    assert said in validity.warning(_NOW - _DAY)
+    assert validity.warning(_NOW) == ""
