@@ -61,6 +61,11 @@ def warm_stamp() -> Path:
     return kernel_cache_folder() / "complete"
 
 
+def run_stamp() -> Path:
+    """The file that says that the kernels for poses, map and mesh have been compiled into the cache."""
+    return kernel_cache_folder() / "run"
+
+
 def cache_root() -> Path:
     """Folder of all that is kept between runs and can be made again.
 

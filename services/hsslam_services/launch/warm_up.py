@@ -1,59 +1,98 @@
 """Compile every kernel once, into the cache: `hsslam-serve warm-up`."""
 
+import argparse
 import dataclasses
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Literal
 
-from hsslam_node.kernels.cache_folder import unwritable_cache, warm_stamp, writable_kernel_cache
+from hsslam_node.kernels.cache_folder import (
+    run_stamp,
+    unwritable_cache,
+    warm_stamp,
+    writable_kernel_cache,
+)
 from hsslam_services.launch.parent_death import die_with_parent
 
 if TYPE_CHECKING:
+    import trimesh
+
     from hsslam_node.config import SlamConfig
+    from hsslam_node.map.parameters import FieldParameters
+    from hsslam_node.map.store import KeyframeStore
 
 _WIDTH_PX, _HEIGHT_PX = 160, 120
 
+Report = Callable[[str], None]  # called with the name of each part before it is compiled
 
-def warm_up(report: Callable[[str], None]) -> bool:
-    """Run everything that has kernels on a few tiny frames; `report` gets a line before each part.
+
+def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
+    """Run everything that has kernels on a few tiny frames.
 
     Kernels serve all presets alike: nothing is compiled for a size. Must come before the first
-    import of numba. Returns False, at once, if the cache is complete.
+    import of numba. Returns False, at once, if the cache has them.
+
+    Args:
+        is_for_run: only those that poses, map and mesh need. Distances, questions to the map and the
+            evaluation then compile theirs when they are first used.
 
     Raises:
         UserError: the cache folder cannot be written.
     """
-    folder, stamp = writable_kernel_cache(), warm_stamp()  # before: an upgrade changes them
-    if stamp.exists():
+    folder = writable_kernel_cache()
+    run, complete = run_stamp(), warm_stamp()  # before: an upgrade changes them
+    if complete.exists() or (is_for_run and run.exists()):
         return False
     try:
         os.environ.update(NUMBA_CACHE_DIR=str(folder))
-        for part in _compile_all():
-            report(part)
-        stamp.touch()
+        made = _compile_for_run(report)
+        run.touch()
+        if not is_for_run:
+            _compile_the_rest(made, report)
+            complete.touch()
     except OSError as error:
         raise unwritable_cache(folder, error) from None
     return True
 
 
 def main() -> None:
-    """For make and the supervisor: a line for each part."""
+    """For benchmarks and the supervisor: a line for each part."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument(
+        "--run", help="folder of the run that waits, if only that one is to be served"
+    )
+    is_for_run = parser.parse_args().run is not None
     start = time.monotonic()
-    warm_up(lambda part: print(f"{time.monotonic() - start:5.1f} s  {part}", flush=True))
+
+    def report(part: str) -> None:
+        print(f"{time.monotonic() - start:5.1f} s  {part}", flush=True)
+
+    warm_up(report, is_for_run=is_for_run)
 
 
-def _compile_all() -> Iterator[str]:
-    """Names each part, then compiles it; the largest part in a process of its own beside the others."""
+@dataclasses.dataclass(frozen=True)
+class _TinyRun:
+    """The keyframe of a run of few pixels, its map and its mesh."""
+
+    config: "SlamConfig"
+    store: "KeyframeStore"
+    parameters: "FieldParameters"
+    mesh: "trimesh.Trimesh"
+
+
+def _compile_for_run(report: Report) -> _TinyRun:
+    """What poses, map and mesh need; mapping, the largest part, in a process of its own beside the others."""
     mapping = get_context("spawn").Process(target=_map_a_wall, args=(os.getpid(),), daemon=True)
     mapping.start()
-    yield from _compile_the_rest()
-    yield "mapping, bundle adjustment, tracking by rendering"
+    made = _track_and_mesh(report)
+    report("mapping, bundle adjustment, tracking by rendering")
     mapping.join()
     if mapping.exitcode != 0:
         raise RuntimeError(f"compiling the kernels of mapping ended with code {mapping.exitcode}")
+    return made
 
 
 def _map_a_wall(parent_pid: int) -> None:
@@ -75,8 +114,9 @@ def _map_a_wall(parent_pid: int) -> None:
         slam.process(frame)
 
 
-def _compile_the_rest() -> Iterator[str]:
-    yield "the built-in room"
+def _track_and_mesh(report: Report) -> _TinyRun:
+    """Frames of the built-in room, tracked and meshed."""
+    report("the built-in room")
     from hsslam_node.presets import PRESETS
     from hsslam_node.sources.open_source import open_source
     from hsslam_node.sources.options.source import SourceOptions
@@ -94,13 +134,13 @@ def _compile_the_rest() -> Iterator[str]:
     )
     frames = [f for f in open_source("synth:room", options).frames() if isinstance(f, Frame)]
 
-    yield "images"
+    report("images")
     from hsslam_node.png.decode import decode_png
     from hsslam_node.png.encode import encode_png
 
     decode_png(encode_png(frames[0].color))
 
-    yield "tracking by alignment"
+    report("tracking by alignment")
     import numpy as np
 
     from hsslam_node.device.device import CPU
@@ -123,7 +163,7 @@ def _compile_the_rest() -> Iterator[str]:
     for frame in frames:
         tracker.track(frame, view)
 
-    yield "meshing"
+    report("meshing")
     from hsslam_node.meshing.extract_mesh import extract_mesh
     from hsslam_node.meshing.live_mesh import LiveMesh
     from hsslam_node.meshing.map_queries import MapQueries
@@ -145,38 +185,52 @@ def _compile_the_rest() -> Iterator[str]:
     marked.mark(T_world_cam[None], first.camera, lambda _: keyframes[0][0], lambda: True)
     live.probe(plane, lambda: True)
     live.refresh(plane, queries.color, lambda: True)
+    return _TinyRun(config, store, parameters, mesh)
 
-    yield "distances"
+
+def _compile_the_rest(made: _TinyRun, report: Report) -> None:
+    """What asks the map of a run, and what judges it."""
+    report("distances")
+    import numpy as np
+
     from hsslam_node.distance.distance_blocks import DistanceBlocks
     from hsslam_node.distance.distance_meter import DistanceMeter
     from hsslam_node.distance.floor_plane import FloorPlane
     from hsslam_node.distance.grid_map import grid_map
     from hsslam_node.distance.whole_map import whole_map
 
+    camera, depth_m, T_world_cam = (
+        made.store.camera,
+        made.store.frame(0).depth_m(),
+        made.store.pose(0),
+    )
+    depth_at_center_m = float(np.median(depth_m))
+    wall = [(np.full_like(depth_m, depth_at_center_m), T_world_cam)]
     floor = FloorPlane((0.0, -1.0, 0.0), -1.0, "camera poses")
-    space = whole_map(keyframes, first.camera, floor, 0.1)
+    space = whole_map(wall, camera, floor, 0.1)
     distances = DistanceMeter().measure(space)
     distances.query(np.zeros((1, 3)))
     DistanceBlocks().renew(distances)
     grid_map(space, space.grid.low[2], space.grid.high[2]).distances_m()
     space.move_to(np.full(3, 100.0))
 
-    yield "queries"
+    report("queries")
     from hsslam_node.dense_map.dense_map import DenseMap
     from hsslam_node.dense_map.keyframes import keyframes_of_store
 
-    tracked = keyframes_of_store(store)
-    asked = DenseMap(parameters.layout, parameters.params, tracked, config.sampling)
+    tracked = keyframes_of_store(made.store)
+    parameters = made.parameters
+    asked = DenseMap(parameters.layout, parameters.params, tracked, made.config.sampling)
     asked.query(np.zeros((1, 3)))
 
-    yield "evaluation"
+    report("evaluation")
     from hsslam_node.evaluation.mesh.mesh_metrics import compare_meshes
     from hsslam_node.evaluation.mesh.virtual_views import virtual_views
     from hsslam_node.evaluation.mesh.visibility import Views
 
-    views = Views(first.camera, T_world_cam[None], depth_m[None])
-    compare_meshes(mesh, mesh, views, samples=100)
-    list(virtual_views(mesh, views, first.camera, 1))
+    views = Views(camera, T_world_cam[None], depth_m[None])
+    compare_meshes(made.mesh, made.mesh, views, samples=100)
+    list(virtual_views(made.mesh, views, camera, 1))
 
 
 def _briefly(config: "SlamConfig", method: Literal["alignment", "rendering"]) -> "SlamConfig":
