@@ -79,9 +79,9 @@ def saved_session(
     """The folder of a run with this session: its map, of a robot with this level frame and gravity, and
     trajectory."""
     store, parameters = session(rows, mirrored=mirrored)
-    store.note_level(level)
+    store.world_frame.note_level(level)
     if gravity is not None:
-        store.note_gravity(gravity)
+        store.world_frame.note_gravity(gravity)
     folder.mkdir()
     save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL.sampling))
     write_tum(folder / "trajectory.txt", Trajectory(store.stamps_ns(), store.poses()))

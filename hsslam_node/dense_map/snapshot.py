@@ -59,6 +59,6 @@ def _checkpoint(
         images=images,
         second_moment=parameters.second_moment.copy(),
         step=parameters.step,
-        gravity=store.gravity,
-        T_level_world=store.T_level_world,
+        gravity=store.world_frame.gravity,
+        T_level_world=store.world_frame.T_level_world,
     )

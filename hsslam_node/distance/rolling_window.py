@@ -88,7 +88,8 @@ class RollingWindow:
 
     def _look_for_floor(self) -> bool:
         """Look for it each time the keyframes have doubled; whether it is elsewhere than before."""
-        count, gravity, level = self._store.count, self._store.gravity, self._store.T_level_world
+        count, world = self._store.count, self._store.world_frame
+        gravity, level = world.gravity, world.T_level_world
         is_new = gravity is not None and level is None
         is_new &= self.floor is not None and self.floor.source != "gravity"
         if self.floor is not None and count < 2 * self._looked_at and not is_new:

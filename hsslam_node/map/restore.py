@@ -42,8 +42,8 @@ def restore_map(
         store.append(frame, T_world_cam)
     store.mark_inherited()
     if saved.gravity is not None:
-        store.note_gravity(saved.gravity)
-    store.note_level(saved.T_level_world)
+        store.world_frame.note_gravity(saved.gravity)
+    store.world_frame.note_level(saved.T_level_world)
     return store, _restore_parameters(arrays, saved, moment)
 
 

@@ -1,27 +1,22 @@
 """Keyframes: rows for ever, pixels while they are kept, poses that readers copy without a lock."""
 
-import contextlib
-import time
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
 
 import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.se3 import inverse
-from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import ArrayAllocator
+from hsslam_node.map.keyframes.header import COUNT, INHERITED, MOST, REFUSED
+from hsslam_node.map.keyframes.poses import KeyframePoses
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
 from hsslam_node.map.keyframes.staged import StagedKeyframes
+from hsslam_node.map.keyframes.world_frame import WorldFrame
 from hsslam_node.map.memory_order import load_ordered, store_ordered
-from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
+from hsslam_node.map.pose_correction import PoseCorrection
 
-# fields of the header
-_COUNT, _POSE_VERSION, _INHERITED, _MOST, _REFUSED, _APPENDING, _GRAVITY = range(7)
-_POLL_S = 0.0005
-_LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
 _SURE = np.zeros((6, 6))
 
 
@@ -42,17 +37,17 @@ class KeyframeStore:
 
     def __init__(self, arrays: ArrayAllocator) -> None:
         """Attach to a store; KeyError if it does not exist yet."""
-        self._header = arrays.open("keyframes")  # [16] int64
+        self._header = arrays.open("keyframes")  # [16] int64, see `keyframes/header.py`
         row = arrays.open("keyframe_camera")  # [23] float64: camera, depth scale, level frame
         if load_ordered(row, 0) == 0:  # the width is written last: its maker is still at it
             raise KeyError("keyframe_camera")
         width, height, fx, fy, cx, cy, units = row[:7]
         self.camera = Camera(int(width), int(height), float(fx), float(fy), float(cx), float(cy))
         self.depth_units_per_m = float(units)
-        self._level = row[7:]  # rows of a [4, 4]; zeros: not known
-        self._gravity = arrays.open("keyframe_gravity")  # [2, 4] float64, up and sigma; two banks
+        self.world_frame = WorldFrame(self._header, arrays.open("keyframe_gravity"), row[7:])
         self._rows = KeyframeRows(arrays)
         self._slots = KeyframeSlots(arrays, self.camera)
+        self._poses = KeyframePoses(self._header, self._rows, self._slots)
 
     @classmethod
     def create(
@@ -70,7 +65,7 @@ class KeyframeStore:
     @property
     def count(self) -> int:
         """Keyframes that are complete, the retired ones included."""
-        return load_ordered(self._header, _COUNT)
+        return load_ordered(self._header, COUNT)
 
     @property
     def capacity(self) -> int:
@@ -80,16 +75,16 @@ class KeyframeStore:
     @property
     def most_kept(self) -> int:
         """Most keyframes that may be kept at a time, as memory permits now."""
-        return load_ordered(self._header, _MOST) or self.capacity
+        return load_ordered(self._header, MOST) or self.capacity
 
     def allow(self, most_kept: int) -> None:
         """The mapper only: keep at most this many keyframes from now on."""
-        store_ordered(self._header, _MOST, min(max(most_kept, 1), self.capacity))
+        store_ordered(self._header, MOST, min(max(most_kept, 1), self.capacity))
 
     @property
     def refused(self) -> int:
         """How often there was no room for a keyframe that was due."""
-        return load_ordered(self._header, _REFUSED)
+        return load_ordered(self._header, REFUSED)
 
     @property
     def pixel_bytes(self) -> int:
@@ -99,34 +94,29 @@ class KeyframeStore:
     @property
     def pose_version(self) -> int:
         """Grows with every correction by bundle adjustment."""
-        return load_ordered(self._header, _POSE_VERSION)
+        return self._poses.version
 
     @property
     def inherited(self) -> int:
         """Keyframes that come from a saved map: the first ones."""
-        return load_ordered(self._header, _INHERITED)
+        return load_ordered(self._header, INHERITED)
 
     def mark_inherited(self) -> None:
         """Say that the keyframes of now come from a saved map."""
-        store_ordered(self._header, _INHERITED, self.count)
+        store_ordered(self._header, INHERITED, self.count)
 
     def has_room(self) -> bool:
         """The tracker only: whether a keyframe can be appended; counted where it cannot."""
         slot, _ = self._slots.reserve(self.count, self.most_kept)
         has_room = slot >= 0 and self._rows.reserve(self.count)
         if not has_room:
-            store_ordered(self._header, _REFUSED, self.refused + 1)
+            store_ordered(self._header, REFUSED, self.refused + 1)
         return has_room
 
-    @contextlib.contextmanager
-    def appending(self) -> Iterator[None]:
+    def appending(self) -> AbstractContextManager[None]:
         """The tracker only: around reading the pose version and `append`, so that no correction between the
         two misses the keyframe."""
-        store_ordered(self._header, _APPENDING, self.count + 1)
-        try:
-            yield
-        finally:
-            store_ordered(self._header, _APPENDING, 0)
+        return self._poses.appending()
 
     def append(
         self,
@@ -169,7 +159,7 @@ class KeyframeStore:
             fragment,
         )
         self._slots.take(slot, k)
-        store_ordered(self._header, _COUNT, k + 1)
+        store_ordered(self._header, COUNT, k + 1)
         self._slots.drop(k + 1, self.most_kept)
         return k
 
@@ -192,7 +182,7 @@ class KeyframeStore:
                 first + k, keyframe.frame_index, keyframe.stamp_ns, keyframe.slot, version,
                 T_world_cam[k], covariances[k], gap_covariances[k], fragment,
             )  # fmt: skip
-        store_ordered(self._header, _COUNT, first + n)
+        store_ordered(self._header, COUNT, first + n)
         return np.arange(first, first + n)
 
     def forget_incomplete(self) -> None:
@@ -269,27 +259,15 @@ class KeyframeStore:
 
     def poses(self) -> np.ndarray:
         """T_world_cam of all keyframes, [n, 4, 4], a consistent copy."""
-        while True:
-            version = self.pose_version
-            copy = self._rows.all_poses(self.count, version % 2)
-            if self.pose_version == version:
-                return copy
+        return self._poses.all()
 
     def poses_of(self, ids: np.ndarray) -> np.ndarray:
         """T_world_cam of keyframes `ids` [m], [m, 4, 4], a consistent copy."""
-        while True:
-            version = self.pose_version
-            copy = self._rows.poses(np.asarray(ids, np.int64), version % 2)
-            if self.pose_version == version:
-                return copy
+        return self._poses.of(np.asarray(ids, np.int64))
 
     def pose(self, k: int) -> np.ndarray:
         """T_world_cam of keyframe k, [4, 4]."""
-        while True:
-            version = self.pose_version
-            copy = self._rows.pose(k, version % 2)
-            if self.pose_version == version:
-                return copy
+        return self._poses.one(k)
 
     def covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the pose that keyframe k was appended with; 0: it defines the world, or a saved map."""
@@ -298,33 +276,6 @@ class KeyframeStore:
     def gap_covariance(self, k: int) -> np.ndarray:
         """[6, 6] of the motion by odometry alone before keyframe k, as `append` was given it."""
         return self._rows.gap_covariance(k)
-
-    @property
-    def gravity(self) -> Gravity | None:
-        """Which way is up in the world, by an IMU; None: not known."""
-        while True:
-            version = load_ordered(self._header, _GRAVITY)
-            if version == 0:
-                return None
-            x, y, z, sigma_rad = self._gravity[version % 2].tolist()
-            if load_ordered(self._header, _GRAVITY) == version:
-                return Gravity((x, y, z), sigma_rad)
-
-    def note_gravity(self, gravity: Gravity) -> None:
-        """The tracker only, and whoever makes the store of a saved map: this is up in the world."""
-        version = load_ordered(self._header, _GRAVITY) + 1
-        self._gravity[version % 2] = *gravity.up, gravity.sigma_rad
-        store_ordered(self._header, _GRAVITY, version)
-
-    @property
-    def T_level_world(self) -> np.ndarray | None:
-        """To the frame `map` of the robot that began the world, [4, 4] (`level_frame`); None: not known."""
-        return self._level.reshape(4, 4).copy() if self._level.any() else None
-
-    def note_level(self, T_level_world: np.ndarray | None) -> None:
-        """Whoever makes the store, before others use it; the first that is noted stays: the world does."""
-        if T_level_world is not None and not self._level.any():
-            self._level[:] = T_level_world.ravel()
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
         """Whoever steps the map: the newest rendering losses [n] of keyframes `ids` [n]."""
@@ -342,38 +293,4 @@ class KeyframeStore:
         Retired keyframes move with their anchors. `known`: keyframes there were when the correction was
         computed; those that came since move as the last of these did.
         """
-        version, n = self.pose_version, self.count
-        before = self._rows.all_poses(n, version % 2)
-        after = before.copy()
-        after[ids] = T_world_cam
-        if known is not None:
-            follow_last(before, after, known)
-        is_kept = np.isin(np.arange(n), self._slots.held(n))
-        carry_retired(before, after, is_kept, self._rows.anchors(n))
-        moved = np.flatnonzero((after != before).any(axis=(1, 2)))
-        self._rows.write_bank(after, (version + 1) % 2)
-        store_ordered(self._header, _POSE_VERSION, version + 1)
-        correction = PoseCorrection(version + 1, moved, after[moved])
-        return correction if known is None else self._with_late(correction, n)
-
-    def _wait_for_append(self) -> None:
-        """Until the keyframe that is being appended now, at poses of before perhaps, is counted."""
-        deadline_s = time.monotonic() + _LONGEST_APPEND_S
-        while (number := load_ordered(self._header, _APPENDING)) > self.count:
-            if time.monotonic() > deadline_s:
-                store_ordered(self._header, _APPENDING, 0)  # its tracker has died
-                return
-            time.sleep(_POLL_S)
-            if load_ordered(self._header, _APPENDING) != number:
-                return
-
-    def _with_late(self, correction: PoseCorrection, n: int) -> PoseCorrection:
-        """What was appended at poses of before, while the bank was written, moves now."""
-        self._wait_for_append()
-        late = np.arange(n, self.count)
-        late = late[self._rows.versions(n, n + len(late)) < correction.version]
-        if len(late) == 0 or n - 1 not in correction.keyframes[-1:]:
-            return correction
-        then = self._rows.pose(n - 1, (correction.version + 1) % 2)
-        follow = correction.T_world_cam[-1] @ inverse(then)
-        return correction.with_more(self.correct_poses(late, follow @ self.poses_of(late)))
+        return self._poses.correct(ids, T_world_cam, known)

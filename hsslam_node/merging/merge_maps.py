@@ -92,9 +92,9 @@ def merge_maps(
     )
     joined = JoinedMap(config, store, parameters, parts, tuple(meetings), places)
     if other.T_level_world is not None:
-        store.note_level(other.T_level_world @ inverse(joined.T_first_second))
-    if store.gravity is None and other.gravity is not None:
-        store.note_gravity(other.gravity.turned(joined.T_first_second[:3, :3]))
+        store.world_frame.note_level(other.T_level_world @ inverse(joined.T_first_second))
+    if store.world_frame.gravity is None and other.gravity is not None:
+        store.world_frame.note_gravity(other.gravity.turned(joined.T_first_second[:3, :3]))
     return joined
 
 

@@ -91,7 +91,7 @@ class InertialPrior:
         gravity = None if fit is None else fit.gravity
         if gravity is None:
             return
-        known = self._store.gravity
+        known = self._store.world_frame.gravity
         if self._has_noted or known is None or gravity.sigma_rad < known.sigma_rad:
-            self._store.note_gravity(gravity)
+            self._store.world_frame.note_gravity(gravity)
             self._has_noted = True

@@ -86,10 +86,10 @@ class AskedPlace:
 
     def _floor(self, store: KeyframeStore) -> tuple[FloorFrames, UpSource]:
         """The frame of the floor as `hsslam-map grid` and `--grid` have it, and what up is by."""
-        if (level := store.T_level_world) is not None:
+        if (level := store.world_frame.T_level_world) is not None:
             return FloorFrames(level, self._T_base_cam), "--base-T-camera"
         keyframes = keyframes_of_store(store)
-        floor = floor_by(store.gravity, keyframes.views, keyframes.camera)
+        floor = floor_by(store.world_frame.gravity, keyframes.views, keyframes.camera)
         return FloorFrames(floor.T_floor_world, self._T_base_cam), floor.source
 
     def _looked_for(

@@ -27,7 +27,7 @@ class TrajectoryFiles:
     def __init__(
         self, arena: Arena, store: KeyframeStore | None, map_epoch: int, suffix: str = ""
     ) -> None:
-        self._gravity = None if store is None else store.gravity
+        self._gravity = None if store is None else store.world_frame.gravity
         log = PoseLog(arena)
         rows = log.rows()
         published = of_map_epoch(rows, map_epoch)

@@ -23,7 +23,7 @@ def _run(worker: Worker) -> None:
     options = worker.options
     path = find_map(options.maps, options.map)
     store, _ = restore_map(worker.arena, path, options.slam)
-    store.note_level(options.T_level_world)  # of a map that does not tell its own
+    store.world_frame.note_level(options.T_level_world)  # of a map that does not tell its own
     if options.has_camera_process:
         _expect_camera(options, store)
     doing = "localises in" if options.localise_only else "goes on in"

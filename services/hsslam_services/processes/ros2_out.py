@@ -104,7 +104,11 @@ class Ros2Out:
     def frames(self) -> RobotFrames:
         """The robot in the world of now, which another may have begun: that of a saved map."""
         store = self._link.store()
-        return replace(self._robot, T_level_world=store.T_level_world) if store else self._robot
+        return (
+            replace(self._robot, T_level_world=store.world_frame.T_level_world)
+            if store
+            else self._robot
+        )
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and what is due of the rest."""

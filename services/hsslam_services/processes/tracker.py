@@ -150,7 +150,7 @@ class _TrackerLoop:
                 frame.depth_units_per_m,
                 options.slam.keyframes.capacity,
             )
-            store.note_level(options.T_level_world)
+            store.world_frame.note_level(options.T_level_world)
             self._tracker = self._open_tracker(store)
         views = self._map_views()
         with self._worker.timed("track"):

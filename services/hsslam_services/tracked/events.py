@@ -68,7 +68,7 @@ class TrackingEvents:
             self._worker.event("warning", text)
         self._imu_disagrees |= result.imu_disagrees
         store = self._link.store()
-        gravity = store.gravity if store is not None and not self._knows_up else None
+        gravity = store.world_frame.gravity if store is not None and not self._knows_up else None
         if gravity is not None:
             self._knows_up = True
             up = " ".join(f"{part + 0.0:.3f}" for part in gravity.up)

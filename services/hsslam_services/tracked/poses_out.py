@@ -98,7 +98,7 @@ class PosesOut:
     def _up(self) -> list[float]:
         """Against gravity, in the world; empty: not known."""
         store = self._link.store()
-        gravity = None if store is None else store.gravity
+        gravity = None if store is None else store.world_frame.gravity
         return [] if gravity is None else list(gravity.up)
 
 

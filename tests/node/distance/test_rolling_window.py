@@ -52,7 +52,7 @@ def store(camera) -> KeyframeStore:
 
 @pytest.fixture
 def window(store) -> RollingWindow:
-    store.note_level(_UPRIGHT)
+    store.world_frame.note_level(_UPRIGHT)
     return RollingWindow(store)
 
 
@@ -68,7 +68,7 @@ def test_up_is_against_gravity_once_that_is_known(store, camera):
     window = RollingWindow(store)
     window.take(wall(2.02), camera, np.eye(4), 0)
     assert window.floor is not None and window.floor.source == "camera poses"
-    store.note_gravity(Gravity((0.0, -0.96, -0.28), 0.001))
+    store.world_frame.note_gravity(Gravity((0.0, -0.96, -0.28), 0.001))
     known = window.take(wall(2.02), camera, np.eye(4), 0)
     found = window.floor
     assert found.source == "gravity"
@@ -104,7 +104,7 @@ def test_a_correction_moves_what_was_marked(camera):
     half = wall(2.02)
     half[:, 80:] = 3.0  # the wall ends at x = 0
     store = _store(camera)
-    store.note_level(_UPRIGHT)
+    store.world_frame.note_level(_UPRIGHT)
     k = [_append(store, half, np.eye(4)) for _ in range(2)][-1]
     window = RollingWindow(store)
     for _ in range(4):
@@ -131,7 +131,7 @@ def test_a_small_correction_leaves_the_marks(window, store, camera):
 def test_a_new_window_knows_what_keyframes_about_it_saw(camera):
     """As after a restart; keyframes that stand elsewhere are left out."""
     store = _store(camera)
-    store.note_level(_UPRIGHT)
+    store.world_frame.note_level(_UPRIGHT)
     for x_m in (0.0, 1.0, 20.0):
         _append(store, wall(2.02), _shifted(x_m))
         _append(store, wall(2.02), _shifted(x_m))

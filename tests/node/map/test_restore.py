@@ -29,8 +29,8 @@ def _saved(path: Path, room: MappedRoom) -> Path:
 @pytest.fixture(scope="module")
 def room():
     room = mapped_room()
-    room.store.note_gravity(Gravity((0.0, -0.6, -0.8), 0.002))
-    room.store.note_level(_LEVEL)
+    room.store.world_frame.note_gravity(Gravity((0.0, -0.6, -0.8), 0.002))
+    room.store.world_frame.note_level(_LEVEL)
     return room
 
 
@@ -44,9 +44,9 @@ def test_whoever_attaches_finds_the_map_as_it_was(room, path):
     restore_map(arrays, path, SMALL)
     store, parameters = KeyframeStore(arrays), FieldParameters(arrays, SMALL.field)
     assert store.count == store.inherited == room.store.count
-    assert store.gravity == Gravity((0.0, -0.6, -0.8), 0.002)
-    store.note_level(np.eye(4))  # of a robot that goes on in the map
-    np.testing.assert_array_equal(store.T_level_world, _LEVEL)
+    assert store.world_frame.gravity == Gravity((0.0, -0.6, -0.8), 0.002)
+    store.world_frame.note_level(np.eye(4))  # of a robot that goes on in the map
+    np.testing.assert_array_equal(store.world_frame.T_level_world, _LEVEL)
     np.testing.assert_array_equal(store.poses(), room.store.poses())
     np.testing.assert_array_equal(store.stamps_ns(), room.store.stamps_ns())
     np.testing.assert_array_equal(store.pixels(2)[1], room.store.pixels(2)[1])

@@ -23,7 +23,7 @@ _OTHER = ServeOptions(slam=SMALL, base_T_camera=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1
 )
 def test_the_map_keeps_the_frame_of_the_robot_that_began_it(tmp_path, began, frames):
     room = mapped_room()
-    room.store.note_level(began.T_level_world)
+    room.store.world_frame.note_level(began.T_level_world)
     save_map(tmp_path, room.store, room.parameters, _OTHER)
     kept = load_checkpoint(tmp_path / "map.safetensors").T_level_world
     if frames is None:

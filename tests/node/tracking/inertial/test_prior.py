@@ -43,11 +43,11 @@ def _with(readings: Sequence[ImuReading | None]) -> list[Frame]:
 
 def test_gravity_is_learnt_and_unused_readings_change_no_bit_of_a_pose():
     store, results = _tracked(_with(_readings()), _NOT_TURNED)
-    assert store.gravity is not None
-    off_deg = np.degrees(np.arccos(np.clip(_up() @ store.gravity.up, -1, 1)))
+    assert store.world_frame.gravity is not None
+    off_deg = np.degrees(np.arccos(np.clip(_up() @ store.world_frame.gravity.up, -1, 1)))
     assert off_deg < 0.5 and not any(r.imu_disagrees for r in results)
     without, alone = _tracked(room_frames(), _NOT_TURNED)
-    assert without.gravity is None
+    assert without.world_frame.gravity is None
     for one, other in zip(results, alone, strict=True):
         np.testing.assert_array_equal(one.T_world_cam, other.T_world_cam)
     _, turned = _tracked(_with(_readings()))

@@ -70,7 +70,7 @@ def test_the_grid_of_a_robot_is_that_of_its_run_and_in_the_frame_of_ros(
     given = () if is_kept else ("--base-T-camera", *map(str, options.base_T_camera))
     assert main(["grid", str(path), "-o", str(out), *given]) == 0
     assert "by its --base-T-camera, the floor at " in capsys.readouterr().out
-    room.store.note_level(options.T_level_world)
+    room.store.world_frame.note_level(options.T_level_world)
     window = RollingWindow(room.store)
     for frame, T in zip(room_frames()[::4], room_poses()[::4], strict=True):
         known = window.take(frame.depth_m(), frame.camera, T, -1)

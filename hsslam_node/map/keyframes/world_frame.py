@@ -1,0 +1,49 @@
+"""How the world of the poses stands: which way is up in it, and where the robot began."""
+
+import numpy as np
+
+from hsslam_node.inertial.gravity import Gravity
+from hsslam_node.map.keyframes.header import GRAVITY
+from hsslam_node.map.memory_order import load_ordered, store_ordered
+
+
+class WorldFrame:
+    """Gravity and the level frame of a store, shared by all processes.
+
+    Args:
+        header: [16] int64, see `header.py`.
+        gravity: [2, 4] float64, up and its sigma; two banks.
+        level: [16] float64, rows of a [4, 4]; zeros: not known.
+    """
+
+    def __init__(self, header: np.ndarray, gravity: np.ndarray, level: np.ndarray) -> None:
+        self._header = header
+        self._gravity = gravity
+        self._level = level
+
+    @property
+    def gravity(self) -> Gravity | None:
+        """Which way is up in the world, by an IMU; None: not known."""
+        while True:
+            version = load_ordered(self._header, GRAVITY)
+            if version == 0:
+                return None
+            x, y, z, sigma_rad = self._gravity[version % 2].tolist()
+            if load_ordered(self._header, GRAVITY) == version:
+                return Gravity((x, y, z), sigma_rad)
+
+    def note_gravity(self, gravity: Gravity) -> None:
+        """The tracker only, and the maker of the store of a saved map: this is up in the world."""
+        version = load_ordered(self._header, GRAVITY) + 1
+        self._gravity[version % 2] = *gravity.up, gravity.sigma_rad
+        store_ordered(self._header, GRAVITY, version)
+
+    @property
+    def T_level_world(self) -> np.ndarray | None:
+        """To the frame `map` of the robot that began the world, [4, 4] (`level_frame`); None: not known."""
+        return self._level.reshape(4, 4).copy() if self._level.any() else None
+
+    def note_level(self, T_level_world: np.ndarray | None) -> None:
+        """The maker of the store, before others use it; the first that is noted stays: the world does."""
+        if T_level_world is not None and not self._level.any():
+            self._level[:] = T_level_world.ravel()
