@@ -20,7 +20,7 @@ from hsslam_node.presets import REALTIME
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 
 OPTIONS = SourceOptions(frames=40, synth=SynthOptions(width_px=160, height_px=120))
 SMALL = replace(

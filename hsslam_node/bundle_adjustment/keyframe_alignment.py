@@ -11,7 +11,7 @@ from hsslam_node.bundle_adjustment.pose_graph import PoseEdge
 from hsslam_node.config import PoseGraphConfig, TrackerConfig
 from hsslam_node.geometry.se3 import inverse, se3_log, skew
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
-from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.alignment.align import Alignment, align
 from hsslam_node.tracking.keyframes.other_views import views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,

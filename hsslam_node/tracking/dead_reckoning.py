@@ -8,7 +8,7 @@ from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.pose_covariance import carried, in_world, turned
 from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.odometry.reading import Motion, MotionSince, OdometryReading
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 
 _SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: twice that is near the prediction
 _FARTHEST = 25.0  # squared Mahalanobis distance of 6 numbers: one in 3000 is beyond

@@ -11,7 +11,7 @@ from hsslam_node.place_recognition.dense_agreement import DenseAgreement, dense_
 from hsslam_node.place_recognition.geometric_match import GeometricMatch, geometric_match
 from hsslam_node.place_recognition.image_features import ImageFeatures, image_features
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
-from hsslam_node.tracking.alignment import align
+from hsslam_node.tracking.alignment.align import align
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
 from hsslam_node.tracking.tracked_frame import frame_points
 

@@ -9,7 +9,7 @@ from hsslam_node.tracking.aligned.acceptance import is_acceptable, is_confirmed
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference import Reference
 from hsslam_node.tracking.aligned.reference_aligner import ReferenceAligner
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.motion import CameraMotion
 from hsslam_node.tracking.odometry import rgbd_odometry

@@ -138,7 +138,7 @@ class RenderingTracker:
     def _open_objective(self, view: MapView) -> PoseObjective:
         """The losses where the map is: on a GPU, or here."""
         if view.on_device is not None:
-            from hsslam_node.tracking.on_gpu import GpuRenderingObjective
+            from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective
 
             self._objective = GpuRenderingObjective(self._slam, self._seed, view)
         else:

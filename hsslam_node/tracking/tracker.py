@@ -15,7 +15,7 @@ from hsslam_node.tracking.aligned.acceptance import quality
 from hsslam_node.tracking.aligned.new_keyframes import NewKeyframe, NewKeyframes
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference_aligner import ReferenceAligner
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.dead_reckoning import DeadReckoning, Reckoning
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.motion import CameraMotion

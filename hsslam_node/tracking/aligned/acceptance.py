@@ -8,7 +8,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import project
 from hsslam_node.geometry.se3 import inverse, se3_log, so3_log
 from hsslam_node.place_recognition.dense_agreement import dense_agreement
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe
 from hsslam_node.tracking.tracked_frame import TrackedFrame
 

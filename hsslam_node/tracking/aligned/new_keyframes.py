@@ -12,7 +12,7 @@ from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.aligned.acceptance import is_left_behind
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference_aligner import PoseDoubt, ReferenceAligner
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 

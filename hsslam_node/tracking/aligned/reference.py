@@ -9,7 +9,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.aligned.acceptance import needs_replacing, reference_overlap
-from hsslam_node.tracking.alignment import Alignment, Exposure
+from hsslam_node.tracking.alignment.align import Alignment
+from hsslam_node.tracking.alignment.frame_terms import Exposure
 from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe
 from hsslam_node.tracking.tracked_frame import orthonormal
 

@@ -12,7 +12,7 @@ from hsslam_node.geometry.pose_covariance import in_world, of_new_keyframe
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.aligned.observation import Observation
 from hsslam_node.tracking.aligned.reference import AlignedAt, Reference
-from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.alignment.align import Alignment, align
 from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (

@@ -13,7 +13,7 @@ from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.place_recognition.picture_agreement import picture_agreement
 from hsslam_node.tracking.aligned.acceptance import is_confirmed
-from hsslam_node.tracking.alignment import align
+from hsslam_node.tracking.alignment.align import align
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
 from hsslam_node.tracking.keyframes.covering_keyframe import share_shown
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, stored_reference

@@ -14,8 +14,8 @@ from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses
 import_gpu_kernels()
 
 from hsslam_node.gpu_kernels.field.layout import gpu_layout  # noqa: E402
+from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective  # noqa: E402
 from hsslam_node.tracking.map_view import DeviceMap, MapView  # noqa: E402
-from hsslam_node.tracking.on_gpu import GpuRenderingObjective  # noqa: E402
 from hsslam_node.tracking.rendering_objective import RenderingObjective  # noqa: E402
 from tests.node.gpu_kernels.conftest import on_device  # noqa: E402
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import moved_about_camera
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.rendering_objective import RenderingObjective
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black
 

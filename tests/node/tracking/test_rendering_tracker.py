@@ -9,7 +9,7 @@ from hsslam_node.config import RenderingTrackerConfig
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.alignment import MapView
+from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.open_tracker import open_tracker
 from hsslam_node.tracking.rendering_objective import RenderingObjective, descend
 from hsslam_node.tracking.rendering_tracker import RenderingTracker

@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.config import TrackerConfig
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.tracking.aligned.acceptance import is_acceptable, quality
-from hsslam_node.tracking.alignment import Alignment
+from hsslam_node.tracking.alignment.align import Alignment
 
 _CONFIG = TrackerConfig()
 _GOOD = Alignment(

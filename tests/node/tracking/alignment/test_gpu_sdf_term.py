@@ -8,9 +8,9 @@ import torch
 from hsslam_node.config import BoundConfig, FieldConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.kernels.tracking.depth_points import transform_points
-from hsslam_node.tracking.alignment import open_sdf_term
+from hsslam_node.tracking.alignment.frame_terms import open_sdf_term
+from hsslam_node.tracking.alignment.sdf_term import SdfEvidence
 from hsslam_node.tracking.map_view import MapView, MapViews
-from hsslam_node.tracking.sdf_term import SdfEvidence
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
 from tests.small_room import SMALL, displaced, empty_room
 

@@ -8,7 +8,7 @@ import pytest
 from hsslam_node.geometry.se3 import se3_exp
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.tracking.depth_points import sample_points
-from hsslam_node.tracking.alignment import Alignment, align
+from hsslam_node.tracking.alignment.align import Alignment, align
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
 from hsslam_node.tracking.map_view import MapView
 from tests.small_room import MappedRoom, displaced, mapped_room, pose_error, room_frames, room_poses

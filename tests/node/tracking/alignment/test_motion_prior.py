@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.geometry.se3 import moved_about_camera, se3_exp
-from hsslam_node.tracking.alignment import with_motion_prior
+from hsslam_node.tracking.alignment.motion_prior import with_motion_prior
 
 START = se3_exp(np.array([0.4, -0.2, 1.0, 0.3, -0.2, 0.5]))
 

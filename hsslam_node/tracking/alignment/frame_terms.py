@@ -1,0 +1,162 @@
+"""What map, surface and image say of the pose of one frame: normal equations of 6 + 2 unknowns."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hsslam_node.config import TrackerConfig
+from hsslam_node.geometry.pose_covariance import Evidence
+from hsslam_node.geometry.se3 import inverse, transformed
+from hsslam_node.kernels.tracking.alignment import add_keyframe_surface_term, add_photometric_term
+from hsslam_node.kernels.tracking.depth_points import transform_points
+from hsslam_node.tracking.alignment.sdf_term import CpuSdfTerm, SdfEvidence, SdfTerm
+from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, ReferenceKeyframe
+from hsslam_node.tracking.map_view import MapView
+
+_COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
+_MOST_ASKED = 1.25  # times `config.points`, as frames have some more
+_LOWER = np.tril_indices(8, -1)
+# of a step (m, rad, grey levels, gain): where nothing else says anything, stay
+_PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
+
+
+class Exposure(NamedTuple):
+    """The image is gain times the keyframe's plus bias."""
+
+    bias: float = 0.0  # grey levels
+    gain: float = 1.0
+
+
+@dataclass
+class NormalEquations:
+    """H x = -b of a step in pose, bias and gain, and how well each term fits."""
+
+    H: np.ndarray  # [8, 8]
+    b: np.ndarray  # [8]
+    sdf_inliers: int = 0
+    sdf_seen: int = 0
+    sdf_squares: float = 0.0
+    outside: int = 0
+    surface_inliers: int = 0
+    surface_met: int = 0
+    surface_cost: float = 0.0
+    photo_inliers: int = 0
+    photo_seen: int = 0
+    photo_cost: float = 0.0
+    H_before_surface: np.ndarray | None = None  # upper half, as the following
+    H_before_photo: np.ndarray | None = None
+
+    def evidence(self) -> Evidence:
+        """Once H is complete."""
+        before_photo = self.H if self.H_before_photo is None else self.H_before_photo
+        before_surface = before_photo if self.H_before_surface is None else self.H_before_surface
+        return Evidence(
+            H=self.H,
+            H_surface=_mirrored(before_photo - before_surface),
+            H_photometric=_mirrored(self.H - before_photo),
+            surface_cost=self.surface_cost / max(self.surface_met, 1),
+            photometric_cost=self.photo_cost / max(self.photo_seen, 1),
+        )
+
+
+class FrameTerms:
+    """The terms of one frame and the work space to linearise them."""
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        levels: tuple[PyramidLevel, ...],
+        view: MapView | None,
+        reference: ReferenceKeyframe | None,
+        T_world_ref: np.ndarray,
+        config: TrackerConfig,
+        exposure: Exposure,
+    ) -> None:
+        self._asked_every = 1 + int(len(points) / (_MOST_ASKED * config.points))
+        asked = np.ascontiguousarray(points[:: self._asked_every])
+        coarse = np.ascontiguousarray(asked[::_COARSE_STRIDE])
+        self._points = (coarse, points)
+        self._levels = levels
+        self._sdf_term = open_sdf_term(view, (coarse, asked), config) if view else None
+        self._reference = reference
+        self._config = config
+        self._T_ref_world = inverse(T_world_ref)
+        self._key_world = (
+            tuple(transformed(T_world_ref, p) for p in reference.points) if reference else ()
+        )
+        self._world = np.empty((len(points), 3), np.float32)
+        self.exposure = exposure
+
+    def linearise(self, T: np.ndarray, level: int) -> NormalEquations:
+        """The normal equations at T, at one level of the pyramid."""
+        c = self._config
+        system = NormalEquations(np.diag(_PRIOR), np.zeros(8))
+        fine = level == len(self._levels) - 1
+        points = self._points[fine]
+        n = len(points)
+        world = self._world[:n]
+        transform_points(T, points, world)
+        centre = T[:3, 3].copy()
+        # the map is asked last, and first only where there is no keyframe to lead the way
+        if self._sdf_term and (fine or self._reference is None):
+            asked = np.ascontiguousarray(world[:: self._asked_every]) if fine else world
+            found = self._add_sdf_term(T, asked, fine, system)
+            system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
+            system.outside = len(asked) - found.seen
+        if self._reference and c.surface_weight > 0:
+            k = c.surface_weight**-0.5
+            sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide enough to be led by
+            if fine:
+                sigma_m, noise = c.surface_sigma_m, self._reference.depth_noise
+            system.H_before_surface = system.H.copy()
+            found = add_keyframe_surface_term(
+                points, world, centre, self._T_ref_world, self._reference.surface_points,
+                self._reference.surface_normals, self._reference.surface_K,
+                k * sigma_m, k * noise, c.surface_noise, c.surface_kernel, c.sdf_huber_m, c.surface_gate_m,
+                system.H, system.b,
+            )  # fmt: skip
+            system.surface_cost, system.surface_inliers, system.surface_met = found
+        if self._reference and c.photometric_pixels:
+            image = self._levels[level]
+            system.H_before_photo = system.H.copy()
+            found = add_photometric_term(
+                image.grey, image.depth, image.K, self._key_world[level],
+                self._reference.grey[level], T, *self.exposure, c.photometric_sigma,
+                c.photometric_huber, system.H, system.b,
+            )  # fmt: skip
+            system.photo_cost, system.photo_inliers, system.photo_seen = found
+        system.H[_LOWER] = system.H.T[_LOWER]
+        return system
+
+    def _add_sdf_term(
+        self, T: np.ndarray, world: np.ndarray, fine: bool, system: NormalEquations
+    ) -> SdfEvidence:
+        """Add what the map says, by its weight; in full if there is no keyframe."""
+        assert self._sdf_term is not None
+        weight = self._config.sdf_weight if self._reference else 1.0
+        if weight == 1.0:
+            return self._sdf_term.add(T, world, fine, system.H, system.b)
+        H, b = np.zeros_like(system.H), np.zeros_like(system.b)
+        found = self._sdf_term.add(T, world, fine, H, b)
+        system.H += weight * H
+        system.b += weight * b
+        return found
+
+
+def _mirrored(upper: np.ndarray) -> np.ndarray:
+    """A symmetric matrix of its upper half."""
+    out = upper.copy()
+    out[_LOWER] = upper.T[_LOWER]
+    return out
+
+
+def open_sdf_term(
+    view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
+) -> SdfTerm:
+    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
+    if view.on_device is not None:
+        from hsslam_node.tracking.alignment.gpu_sdf_term import GpuSdfTerm
+
+        return GpuSdfTerm(view, points, config)
+    return CpuSdfTerm(view, points, config)
