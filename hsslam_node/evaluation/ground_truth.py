@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.sources.effects import running_stamp_ns
+from hsslam_node.sources.effects.restamped import running_stamp_ns
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.registry import SOURCES

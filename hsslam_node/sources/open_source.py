@@ -86,27 +86,27 @@ def _plain_source(
 def _with_effects(source: Source, options: SourceOptions) -> Source:
     """The source with the stamps, noise, exposure, mask, cover and size that the options ask for."""
     if options.reorders:
-        from hsslam_node.sources.effects import Restamped
+        from hsslam_node.sources.effects.restamped import Restamped
 
         source = Restamped(source)
     if options.noise == "kinect":
-        from hsslam_node.sources.effects import KinectNoise
+        from hsslam_node.sources.effects.kinect_noise import KinectNoise
 
         source = KinectNoise(source, options.seed)
     if options.exposure == "drift":
-        from hsslam_node.sources.effects import ChangingExposure
+        from hsslam_node.sources.effects.changing_exposure import ChangingExposure
 
         source = ChangingExposure(source, options.seed)
     if options.mask:
-        from hsslam_node.sources.effects import Masked
+        from hsslam_node.sources.effects.hidden import Masked
 
         source = Masked(source, options.mask)
     if options.cover_frames:
-        from hsslam_node.sources.effects import Covered
+        from hsslam_node.sources.effects.hidden import Covered
 
         source = Covered(source, options.cover_at, options.cover_frames)
     if options.downscale > 1:
-        from hsslam_node.sources.effects import Downscaled
+        from hsslam_node.sources.effects.downscaled import Downscaled
 
         source = Downscaled(source, options.downscale)
     return source

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hsslam_node.depth_noise import depth_noise
-from hsslam_node.sources.effects import add_kinect_noise
+from hsslam_node.sources.effects.kinect_noise import add_kinect_noise
 from tests.small_room import room_frames, with_black
 
 

@@ -9,7 +9,7 @@ from hsslam_bench.scripts.source_with_truth import source_with_truth
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.sources.effects import KinectNoise
+from hsslam_node.sources.effects.kinect_noise import KinectNoise
 from hsslam_node.sources.options.source import SourceOptions
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_node.sources.effects import KinectNoise, add_kinect_noise
+from hsslam_node.sources.effects.kinect_noise import KinectNoise, add_kinect_noise
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.replica import ReplicaSource
 

@@ -1,0 +1,41 @@
+"""A source whose frames are those of another, changed; apart, as every effect is one."""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+
+from hsslam_node.frame import Frame
+from hsslam_node.sources.reports import reports_of
+from hsslam_node.sources.source import BadFrame, IsLate, ReadsInTime, Source, frames_in_time
+
+
+class ChangedSource(ReadsInTime):
+    """The frames of another source, each put through `changed`; what cannot be read stays a `BadFrame`.
+
+    A frame of another camera than the source's, as a log may have, becomes one.
+    `suffix` is added to the name of the other source.
+    """
+
+    def __init__(self, source: Source, suffix: str) -> None:
+        self._source = source
+        self.name = f"{source.name} {suffix}"
+        self.camera = source.camera
+        self.rate_hz = source.rate_hz
+        self.frame_count = source.frame_count
+        self.depth_units_per_m = source.depth_units_per_m
+        self.reports = reports_of(source)
+
+    def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
+        """The frames of the other source, changed; late ones are left out if it can do that."""
+        for frame in frames_in_time(self._source, first, is_late):
+            if isinstance(frame, BadFrame):
+                yield frame
+            elif differs := frame.camera.differs_in(self._source.camera):
+                name, here, expected = differs
+                reason = f"{name} {here}: expected {expected} as in the first frame"
+                yield BadFrame(frame.index, frame.stamp_ns, reason)
+            else:
+                yield self.changed(frame)
+
+    @abstractmethod
+    def changed(self, frame: Frame) -> Frame:
+        """This frame as the source delivers it."""
