@@ -16,6 +16,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame, mounting
 from hsslam_node.odometry.noise import USUAL_NOISE
 from hsslam_node.sources.options.camera import CameraOptions, RealsenseOptions
+from hsslam_node.sources.options.limits import expect_at_least, expect_range
 from hsslam_node.sources.options.source import RecordOptions, SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import BagOptions, Ros2Options
@@ -196,17 +197,15 @@ class ServeOptions:
         if self.viewer not in _VIEWERS and not re.fullmatch(r"connect:\S+", self.viewer):
             expected = "auto, none, web, spawn or connect:URL"
             raise UserError(f"--viewer {self.viewer}: expected {expected}")
-        if not (math.isfinite(self.memory_gb) and self.memory_gb >= 0.1):
-            raise UserError(f"--memory-gb {self.memory_gb}: expected GB, 0.1 or more")
-        viewer_gb = self.viewer_memory_gb
-        if viewer_gb is not None and not (math.isfinite(viewer_gb) and viewer_gb >= 0.1):
-            raise UserError(f"--viewer-memory-gb {viewer_gb}: expected GB, 0.1 or more")
+        expect_at_least("memory-gb", self.memory_gb, 0.1, "GB")
+        if self.viewer_memory_gb is not None:
+            expect_at_least("viewer-memory-gb", self.viewer_memory_gb, 0.1, "GB")
         if not re.fullmatch(r"[A-Za-z0-9_-]+", self.robot):
             raise UserError(f"--robot {self.robot!r}: expected letters, digits, - and _")
-        if self.zenoh_port is not None and not 1 <= self.zenoh_port <= 65535:
-            raise UserError(f"--zenoh-port {self.zenoh_port}: expected 1 to 65535")
-        if self.metrics_port is not None and not 1 <= self.metrics_port <= 65535:
-            raise UserError(f"--metrics-port {self.metrics_port}: expected 1 to 65535")
+        if self.zenoh_port is not None:
+            expect_range("zenoh-port", self.zenoh_port, 1, 65535)
+        if self.metrics_port is not None:
+            expect_range("metrics-port", self.metrics_port, 1, 65535)
         if self.rate_hz is not None and not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise UserError(f"--rate-hz {self.rate_hz}: expected a number above 0")
         if self.localise_only and not self.map:
@@ -233,38 +232,28 @@ class ServeOptions:
         first, end = layers_between(low_m, high_m, VOXEL_M)
         if first == end:
             raise UserError(f"{heights}: expected a multiple of {VOXEL_M} m between them")
-        if self.seed < 0:
-            raise UserError(f"--seed {self.seed}: expected 0 or more")
-        if self.start < 0:
-            raise UserError(f"--start {self.start}: expected 0 or more")
-        if self.stride < 1:
-            raise UserError(f"--stride {self.stride}: expected 1 or more")
-        if self.frames is not None and self.frames < 1:
-            raise UserError(f"--frames {self.frames}: expected 1 or more")
-        if self.finish_s is not None and not (math.isfinite(self.finish_s) and self.finish_s >= 0):
-            raise UserError(f"--finish-s {self.finish_s}: expected seconds, 0 or more")
+        expect_at_least("seed", self.seed, 0)
+        expect_at_least("start", self.start, 0)
+        expect_at_least("stride", self.stride, 1)
+        if self.frames is not None:
+            expect_at_least("frames", self.frames, 1)
+        if self.finish_s is not None:
+            expect_at_least("finish-s", self.finish_s, 0, "seconds")
         if self.log_part_mb < 0:
             raise UserError(f"--log-part-mb {self.log_part_mb}: expected MiB, or 0 for one file")
         if not (math.isfinite(self.log_keep) and self.log_keep >= 0):
             raise UserError(f"--log-keep {self.log_keep:g}: expected GB, or 0 to keep all")
-        if not 1 <= self.to_and_fro <= 10_000:
-            raise UserError(f"--to-and-fro {self.to_and_fro}: expected 1 to 10000")
-        if self.hold_at < 0:
-            raise UserError(f"--hold-at {self.hold_at}: expected 0 or more")
+        expect_range("to-and-fro", self.to_and_fro, 1, 10_000)
+        expect_at_least("hold-at", self.hold_at, 0)
         if self.hold_at and not self.hold_frames:
             raise UserError(f"--hold-at {self.hold_at}: expected with --hold-frames")
-        if not 0 <= self.hold_frames <= 10_000_000:
-            raise UserError(f"--hold-frames {self.hold_frames}: expected 0 to 10000000")
-        if self.cover_at < 0:
-            raise UserError(f"--cover-at {self.cover_at}: expected 0 or more")
+        expect_range("hold-frames", self.hold_frames, 0, 10_000_000)
+        expect_at_least("cover-at", self.cover_at, 0)
         if self.cover_at and not self.cover_frames:
             raise UserError(f"--cover-at {self.cover_at}: expected with --cover-frames")
-        if not 0 <= self.cover_frames <= 10_000_000:
-            raise UserError(f"--cover-frames {self.cover_frames}: expected 0 to 10000000")
-        if not 1e-4 <= self.odometry_noise <= 1:
-            raise UserError(f"--odometry-noise {self.odometry_noise}: expected 0.0001 to 1")
-        if not 1 <= self.downscale <= 16:
-            raise UserError(f"--downscale {self.downscale}: expected 1 to 16")
+        expect_range("cover-frames", self.cover_frames, 0, 10_000_000)
+        expect_range("odometry-noise", self.odometry_noise, 1e-4, 1)
+        expect_range("downscale", self.downscale, 1, 16)
         if not self.has_camera_process:
             refuse_ignored_options(self.source, self.source_options)
 
