@@ -4,6 +4,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import MapCheckpoint
+from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
@@ -54,6 +55,7 @@ def _checkpoint(
         params=params,
         keyframe_stamps_ns=store.stamps_ns()[keyframes],
         T_world_keyframe=store.poses_of(keyframes),
+        keyframe_gaps=gap_covariances(store, keyframes),
         camera=store.camera,
         sampling=sampling,
         images=images,

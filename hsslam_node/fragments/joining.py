@@ -1,20 +1,15 @@
 """A fragment becomes part of the map: its pixels go there a few keyframes a frame, then all show at once."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from hsslam_node.fragments.fragment import Fragment
-from hsslam_node.geometry.pose_covariance import carried, turned
-from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.pose_covariance import UNTRACKED, turned
+from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
 _AT_ONCE = 2  # keyframes with a frame, 7 ms each at 640x480
-# covariances, m and rad: of the pose that a join gives, and of the motion between map and fragment until
-# bundle adjustment has aligned the two
-_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))
-_GAP = np.diag(np.repeat([0.1**2, 0.05**2], 3))
+_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))  # covariance, m and rad, of the pose by a join
 
 
 class Joining:
@@ -65,23 +60,15 @@ class Joining:
             self._next = 0
             return None
         poses, R = own.poses(), self._T_map_fragment[:3, :3]  # R: covariances are in the map's axes
-        gaps = [_GAP, *(_gap(own, poses, before, k) for before, k in pairwise(ids))]
+        gaps = gap_covariances(own, np.array(ids))
+        gaps[0] = UNTRACKED
         with self._store.appending():
             shown = self._store.append_staged(
                 self._staging, self._T_map_fragment @ poses[ids],
-                np.stack([turned(own.covariance(k), R) + _UNSURE for k in ids]), np.stack(gaps),
+                np.stack([turned(own.covariance(k), R) + _UNSURE for k in ids]), gaps,
                 self._fragment.number,
             )  # fmt: skip
         return _joined(self._fragment.number, np.array(ids), shown, poses)
-
-
-def _gap(own: KeyframeStore, poses: np.ndarray, before: int, k: int) -> np.ndarray:
-    """[6, 6] of what odometry alone bridged to keyframe k since keyframe `before`, all between left out."""
-    total = own.gap_covariance(k)
-    for left_out in range(before + 1, k):
-        T = inverse(poses[k]) @ poses[left_out]
-        total = total + carried(turned(own.gap_covariance(left_out), T[:3, :3]), -T[:3, 3])
-    return total
 
 
 def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray) -> JoinedFragment:

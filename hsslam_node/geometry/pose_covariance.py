@@ -14,6 +14,9 @@ from hsslam_node.geometry.se3 import skew
 _PHOTOMETRIC_CORRELATION = 5.0  # pixels for one that says something of its own
 _SURFACE_CORRELATION = 1.5  # points, likewise
 _LEAST_COST = 0.05  # a camera that stands still before a film of itself is no better than others
+# [6, 6] m, rad: of the motion to a keyframe to which the camera was not tracked from the one before, until
+# bundle adjustment has aligned it to others
+UNTRACKED = np.diag(np.repeat([0.1**2, 0.05**2], 3))
 _KEPT_SHARE = 0.4  # of a keyframe's own variance: bundle adjustment takes the rest out
 
 

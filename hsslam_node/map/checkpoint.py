@@ -45,6 +45,7 @@ class MapCheckpoint:
     second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
     step: int = 0  # Adam steps that the map has seen
     gravity: Gravity | None = None  # as an IMU tells it; None: not known
+    keyframe_gaps: np.ndarray | None = None  # [n, 6, 6] float64, `gap_covariances`; None likewise
     # to the frame `map` of the robot that made it, [4, 4] (`level_frame`); None: the robot is not known
     T_level_world: np.ndarray | None = None
 
@@ -55,10 +56,16 @@ class MapCheckpoint:
         _expect("T_world_keyframe", self.T_world_keyframe, (n, 4, 4), np.float64)
         if self.T_level_world is not None:
             _expect("T_level_world", self.T_level_world, (4, 4), np.float64)
+        if self.keyframe_gaps is not None:
+            _expect("keyframe_gaps", self.keyframe_gaps, (n, 6, 6), np.float64)
         if self.images is not None and len(self.images) != n:
             raise ValueError(f"images of {len(self.images)} keyframes, not {n}")
         if self.second_moment is not None:
             _expect("second_moment", self.second_moment, self.params.shape, np.float32)
+
+    def gap_covariance(self, k: int) -> np.ndarray:
+        """[6, 6] of the motion to keyframe k from the one before it, as in `KeyframeStore.append`."""
+        return np.zeros((6, 6)) if self.keyframe_gaps is None else self.keyframe_gaps[k]
 
 
 def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
@@ -75,6 +82,8 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     tensors = {f"field/{b.name}": b.view(checkpoint.params).copy() for b in blocks}
     tensors["keyframes/stamps_ns"] = np.ascontiguousarray(checkpoint.keyframe_stamps_ns)
     tensors["keyframes/T_world_keyframe"] = np.ascontiguousarray(checkpoint.T_world_keyframe)
+    if checkpoint.keyframe_gaps is not None:
+        tensors["keyframes/gaps"] = np.ascontiguousarray(checkpoint.keyframe_gaps)
     bound, first = checkpoint.layout.bound, checkpoint.layout.first_bound
     metadata = {
         "format": FORMAT,
@@ -131,6 +140,7 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             second_moment=None if moment is None else _from_bfloat16(moment),
             step=int(metadata.get("step", "0")),
             gravity=_part(metadata, "gravity", Gravity),
+            keyframe_gaps=tensors.get("keyframes/gaps"),
             T_level_world=_level_frame(metadata),
         )
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:

@@ -38,8 +38,8 @@ def restore_map(
         )
     units, capacity = images.depth_units_per_m, config.keyframes.capacity
     store = KeyframeStore.create(arrays, camera, units, capacity)
-    for frame, T_world_cam in zip(saved_frames(path, saved), saved.T_world_keyframe, strict=True):
-        store.append(frame, T_world_cam)
+    for k, frame in enumerate(saved_frames(path, saved)):
+        store.append(frame, saved.T_world_keyframe[k], gap_covariance=saved.gap_covariance(k))
     store.mark_inherited()
     if saved.gravity is not None:
         store.world_frame.note_gravity(saved.gravity)

@@ -131,8 +131,8 @@ class KeyframeStore:
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
         gap_covariance: [6, 6] (m, rad; axes of this camera, rotation about its centre) of the motion since
-            the keyframe before, as far as the robot's odometry alone or the join of a fragment tells it; 0:
-            the camera was aligned all the way.
+            the keyframe before, as far as only the robot's odometry, the join of a fragment or a place that
+            was found again tells it; 0: the camera was aligned all the way.
         fragment: see `fragments`.
 
         Raises:
@@ -274,7 +274,7 @@ class KeyframeStore:
         return self._rows.covariance(k)
 
     def gap_covariance(self, k: int) -> np.ndarray:
-        """[6, 6] of the motion by odometry alone before keyframe k, as `append` was given it."""
+        """[6, 6] of the motion before keyframe k that was not tracked, as `append` was given it."""
         return self._rows.gap_covariance(k)
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:

@@ -40,7 +40,8 @@ class JoinedGraph:
         poses = store.poses()
         for k in range(1, len(poses)):
             if k != seam:
-                self._edges += self._chain.add(k, inverse(poses[k - 1]) @ poses[k])
+                T, gap = inverse(poses[k - 1]) @ poses[k], store.gap_covariance(k)
+                self._edges += self._chain.add(k, T, gap)
 
     def solve(
         self, meetings: Sequence[Meeting], track: Track = silently

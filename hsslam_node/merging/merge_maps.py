@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.pose_covariance import UNTRACKED
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator
@@ -80,8 +81,10 @@ def merge_maps(
     poses = other.T_world_keyframe
     meetings = agreeing(find_meetings(store, frames, poses, config.tracker, seed))
     _expect_places(first, second, meetings)
-    for frame, T in zip(saved_frames(second, other), meetings[0].T_worlds @ poses, strict=True):
-        store.append(frame, T)
+    T_placed = meetings[0].T_worlds @ poses
+    for k, frame in enumerate(saved_frames(second, other)):
+        gap = other.gap_covariance(k) if k else UNTRACKED
+        store.append(frame, T_placed[k], gap_covariance=gap)
     solved, meetings = JoinedGraph(store, seam, config, seed).solve(meetings, track)
     places = _expect_places(first, second, meetings)
     store.correct_poses(np.arange(len(solved)), solved)

@@ -79,7 +79,7 @@ class PoseSearch:
         return found
 
     def _by_place(self, seen: Observation, place: Place) -> Alignment | None:
-        self._aligner.reference = Reference(place.reference)
+        self._aligner.reference = Reference(place.reference, is_at_place=True)
         best = self._aligner.align(seen, place.T_world_cam)
         return best if self._is_acceptable(seen, best, place.T_world_cam, after_gap=True) else None
 
@@ -134,7 +134,7 @@ class PoseSearch:
         if not is_unforeseen or (is_reckoned and reckoned.unaligned_frames < _UNALIGNED_FRAMES):
             return
         for place in self._relocalisation.places(frame):
-            self._aligner.reference = Reference(place.reference)
+            self._aligner.reference = Reference(place.reference, is_at_place=True)
             yield place.T_world_cam
 
     def _is_acceptable(

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.pose_covariance import turned
+from hsslam_node.geometry.pose_covariance import UNTRACKED, turned
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.still_camera import StillCamera
 from hsslam_node.tracking.aligned.acceptance import is_left_behind
@@ -73,6 +73,8 @@ class NewKeyframes:
         gap: covariance [6, 6] of the motion by odometry alone since the newest keyframe.
         """
         self.frames_since = 0
+        if aligner.take_untracked():
+            gap = gap + UNTRACKED
         with self._store.appending():
             T, version = aligner.placed(alignment)  # as of now
             still = self._dynamic.left_out(frame, T)

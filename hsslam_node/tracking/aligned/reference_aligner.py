@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -49,7 +48,7 @@ class ReferenceAligner:
         self._config = config
         self._store = store
         self._aligned_at: AlignedAt | None = None  # of the newest alignment
-        self._next: Callable[[], ReferenceKeyframe] | None = None
+        self._next: Callable[[], Reference] | None = None
         self.reference: Reference | None = None
 
     @property
@@ -96,8 +95,18 @@ class ReferenceAligner:
         """Learn from an accepted alignment what it shows of the reference; returns that."""
         assert self.reference is not None
         coverage = max(self.reference.coverage, alignment.surface_coverage)
-        self.reference = Reference(self.reference.keyframe, alignment.exposure, coverage)
+        self.reference = replace(
+            self.reference, exposure=alignment.exposure, coverage=coverage
+        )
         return self.reference
+
+    def take_untracked(self) -> bool:
+        """Whether the camera was not tracked from the newest keyframe to the one that is appended now, which
+        is the newest from now on."""
+        assert self.reference is not None
+        is_untracked = self.reference.is_at_place
+        self.reference = replace(self.reference, is_at_place=False)
+        return is_untracked
 
     def needs_another(self, alignment: Alignment, T_world_cam: np.ndarray, frame: Frame) -> bool:
         """Whether another keyframe would show more of a frame that was aligned to T_world_cam [4, 4]."""
@@ -126,18 +135,20 @@ class ReferenceAligner:
         levels = seen.levels if frame is seen.frame else grey_pyramid(frame)
         views = views_near(self._store, k, frame, self._config.reference_views)
         pixels = self._config.photometric_pixels
-        self._next = partial(reference_keyframe, k, frame, levels, pixels, views)
+        self._next = lambda: Reference(reference_keyframe(k, frame, levels, pixels, views))
 
     def refer_next_to_covering(self, frame: Frame, T_world_cam: np.ndarray) -> None:
         """Align the next frame to the keyframe that shows clearly more of this one, if one does."""
         k = covering_keyframe(self._store, frame, T_world_cam, self.keyframe)
         if k != self.keyframe:
-            self._next = partial(stored_reference, self._store, k, self._config)
+            self._next = lambda: Reference(
+                stored_reference(self._store, k, self._config), is_at_place=True
+            )
 
     def prepare_next(self) -> None:
         """Prepare the keyframe that the next frame is aligned to, which the last pose did not need."""
         if self._next is not None:
-            self.reference = Reference(self._next())
+            self.reference = self._next()
             self._next = None
 
     def take_over(self, other: "ReferenceAligner", joined: JoinedFragment) -> None:

@@ -55,6 +55,14 @@ def test_the_robot_that_made_a_map_is_kept(checkpoint, saved):
         load_checkpoint(saved)
 
 
+def test_how_unsure_the_way_to_each_keyframe_is_is_kept(checkpoint, saved):
+    assert not load_checkpoint(saved).gap_covariance(0).any()
+    n = len(checkpoint.keyframe_stamps_ns)
+    gaps = np.random.default_rng(0).random((n, 6, 6))
+    save_checkpoint(saved, replace(checkpoint, keyframe_gaps=gaps))
+    np.testing.assert_array_equal(load_checkpoint(saved).gap_covariance(n - 1), gaps[-1])
+
+
 def test_the_folder_of_a_run_is_its_map(checkpoint, saved):
     assert load_checkpoint(saved.parent).layout == checkpoint.layout
     saved.unlink()

@@ -9,6 +9,7 @@ import pytest
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.pose_covariance import UNTRACKED
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.inertial.gravity import Gravity
 from hsslam_node.map.allocator import MemoryAllocator
@@ -59,6 +60,25 @@ def test_whoever_attaches_finds_the_map_as_it_was(room, path):
     subnormal = np.finfo(np.float32).tiny  # has fewer bits
     np.testing.assert_allclose(parameters.second_moment, moment, rtol=2**-7, atol=subnormal)
     assert moment.max() > 0
+
+
+def test_what_was_not_tracked_stays_unsure_also_between_keyframes_that_are_left(tmp_path):
+    """Of five keyframes the fourth came after a gap, and is retired."""
+    source = mapped_room().store
+    first = source.frame(0)
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 8)
+    for k in range(5):
+        gap = UNTRACKED if k == 3 else np.zeros((6, 6))
+        store.append(source.frame(k), source.pose(k), gap_covariance=gap)
+    store.retire(3, 2)
+    room = mapped_room()
+    save_checkpoint(
+        tmp_path / "m.safetensors", map_snapshot(store, room.parameters, SMALL.sampling)
+    )
+    restored, _ = restore_map(MemoryAllocator(), tmp_path / "m.safetensors", SMALL)
+    gaps = np.stack([restored.gap_covariance(k) for k in range(4)])  # of 0, 1, 2, 4
+    assert not gaps[:3].any()
+    assert (np.linalg.eigvalsh(gaps[3] - 0.99 * UNTRACKED) > -1e-9).all() and gaps[3, 0, 0] > 0.009
 
 
 def test_a_map_that_has_grown_may_grow_on(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from hsslam_node.device.device import CPU
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.pose_covariance import UNTRACKED
 from hsslam_node.geometry.se3 import inverse, se3_exp, se3_log
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.map.allocator import MemoryAllocator
@@ -106,6 +107,22 @@ def test_a_lost_camera_is_found_again_at_a_keyframe():
         for k in range(4)
     ]
     assert all(map(_is_right, back))
+
+
+@pytest.mark.parametrize(("start", "is_untracked"), [(5, True), (30, False)])
+def test_the_motion_to_a_place_found_again_is_not_taken_for_tracked(start, is_untracked):
+    """The first keyframe there has an unsure way from the newest; one that follows it, or the frames before
+    the loss, has not."""
+    store, frames = _store(), room_frames()
+    tracker, _ = _tracked(store, frames[:30])
+    count, stamp_ns = store.count, frames[29].stamp_ns
+    for n, frame in enumerate([with_black(frames[29]), *frames[start : start + 9]], 1):
+        tracker.track(replace(frame, stamp_ns=stamp_ns + n * 33_000_000), None)
+    gaps = [store.gap_covariance(k) for k in range(store.count)]
+    assert store.count >= count + 2
+    assert [bool(gap.any()) for gap in gaps[count - 1 : count + 2]] == [False, is_untracked, False]
+    if is_untracked:
+        assert (np.linalg.eigvalsh(gaps[count] - 0.99 * UNTRACKED) > 0).all()
 
 
 def test_being_carried_while_lost_is_no_motion_to_go_on_with():
