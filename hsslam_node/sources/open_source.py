@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from hsslam_node.errors import UserError, one_line
 from hsslam_node.sources.options.source import SourceOptions
@@ -17,6 +16,7 @@ from hsslam_node.sources.source_row import (
     source_name,
     unknown_source,
 )
+from hsslam_node.user_path import user_path
 
 
 def open_source(
@@ -40,7 +40,7 @@ def open_source(
         if guess in ("", spec):
             raise
         raise UserError(f"{error}; did you mean {guess}?") from None
-    has_masks = bool(options.mask) and Path(options.mask).is_dir()
+    has_masks = bool(options.mask) and user_path(options.mask).is_dir()
     if has_masks:
         from hsslam_node.sources.files.image_pairs import ImagePairSource
 

@@ -1,7 +1,6 @@
 """Frames of which a mask hides a part, or a covered lens all."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from hsslam_node.frame import Frame
 from hsslam_node.sources.effects.changed_source import ChangedSource
 from hsslam_node.sources.files.image_files import BadImageError, read_mask
 from hsslam_node.sources.source import Source
+from hsslam_node.user_path import user_path
 
 
 class Masked(ChangedSource):
@@ -25,7 +25,7 @@ class Masked(ChangedSource):
     def __init__(self, source: Source, mask: str) -> None:
         super().__init__(source, "with a mask")
         try:
-            self._is_hidden = read_mask(Path(mask), source.camera)  # [H, W]
+            self._is_hidden = read_mask(user_path(mask), source.camera)  # [H, W]
         except BadImageError as error:
             raise UserError(f"--mask {error}") from None
 

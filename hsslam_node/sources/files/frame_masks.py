@@ -8,6 +8,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import read_mask
+from hsslam_node.user_path import user_path
 
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 
@@ -37,8 +38,8 @@ class FrameMasks:
     ) -> "FrameMasks | None":
         """Those of the folder that `--mask` names, else of the folder `beside` the images if it exists; None:
         there are none."""
-        if mask and Path(mask).is_dir():
-            return cls(Path(mask), color_files)
+        if mask and user_path(mask).is_dir():
+            return cls(user_path(mask), color_files)
         return cls(beside, color_files) if beside is not None and beside.is_dir() else None
 
     def hidden(self, color_file: Path, camera: Camera) -> np.ndarray:

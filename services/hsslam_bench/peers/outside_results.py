@@ -9,6 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.geometry.trajectory import Trajectory, associate, read_tum
 from hsslam_node.sources.files.truth_files import read_matrices
+from hsslam_node.user_path import user_path
 
 _EXPECTED = "expected NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER"
 _TRAJECTORY, _MESH = "trajectory.txt", "mesh.ply"
@@ -35,11 +36,11 @@ def parsed_result(text: str) -> OutsideResult:
     trajectory, comma, mesh = places.partition(",")
     if not (name and equals and trajectory) or (comma and not mesh):
         raise UserError(f"--result {text}: {_EXPECTED}")
-    place = Path(trajectory)
+    place = user_path(trajectory)
     if not comma and place.is_dir():
         beside = place / _MESH
         return OutsideResult(name, place / _TRAJECTORY, beside if beside.exists() else None)
-    return OutsideResult(name, place, Path(mesh) if comma else None)
+    return OutsideResult(name, place, user_path(mesh) if comma else None)
 
 
 def results_in(folder: Path, sequence: str) -> list[OutsideResult]:

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import exit_code, parse_options
 from hsslam_services.security.access import ROLES
 from hsslam_services.security.certificates import CertificateAuthority
@@ -98,7 +99,7 @@ def make_certificates(folder: Path, hosts: Sequence[str], days: int) -> list[str
 def _certs(options: CertsOptions) -> None:
     if not options.folder:
         raise UserError(f"no folder: expected {_PROG} DIR")
-    folder = Path(options.folder)
+    folder = user_path(options.folder)
     hosts = make_certificates(folder, options.host, options.days)
     table = Table("folder", "for")
     table.add_row(f"{folder}/ca", "no machine: keep it safe, its key makes more certificates")

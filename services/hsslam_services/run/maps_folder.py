@@ -22,7 +22,7 @@ def map_path(folder: Path | str, name: str) -> Path:
         UserError: a name that is none.
     """
     expect_map_name(name)
-    return Path(folder).absolute() / f"{name}{_SUFFIX}"
+    return user_path(folder).absolute() / f"{name}{_SUFFIX}"
 
 
 def find_map(folder: Path | str, wanted: str) -> Path:
@@ -41,7 +41,7 @@ def find_map(folder: Path | str, wanted: str) -> Path:
     if is_name:
         known = known_maps(folder)
         there = f"{did_you_mean(wanted, known)}; there are: {', '.join(known)}" if known else ""
-        raise UserError(f"--map {wanted}: no such map in {Path(folder).absolute()}{there}")
+        raise UserError(f"--map {wanted}: no such map in {user_path(folder).absolute()}{there}")
     if not path.is_file():
         given = f"{wanted.rstrip('/')}/{_OF_RUN}" if path.is_dir() else wanted
         expected = "expected a map, a run folder, or the name of a map"
@@ -57,7 +57,7 @@ def expect_map_name(name: str) -> None:
 
 def known_maps(folder: Path | str) -> list[str]:
     """The names of all saved maps."""
-    return sorted(path.stem for path in Path(folder).glob(f"*{_SUFFIX}"))
+    return sorted(path.stem for path in user_path(folder).glob(f"*{_SUFFIX}"))
 
 
 def read_save_request(arena_dir: Path) -> SaveMap:

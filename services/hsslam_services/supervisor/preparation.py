@@ -137,7 +137,7 @@ def _run_folder(options: ServeOptions) -> tuple[Path, FolderClaim]:
     """The run folder, made, and claimed for this run; without a name, one that is new."""
     source = re.sub(r"[^A-Za-z0-9]+", "-", options.source).strip("-")
     name = options.out or f"runs/{source}-{time.strftime('%Y%m%d-%H%M%S')}"
-    run_dir = Path(name).absolute()
+    run_dir = user_path(name).absolute()
     _expect_utf8(options, run_dir)
     try:
         if options.out:
@@ -189,7 +189,7 @@ def _expect_inputs_elsewhere(options: ServeOptions) -> None:
     saved = find_map(options.maps, options.map) if options.map else None
     if not options.out:
         return
-    run_dir = Path(options.out).resolve()
+    run_dir = user_path(options.out).resolve()
     given = {
         "the log that is the source": user_path(log) if log else None,
         "the map of --map": saved,

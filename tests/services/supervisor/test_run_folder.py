@@ -65,8 +65,12 @@ def test_a_watchdog_that_cannot_be_started_leaves_all_as_it_was(serve, earlier):
     assert {path: path.read_bytes() for path in earlier} == earlier
 
 
-def test_a_map_in_the_maps_folder_is_found_by_its_name(earlier, tmp_path: Path):
+@pytest.mark.parametrize("home", ["", "~"])
+def test_a_map_in_the_maps_folder_is_found_by_its_name(earlier, monkeypatch, home: str):
     folder = next(iter(earlier)).parent
+    if home:
+        monkeypatch.setenv("HOME", str(folder.parent))
+        folder = Path("~") / folder.name
     with pytest.raises(UserError, match="holds the map of --map: expected another folder"):
         _prepared("--map", "map", "--maps", str(folder), "--out", str(folder))
     with pytest.raises(UserError, match=r"--map mop: no such map in .*did you mean map"):

@@ -2,12 +2,12 @@
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import Subcommand, exit_code, parse_options, run_subcommand
 from hsslam_services.commands.log.options import (
     ExportOptions,
@@ -54,7 +54,7 @@ def _trim(args: Sequence[str]) -> None:
 
     options = parse_options(TrimOptions, f"{_PROG} trim", args)
     files = log_parts(_given("trim", "IN", options.log), _echo)
-    out = Path(_given("trim", "OUT", options.out))
+    out = user_path(_given("trim", "OUT", options.out))
     count = trim(files, out, options.start, options.end)
     print(f"{out}: {count} messages")
 
@@ -63,7 +63,7 @@ def _export(args: Sequence[str]) -> None:
     from hsslam_services.commands.log.export import export
 
     options = parse_options(ExportOptions, f"{_PROG} export", args)
-    place = Path(_given("export", "FILE", options.file))
+    place = user_path(_given("export", "FILE", options.file))
     files = log_parts(place, _echo)
     folder = options.out or place.with_name(f"{place.resolve().stem}-export")
     for line in export(files, folder, options.only, _echo, options.format):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from hsslam_node.errors import UserError, did_you_mean
+from hsslam_node.user_path import user_path
 from hsslam_services.commands.options.option_table import Option, option_table
 
 _EXPECTED = {int: "a whole number", float: "a number"}
@@ -37,7 +38,17 @@ def parsed(cls: type, prog: str, args: Sequence[str]) -> dict[str, Any]:
     return {option.name: given[option.name] for option in table if option.name in given}
 
 
+class _Numbers:
+    """What begins with a dash and is a value: -1e-3 and -inf, too, which argparse takes for options."""
+
+    @staticmethod
+    def match(text: str) -> bool:
+        return _is_number(text)
+
+
 class _Parser(argparse.ArgumentParser):
+    _negative_number_matcher = _Numbers
+
     def error(self, message: str) -> NoReturn:
         raise UserError(message)
 
@@ -120,7 +131,7 @@ def _reader(option: Option) -> Callable[[str], Any]:
         if literals:
             return literals[text]
         try:
-            return Path(text) if kind is Path else kind(text)
+            return user_path(text) if kind is Path else kind(text)
         except ValueError:
             raise argparse.ArgumentTypeError(f"{text}: expected {_EXPECTED[kind]}") from None
 

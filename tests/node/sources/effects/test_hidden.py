@@ -95,6 +95,12 @@ def _recording(folder: Path, distortion: tuple[float, ...] = ()) -> Path:
     return folder
 
 
+def test_a_mask_may_lie_below_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    _mask(tmp_path / "mask.png")
+    assert not _first(mask="~/mask.png").depth_raw[48:].any()
+
+
 def _hidden_columns(source) -> list[list[int]]:
     frames = list(source.frames())
     assert all(isinstance(frame, Frame) for frame in frames), frames

@@ -59,6 +59,8 @@ class Sample:
         ("--names a --names=b", Sample(names=("a", "b"))),
         ("--count none", Sample(count=None)),
         ("--inner.limits -1 -0.5", Sample(inner=Inner((-1.0, -0.5)))),
+        ("--inner.limits -6.1e-17 -inf", Sample(inner=Inner((-6.1e-17, float("-inf"))))),
+        ("-o ~/x", Sample(out=Path.home() / "x")),
         ("--inner.no-on --no-json --inner.on --inner.no-on", Sample(inner=Inner(on=False))),
         ("--inner.limits 1 2 --size 32 --size 16", Sample(inner=Inner((1.0, 2.0)))),
     ],
