@@ -152,8 +152,8 @@ class BundleAdjustmentConfig:
     every_keyframes: int = 4
     """Start a round after N new keyframes."""
     batch_losses: bool = True
-    """Mapping notes the loss of each keyframe it touches, and a round measures new keyframes first; off: a
-    round knows what rounds have measured."""
+    """Each mapping iteration stores the loss of its keyframes, and a round first measures keyframes without
+    one; off: only rounds measure losses."""
     probe_rays: int = 64
     """Rays that measure the loss of a keyframe."""
     probe_keyframes: int = 16

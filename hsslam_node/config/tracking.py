@@ -26,7 +26,7 @@ class TrackerConfig:
     points: int = 2000
     """Depth points that are aligned to the SDF."""
     surface_points: int = 0
-    """Depth points that are aligned to the keyframe's surface if depth is noisy and this is more."""
+    """Depth points that are aligned to the keyframe's surface if depth is noisy; no effect below `points`."""
     border_px: int = 8
     """Image border without points, px."""
     depth_window_px: int = 1

@@ -137,7 +137,8 @@ class ImuSamples(Message, frozen=True, kw_only=True):
 class Pose(Message, frozen=True, kw_only=True):
     """Camera-to-world pose of one frame, as known at the time (m; unit quaternion xyzw).
 
-    `publisher`: the camera of the frame; one without a number of its own has another after each restart.
+    `publisher`: number of the camera that sent the frame. A camera that sets none has a new one after each
+    restart.
     `map_version`, `pose_version`: of the map and of the keyframes' poses that the frame was aligned to.
     `map_epoch`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
     of its own, so poses of two map epochs cannot be compared.
@@ -191,9 +192,9 @@ class Pose(Message, frozen=True, kw_only=True):
 class Keyframe(Message, frozen=True, kw_only=True):
     """A frame has become keyframe `id`; its pixels are in the arena.
 
-    `fragment`: that has joined the map and brought the keyframe with it; 0: none. The keyframe was there at
-    `t_in_fragment`, `q_in_fragment`, and the map has it in the place of the fragment's keyframe number
-    `fragment_keyframe` (-1: not told) and of those after it, up to that of the next such message.
+    `fragment`: number of the fragment that the keyframe came from; 0: none. `t_in_fragment`, `q_in_fragment`:
+    its pose in that fragment. It takes the place of the fragment's keyframes from number `fragment_keyframe`
+    on, up to that of the next such message; -1: the number is not known.
     """
 
     id: Index

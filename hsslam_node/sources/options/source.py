@@ -55,12 +55,12 @@ class SourceOptions:
     cover_frames: int = 0
     """Cover the lens for this many frames: black, and without depth."""
     base_T_camera: tuple[float, ...] = ()
-    """Camera in base_link, whose odometry it is: x y z qx qy qz qw, m (none: looking ahead)."""
+    """Camera in base_link, whose motion odometry tells: x y z qx qy qz qw, m (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
     """Standard deviation of odometry after 1 m, m, and after 1 rad, rad."""
     camera_T_imu: tuple[float, ...] = ()
-    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: as /tf_static of ROS has it, else in
-    the camera's centre, with its axes)."""
+    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: by /tf_static of ROS, else the IMU is in
+    the camera's centre and has its axes)."""
     mask: str = ""
     """Image file, or folder of images named as those of colour; where it is black, frames have no depth
     (empty: none)."""

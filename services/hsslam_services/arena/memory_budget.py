@@ -43,8 +43,8 @@ class MemoryBudget:
             return None
         self._is_told = True
         return (
-            f"{kept} of at most {most} keyframes are kept ({self._limit}): those that show little of "
-            "their own go from now on"
+            f"the run keeps {kept} keyframes, {most} fit ({self._limit}): from now on the mapper removes "
+            "keyframes that show little that others do not"
         )
 
     def _most(self, store: KeyframeStore) -> int:

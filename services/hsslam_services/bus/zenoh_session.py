@@ -141,7 +141,7 @@ def open_client(
         _expect_shared_memory(reason)
         expected = "a router"
         if endpoint.startswith("tls/"):
-            expected = "a router that takes this certificate, and with one of the same CA"
+            expected = "a router that accepts this certificate and has one of the same CA"
         raise UserError(f"zenoh endpoint {endpoint}: expected {expected} ({reason})") from None
     while not session.info.routers_zid():
         if time.monotonic() > deadline:

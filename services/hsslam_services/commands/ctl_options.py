@@ -79,7 +79,7 @@ class CtlOptions:
     replace: bool = False
     """For save: overwrite a map of the same name."""
     timeout_s: float | None = None
-    """Longest wait for the answer, s (none: 5 to 60, by request; query 120, if need be)."""
+    """Longest wait for the answer, s (none: 5, 15 or 60, by request; query asks again for up to 120 s)."""
     json: bool = False
     """Print status, query or locate as JSON."""
 

@@ -38,7 +38,7 @@ class LatencyGovernor:
         self._governor = Governor(max(shared.number, first))
         if self.level > shared.number:
             shared.number = self.level
-            report(f"{self._in_words()}, {cores:.1f} cores: gives up {LEVELS[first].gives_up}")
+            report(f"{self._in_words()}: this service may use {cores:.1f} cores")
 
     @property
     def level(self) -> int:
@@ -58,9 +58,8 @@ class LatencyGovernor:
         if self._governor.frame(now_s, index, stamp_ns / 1e9, latency_s):
             self._shared.number = self.level
             self._count("load level changes")
-            gives_up = LEVELS[self.level].gives_up
-            self._report(f"{self._in_words()}, {late:.0%} of the frames late: gives up {gives_up}")
+            self._report(f"{self._in_words()}: {late:.0%} of the frames are late")
         self._count(f"frames at load level {self.level}")
 
     def _in_words(self) -> str:
-        return f"load level {self.level} of {len(LEVELS) - 1}"
+        return f"load level {self.level} of {len(LEVELS) - 1} ({LEVELS[self.level].in_words})"

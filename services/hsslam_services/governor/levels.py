@@ -8,7 +8,7 @@ from typing import Final
 class LoadLevel:
     """What the processes do at one level; each level keeps what the levels before it gave up."""
 
-    gives_up: str  # for the operator
+    in_words: str  # what is left, for the operator
     mesh_every: float = 1.0  # times the time between refreshes of the mesh and views of the map
     view_width_px: int = 64  # of views of the map
     distances_every: float = 1.0  # times the time between updates of grid and distances
@@ -21,16 +21,16 @@ class LoadLevel:
 
 
 LEVELS: Final = (
-    LoadLevel("nothing"),
+    LoadLevel("all work"),
     LoadLevel(
-        "mesh, views, viewer images and distances less often",
+        "mesh, views, viewer images and distances come less often",
         mesh_every=3.0,
         distances_every=2.0,
         image_every_s=0.1,
         background_share=0.6,
     ),
     LoadLevel(
-        "half of the mapping iterations, bundle adjustment less often",
+        "half of the mapping iterations, bundle adjustment comes less often",
         mesh_every=3.0,
         distances_every=2.0,
         image_every_s=0.1,
@@ -39,7 +39,7 @@ LEVELS: Final = (
         background_share=0.5,
     ),
     LoadLevel(
-        "a third of the rays, smaller views",
+        "half of the mapping iterations, two thirds of their rays, smaller views",
         mesh_every=6.0,
         distances_every=3.0,
         view_width_px=32,
@@ -50,7 +50,7 @@ LEVELS: Final = (
         background_share=0.4,
     ),
     LoadLevel(
-        "mapping but for a sixth",
+        "a sixth of the mapping work",
         mesh_every=12.0,
         distances_every=4.0,
         view_width_px=32,
@@ -61,7 +61,7 @@ LEVELS: Final = (
         background_share=0.15,
     ),
     LoadLevel(
-        "mapping but for a twelfth",
+        "a twelfth of the mapping work",
         mesh_every=24.0,
         distances_every=4.0,
         view_width_px=32,
@@ -72,7 +72,7 @@ LEVELS: Final = (
         background_share=0.08,
     ),
     LoadLevel(
-        "mapping but for a twenty-fourth, with a third of the rays",
+        "a twenty-fourth of the mapping iterations, a third of their rays",
         mesh_every=48.0,
         distances_every=4.0,
         view_width_px=32,

@@ -30,7 +30,8 @@ from hsslam_services.run.source_table import is_live
 _POLL_S = 0.1
 _AHEAD = 15  # frames decoded in advance: rides out half a second of other load
 _SLOW_SOURCE = (
-    "the source is slower than its sensor was: late frames are left out, and count as dropped"
+    "this machine reads the source more slowly than the sensor recorded it: late frames are skipped and "
+    "count as dropped"
 )
 
 

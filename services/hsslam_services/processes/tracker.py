@@ -53,7 +53,8 @@ def _run(worker: Worker) -> None:
     inlet = FrameInlet(frames, order, Path(worker.run.arena_dir), worker.options.has_camera_process)
     warm = warm_start(worker.options.slam)
     if not warm.is_inherited:
-        worker.event("info", f"kernels loaded in {warm.took_s:.1f} s: none from the fork server")
+        text = f"the tracker loaded the kernels itself, in {warm.took_s:.1f} s: the fork server had none"
+        worker.event("info", text)
     worker.ready()
     while not worker.should_stop():
         received = frames.wait_received(_POLL_S)

@@ -48,4 +48,4 @@ def test_late_poses_raise_the_shared_level_which_is_counted_and_told(level: Shar
     run(range(10, 13), 0.2)
     assert level.number == governor.level > 0
     assert len(told) == counted.count("load level changes") > 0
-    assert told[-1].startswith(f"load level {level.number} of {_MOST}, ")
+    assert told[-1].startswith(f"load level {level.number} of {_MOST} (")

@@ -22,7 +22,7 @@ from hsslam_services.security.credentials import client_settings
 from hsslam_services.supervisor.router import exposure
 from tests.services.wire_samples import frame, keyframe, pose
 
-_REFUSED = "expected a router that takes this certificate"
+_REFUSED = "expected a router that accepts this certificate"
 
 
 @pytest.mark.parametrize("role", [role.name for role in ROLES])

@@ -7,7 +7,6 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import zenoh
@@ -15,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hsslam_node.errors import UserError
+from hsslam_node.user_path import user_path
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import restamped
 from hsslam_proto.frame_order import new_publisher, replayed_publisher
@@ -64,7 +64,7 @@ class ReplayOptions:
     rate: float = 1.0
     """Speed, times that of the recording."""
     step: bool = False
-    """Publish a frame once the service has tracked the last one (and mapped it, in lockstep)."""
+    """Publish each frame when the service has tracked the one before (in lockstep: and mapped it)."""
     only: tuple[str, ...] = ()
     """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --step in/**)."""
     connect: str = ""
@@ -103,7 +103,7 @@ def _replay(args: Sequence[str]) -> None:
     if not options.log:
         raise UserError(f"no log: expected FILE; see {_PROG} --help")
     names = wanted_names(options.only or (_STEP if options.step else _ALL))
-    files = log_parts(Path(options.log), _echo)
+    files = log_parts(user_path(options.log), _echo)
     robot = next((logged.robot for logged in bus_messages(files, names)), None)
     if robot is None:
         raise UserError(
@@ -144,7 +144,8 @@ def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = Fal
         if abs(gap_s) > _LONGEST_WAIT_S:
             wait_s = min(max(gap_s, 0.0), _LONGEST_WAIT_S)
             _echo(
-                f"{message.topic.name}: {gap_s:.1f} s after the message before: waits {wait_s:g} s"
+                f"a gap of {gap_s:.1f} s before a message on {message.topic.name}: "
+                f"the replay waits {wait_s:g} s"
             )
             gap_s = wait_s
         due_s += gap_s / rate

@@ -46,9 +46,9 @@ class GridOptions:
     out: Path = Path("map.yaml")
     """Output file .yaml; the picture .pgm is written beside it."""
     from_height_m: float = 0.15
-    """Lowest height above the floor that is looked at, m; --voxel at least, or 0 or below."""
+    """Lowest height above the floor that counts, m; above 0 it must be --voxel or more."""
     to_height_m: float = 1.6
-    """Highest height above the floor that is looked at, m."""
+    """Highest height above the floor that counts, m."""
     up: tuple[float, ...] = ()
     """Direction against gravity in the world frame of the map (none: found)."""
     base_T_camera: tuple[float, ...] = ()
@@ -60,8 +60,8 @@ class GridOptions:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
         if 0 < self.from_height_m < self.voxel:
             raise UserError(
-                f"--voxel {self.voxel:g} --from-height-m {self.from_height_m:g}: expected a voxel no larger "
-                "than that height, as one on the floor does not tell the two apart"
+                f"--voxel {self.voxel:g} --from-height-m {self.from_height_m:g}: expected --voxel of at most "
+                f"{self.from_height_m:g}: a larger voxel holds both the floor and what stands on it"
             )
 
 

@@ -52,8 +52,8 @@ def test_a_clock_that_was_set_is_not_waited_for(tmp_path, endpoint, capsys):
     with Bus(endpoint, "r", "replay") as bus:
         assert publish(bus, moved, rate=100) == {"out/pose": 3}
     forward, back = capsys.readouterr().err.splitlines()
-    assert forward == "out/pose: 86400.1 s after the message before: waits 10 s"
-    assert back == "out/pose: -172799.9 s after the message before: waits 0 s"
+    assert forward == "a gap of 86400.1 s before a message on out/pose: the replay waits 10 s"
+    assert back == "a gap of -172799.9 s before a message on out/pose: the replay waits 0 s"
 
 
 @pytest.mark.parametrize("lockstep", [True, False])
