@@ -1,4 +1,4 @@
-"""What the camera was not tracked over between some keyframes of a store, all between them left out."""
+"""How unsure the way between keyframes is, others left out; apart, as joins and saved maps need it."""
 
 from itertools import pairwise
 

@@ -24,7 +24,7 @@ class Reference:
     keyframe: ReferenceKeyframe
     exposure: Exposure = _SAME  # of the last good frame against the keyframe
     coverage: float = 0.0  # of frames' depth points by the keyframe's surface, the most so far
-    # chosen by where the camera is; it was not tracked there from the newest keyframe, and none has come since
+    # chosen by where the camera is, which was not tracked there from the newest keyframe; none has come since
     is_at_place: bool = False
 
     def needs_replacing(

@@ -16,7 +16,6 @@ from hsslam_node.tracking.keyframes.covering_keyframe import covering_keyframe
 from hsslam_node.tracking.keyframes.other_views import views_near
 from hsslam_node.tracking.keyframes.reference_keyframe import (
     PyramidLevel,
-    ReferenceKeyframe,
     grey_pyramid,
     reference_keyframe,
     stored_reference,
@@ -95,9 +94,7 @@ class ReferenceAligner:
         """Learn from an accepted alignment what it shows of the reference; returns that."""
         assert self.reference is not None
         coverage = max(self.reference.coverage, alignment.surface_coverage)
-        self.reference = replace(
-            self.reference, exposure=alignment.exposure, coverage=coverage
-        )
+        self.reference = replace(self.reference, exposure=alignment.exposure, coverage=coverage)
         return self.reference
 
     def take_untracked(self) -> bool:

@@ -138,7 +138,9 @@ class Realtime:
             if not is_back:
                 self._worker.count("clock_shifts")
                 if self._worker.counters["clock_shifts"] == 1:
-                    self._report(frame, "the source delivers frames too late: the clock of the sensor is set back")
+                    self._report(
+                        frame, "frames of the source come late: the clock of the sensor is set back"
+                    )
         return self._progress.due_ns(source_ns)
 
     def _stamp_ns(self, due_ns: int) -> int:

@@ -13,6 +13,8 @@ _UP_SHARE, _DOWN_SHARE = 0.05, 0.01  # of the frames that are late or were dropp
 _TWO_UP_SHARE: Final = 0.25  # a larger share goes up two levels at once
 _UP_AFTER_S: Final = 2.0  # since the last change: a level takes that long to show
 _CALM_S: Final = 10.0  # over which few frames must be late to go down
+_STALL_S: Final = 1.0  # late frames within so short a time are one stall, which no level prevents
+_LOOK_EVERY_S: Final = 1.0  # whether to go down: a look takes 0.2 ms
 _DOWN_AFTER_S: Final = 10.0  # since the last change; doubles if that was too early
 _LONGEST_DOWN_AFTER_S: Final = 160.0
 _LONGEST_PERIOD_S: Final = 0.2
@@ -30,33 +32,46 @@ class _Seen:
 class _Share:
     """The share of late frames in the last seconds, or of the last frames where a camera sends fewer."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float, fewest_frames: int = _FEWEST_FRAMES) -> None:
         self._seconds = seconds
+        self._fewest_frames = fewest_frames
         self._seen: deque[_Seen] = deque()
-        self._late = 0
+        self.late = 0
         self.frames = 0
 
     def add(self, seen: _Seen) -> float:
         """Take in frames, and forget those of too long ago; returns the share, 0 to 1."""
         self._seen.append(seen)
-        self._late += seen.late
+        self.late += seen.late
         self.frames += seen.frames
         while (
             seen.at_s - self._seen[0].at_s > self._seconds
-            and self.frames - self._seen[0].frames >= _FEWEST_FRAMES
+            and self.frames - self._seen[0].frames >= self._fewest_frames
         ):
             gone = self._seen.popleft()
-            self._late -= gone.late
+            self.late -= gone.late
             self.frames -= gone.frames
-        return self._late / self.frames
+        return self.late / self.frames
+
+    def without_stall(self) -> float:
+        """The share of late frames among those that are left without the worst second."""
+        worst, stall = (0, 0), _Share(_STALL_S, fewest_frames=0)
+        for seen in self._seen:
+            stall.add(seen)
+            worst = max(worst, (stall.late, stall.frames))
+        late, frames = worst
+        return (self.late - late) / max(self.frames - frames, 1)
 
     def clear(self) -> None:
         self._seen.clear()
-        self._late = self.frames = 0
+        self.late = self.frames = 0
 
 
 class Governor:
-    """Goes up a level when frames are late or dropped, and down when few were for a while.
+    """Goes up a level while frames are late or dropped, and down when few were for a while.
+
+    A stall, as of a disk or of a neighbour, makes the frames of a moment late. No level prevents it, so it
+    counts neither for a higher level nor against a lower one.
 
     Late is a frame whose latency is more than a frame period above the least of the last minute, so
     that a camera with a clock of its own can be judged as well. A level that was left too early is kept
@@ -76,6 +91,7 @@ class Governor:
         self._changed_s: float | None = None  # the level; at first, when frames began to come
         self._down_after_s = _DOWN_AFTER_S
         self._went_down = False
+        self._look_again_s = 0.0
 
     def frame(self, now_s: float, index: int, stamp_s: float, latency_s: float) -> bool:
         """Take in a pose published now; whether the level changes.
@@ -90,15 +106,18 @@ class Governor:
         late_s = latency_s - self._baseline(now_s, latency_s)
         late = dropped + (late_s > _LATE_PERIODS * period_s)
         seen = _Seen(now_s, late, 1 + dropped)
-        self.late_share, calm_share = self._recent.add(seen), self._calm.add(seen)
+        self.late_share, late_of_calm = self._recent.add(seen), self._calm.add(seen)
         if self._changed_s is None:
             self._changed_s = now_s
         at_level_s = now_s - self._changed_s
         if self._recent.frames < _FEWEST_FRAMES:
             return False
         if self.late_share > _UP_SHARE and at_level_s >= _UP_AFTER_S:
-            return self._up(now_s, at_level_s)
-        is_calm = at_level_s >= self._down_after_s and calm_share <= _DOWN_SHARE
+            return self._recent.without_stall() > _UP_SHARE and self._up(now_s, at_level_s)
+        if at_level_s < self._down_after_s or now_s < self._look_again_s:
+            return False
+        self._look_again_s = now_s + _LOOK_EVERY_S
+        is_calm = late_of_calm <= _DOWN_SHARE or self._calm.without_stall() <= _DOWN_SHARE
         return is_calm and self._down(now_s)
 
     def _since_last(self, index: int, stamp_s: float) -> tuple[int, float]:

@@ -119,7 +119,7 @@ class ServeOptions:
     localise_only: bool = False
     """With --map: track the camera and leave the map as it is."""
     new_map_after_s: float = NEW_MAP_AFTER_S
-    """A camera lost for this long goes on in a new map, which is joined to the old one later, s (0: never)."""
+    """A camera lost for this long goes on in a new map, which is joined to the old later, s (0: never)."""
     seed: int = 0
     """Seed of all random numbers."""
     noise: Literal["none", "kinect"] = "none"
@@ -145,7 +145,7 @@ class ServeOptions:
     cover_frames: int = 0
     """Cover the lens for N frames: black, and without depth."""
     mask: str = ""
-    """Mask or folder with one for each frame, sized as before --downscale; black: no depth (empty: none)."""
+    """Mask, or folder of one for each frame, sized as before --downscale; black: no depth (empty: none)."""
     downscale: int = 1
     """Divide the image width and height by N."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -172,7 +172,7 @@ class ServeOptions:
     """With --grid: highest height above the floor that is looked at, m."""
     realsense: RealsenseOptions = field(default_factory=RealsenseOptions)
     log_color: Literal["jpeg", "png"] = "jpeg"
-    """Format of colour in the log; png is lossless, and the log 3 times as large."""
+    """Colour in the log; png is lossless, the log 3 times as large."""
     log_part_mb: int = 1024
     """Start a new log file (run.1.mcap, ...) after N MiB (0: one file)."""
     log_keep: float = 0.0
@@ -188,7 +188,7 @@ class ServeOptions:
     bind: str = ""
     """Address of the zenoh port (empty: loopback); 0.0.0.0 accepts other machines."""
     security: str = ""
-    """Folder of the router's certificate; clients then need TLS and one of their own (empty: open)."""
+    """Folder of the router's certificate; clients then need one, too (empty: open)."""
     metrics_port: int | None = None
     """Loopback TCP port of /metrics (Prometheus) and /healthz (none: off)."""
     slam: SlamConfig = field(default_factory=SlamConfig)

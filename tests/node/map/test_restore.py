@@ -78,7 +78,9 @@ def test_what_was_not_tracked_stays_unsure_also_between_keyframes_that_are_left(
     restored, _ = restore_map(MemoryAllocator(), tmp_path / "m.safetensors", SMALL)
     gaps = np.stack([restored.gap_covariance(k) for k in range(4)])  # of 0, 1, 2, 4
     assert not gaps[:3].any()
-    assert (np.linalg.eigvalsh(gaps[3] - 0.99 * UNTRACKED) > -1e-9).all() and gaps[3, 0, 0] > 0.009
+    np.testing.assert_allclose(
+        gaps[3], UNTRACKED, atol=3e-4
+    )  # turned, and with the lever of a step
 
 
 def test_a_map_that_has_grown_may_grow_on(tmp_path):

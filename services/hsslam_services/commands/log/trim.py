@@ -29,7 +29,9 @@ def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> i
                 )
             if count == 0:
                 stretch = f"{start_s:g} to {'its end' if end_s is None else f'{end_s:g} s'}"
-                raise UserError(f"{files[0]}: no message from {stretch}: expected a time within the log")
+                raise UserError(
+                    f"{files[0]}: no message from {stretch}: expected a time within the log"
+                )
             copy.replace(out)
         finally:
             copy.unlink(missing_ok=True)

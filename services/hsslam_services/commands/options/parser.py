@@ -47,7 +47,9 @@ class _Numbers:
 
 
 class _Parser(argparse.ArgumentParser):
-    _negative_number_matcher = _Numbers
+    def __init__(self, **how: Any) -> None:
+        super().__init__(**how)
+        self._negative_number_matcher = _Numbers  # type: ignore[assignment]
 
     def error(self, message: str) -> NoReturn:
         raise UserError(message)
