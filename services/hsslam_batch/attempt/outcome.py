@@ -1,12 +1,11 @@
 """What came of one attempt at a log: a row of the results, and whether the log may be tried again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal
 
 import msgspec
 
-_GAP_FRAMES = 30
 Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost"]
 
 
@@ -38,7 +37,6 @@ class Outcome(msgspec.Struct, frozen=True):
     lost: int = 0
     keyframes: int | None = None
     ate_m: float | None = None  # RMSE of the final trajectory, if there is a ground truth
-    consistency_m: float | None = None  # median difference of depth between frames 30 apart
     mesh_faces: int | None = None
 
     @property
@@ -97,10 +95,5 @@ def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
         "lost": frames.get("lost", 0),
         "keyframes": summary.get("keyframes"),
         "ate_m": evaluation.get("ate", {}).get("final", {}).get("rmse_m"),
-        "consistency_m": _consistency_m(evaluation.get("consistency", {}).get("final", [])),
         "mesh_faces": summary.get("mesh", {}).get("faces"),
     }
-
-
-def _consistency_m(found: Sequence[Mapping[str, Any]]) -> float | None:
-    return next((c["depth_median_m"] for c in found if c["gap_frames"] == _GAP_FRAMES), None)

@@ -21,7 +21,6 @@ class Figure:
 
 FIGURES = (
     Figure("ate_m", "ATE, cm", 1e2, 5e-4),
-    Figure("consistency_m", "consistency, mm", 1e3, 5e-4),
     Figure("lost", "lost frames", 1.0, 1.0),
     Figure("core_s", "core time, s", 1.0, 5.0),
     Figure("memory_mb", "memory, MB", 1.0, 100.0),

@@ -118,7 +118,7 @@ def test_a_figure_that_is_gone_ends_with_1(tmp_path: Path, capsys: pytest.Captur
     without = _batch(tmp_path / "b", (None, None, None))
     assert report_command([str(without.out), "--against", str(before.out), "--worst", "1"]) == 1
     shown = capsys.readouterr().out
-    assert "2 logs have no ATE any more: log0, ...\n" in shown and "consistency" not in shown
+    assert "2 logs have no ATE any more: log0, ...\n" in shown
     assert report_command([str(before.out), "--against", str(without.out)]) == 0
     without.done_file("id1").unlink()
     settle_failed(without, outcome(without, 1, "crash"))

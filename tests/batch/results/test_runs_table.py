@@ -19,7 +19,7 @@ def test_rows_and_paths(tmp_path: Path):
     write_runs(batch, read_manifest(batch.out))
     done, failed = read_runs(batch.out)
     assert (done["index"], done["name"], done["kind"], done["tracked"]) == (0, "log0", "done", 99)
-    assert (done["ate_m"], done["consistency_m"], done["source"]) == (0.01, None, "mcap:/logs/log0")
+    assert (done["ate_m"], done["source"]) == (0.01, "mcap:/logs/log0")
     assert done["trajectory"] == "runs/id0/trajectory.txt" and done["rrd"] == "rrd/id0.rrd"
     assert done["map"] is None  # the run has left none
     assert (failed["kind"], failed["reason"], failed["exit_code"]) == ("bad input", "no log", 2)

@@ -8,6 +8,7 @@ import psutil
 import pytest
 from mcap.reader import make_reader
 
+from hsslam_batch.attempt.outcome import figures
 from hsslam_bench.checks.live_figures import messages_expected
 from hsslam_bench.fuzz.sender import FuzzSender, open_sending_session
 from hsslam_node.geometry.trajectory import read_tum
@@ -50,6 +51,7 @@ def test_a_run_leaves_its_results_and_nothing_else(serve):
     assert frames["tracked"] >= 25  # how many more is the benchmark's business
     assert summary["latency_ms"]["p95"] > 0
     assert summary["evaluation"]
+    assert [name for name, value in figures(summary).items() if not value and name != "lost"] == []
     assert "evaluator: comparing with ground truth" in run.stderr
     assert run.stderr.count("the map is computed by") == 1
     assert summary["device"]["name"] in run.stderr and summary["device"]["reason"] in run.stderr
