@@ -51,8 +51,8 @@ def _rows(out: str) -> list[Row]:
 def _sums(rows: Sequence[Row]) -> list[str]:
     kinds = Counter(row["kind"] for row in rows)
     done = [row for row in rows if row["kind"] == "done"]
-    frames, lost = (sum(row[name] for row in done) for name in ("frames", "lost"))
-    core_s = sum(row["core_s"] for row in rows)
+    frames, lost, core_s = (sum(row[name] for row in done) for name in ("frames", "lost", "core_s"))
+    failed_s = sum(row["core_s"] for row in rows if row["kind"] != "done")
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
     lines = [f"{len(rows)} logs: {counts or 'none has run'}"]
     if frames:
@@ -60,6 +60,10 @@ def _sums(rows: Sequence[Row]) -> list[str]:
         each = f"{1e3 * core_s / frames:.0f} ms a frame"
         lines.append(
             f"{frames} frames, {lost} lost ({share}); core time {duration(core_s)}, {each}"
+        )
+    if failed_s:
+        lines.append(
+            f"core time of logs that failed: {duration(failed_s)}, of the last attempt at each"
         )
     return lines
 

@@ -31,6 +31,17 @@ def test_sums_and_worst_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert (batch.out / "runs.parquet").exists()
 
 
+def test_core_time_of_failed_logs_is_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    batch = planned(tmp_path / "out", frames=(100, 100))
+    settle_failed(batch, outcome(batch, 1, "crash", frames=40, core_s=80.0))
+    assert report_command([str(batch.out)]) == 0
+    failed = "core time of logs that failed: 80 s, of the last attempt at each\n"
+    assert capsys.readouterr().out == f"1 logs: 1 crash\n{failed}"
+    commit(batch, outcome(batch, 0, frames=100, core_s=5.0), run_folder(batch, 0))
+    assert report_command([str(batch.out)]) == 0
+    assert f"core time 5 s, 50 ms a frame\n{failed}" in capsys.readouterr().out
+
+
 def test_a_batch_that_has_not_run_and_one_that_is_not_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
