@@ -91,7 +91,7 @@ def _expect_limits(timeout_s: float | None, memory_gb: float | None, fetch_gb: f
 class StatusOptions:
     """Counts the logs of a batch that are done, failed and left; tells why each failed one did.
 
-    Exit codes: 0 if all are done, 1 if some are left, 2 if the input is bad, 3 if some failed.
+    Exit codes: 0 if all are done, 1 while some are left, else 3 if some failed, 2 if the input is bad.
     """
 
     POSITIONALS: ClassVar = ("out",)
@@ -109,7 +109,7 @@ class RunOptions:
     once, bad input never. Ctrl-C lets running logs end; a second one ends them at once. The same command
     goes on with what is left.
 
-    Exit codes: 0 if all logs are done, 1 if it is interrupted, 2 if the input is bad, 3 if some logs failed.
+    Exit codes: 0 if all logs are done, 1 while some are left, else 3 if some failed, 2 if the input is bad.
 
     Raises:
         UserError: a value that cannot be used.

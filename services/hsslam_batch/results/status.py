@@ -36,4 +36,4 @@ def status_command(args: Sequence[str]) -> int:
             print(f"{words} (attempt {outcome.attempt})", file=sys.stderr)
     states = ", ".join(f"{counts[state]} {state}" for state in ("done", "failed", "left"))
     print(f"{len(logs)} logs: {states}; {frames} of {sum(log.frames for log in logs)} frames")
-    return _FAILED if counts["failed"] else _LEFT if counts["left"] else 0
+    return _LEFT if counts["left"] else _FAILED if counts["failed"] else 0
