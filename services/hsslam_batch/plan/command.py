@@ -8,7 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from hsslam_batch.options import PlanOptions
 from hsslam_batch.plan.batch import folder_of, write_batch
-from hsslam_batch.plan.find_logs import find_logs, with_frames
+from hsslam_batch.plan.find_logs import find_logs, is_utf8, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.log import write_manifest
 from hsslam_batch.plan.remote_listing import list_url
@@ -38,6 +38,9 @@ def plan_command(args: Sequence[str]) -> None:
     serve = run_options(of_serve)
     out, url = folder_of(options.out)
     place = url or str(out)
+    for name in (options.logs, place):
+        if not is_utf8(name):
+            raise UserError(f"{name!r}: is not UTF-8: expected a path in UTF-8")
     found = find_logs(_listing(options.logs, place))
     columns = (TextColumn("counting frames"), BarColumn(), MofNCompleteColumn())
     with terminal_progress(*columns) as progress:

@@ -1,6 +1,7 @@
 """What is a log: every file or folder below a root that a row of the table of sources recognises."""
 
 import dataclasses
+import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, cast
@@ -22,13 +23,18 @@ _LOG = "mcap"
 def find_logs(listing: Listing) -> list[Log]:
     """All logs of a listing, by name; nothing is opened, so `frames` is 0.
 
-    A folder that is a log (a run folder, a sequence) is one log, and what lies in it is none.
+    A folder that is a log (a run folder, a sequence) is one log, and what lies in it is none. A log whose
+    path is not UTF-8 is left out with a warning: neither manifest nor run could name it.
 
     Raises:
         UserError: there is none.
     """
     found = []
     for path, kind in _logs_below(listing, listing.alone):
+        place = f"{listing.root}/{path}".rstrip("/")
+        if not is_utf8(place):
+            print(f"warning: {place!r}: left out: expected a path in UTF-8", file=sys.stderr)
+            continue
         stamp = listing.stamp(log_files(listing, path, kind), path)
         name = path or Path(listing.root).name
         found.append(
@@ -37,7 +43,7 @@ def find_logs(listing: Listing) -> list[Log]:
                 id=log_id(name, stamp.nbytes, stamp.version),
                 name=name,
                 kind=kind,
-                place=f"{listing.root}/{path}".rstrip("/"),
+                place=place,
                 nbytes=stamp.nbytes,
                 version=stamp.version,
                 frames=0,
@@ -47,6 +53,15 @@ def find_logs(listing: Listing) -> list[Log]:
         kinds = ", ".join(row.kind for row in ALL_SOURCES if not row.only_examples)
         raise UserError(f"{listing.root}: no logs below: expected files or folders of {kinds}")
     return found
+
+
+def is_utf8(path: str) -> bool:
+    """Whether a path can be written as text: other bytes come as lone surrogates."""
+    try:
+        path.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def log_files(listing: Listing, path: str, kind: str) -> list[str]:

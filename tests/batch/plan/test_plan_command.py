@@ -1,5 +1,6 @@
 """`hsslam-batch plan` checks everything that can be checked before the first run."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,22 @@ def test_results_of_the_batch_are_no_logs_whatever_path_leads_to_them(logs: Path
         assert [log.name for log in read_manifest(batch.out)] == ["log0", "log1"]
     plan_command([logs.as_uri(), "--out", str(tmp_path / "link/out")])
     assert read_manifest(batch.out)[0].place == str(logs / "log0")
+
+
+def test_a_log_whose_path_is_not_utf8_is_left_out_with_a_warning(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    strange = os.fsdecode(b"log\xff")
+    (logs / "log1").rename(logs / strange)
+    batch = _plan(logs, tmp_path / "out")
+    assert [log.name for log in read_manifest(batch.out)] == ["log0"]
+    said = capsys.readouterr()
+    warning = f"warning: {str(logs / strange)!r}: left out: expected a path in UTF-8\n"
+    assert said.err == warning and "1 logs, " in said.out
+    for root, out in ((logs / strange, tmp_path / "other"), (logs, tmp_path / strange)):
+        with pytest.raises(UserError, match=r"log\\udcff': is not UTF-8: expected a path in UTF-8"):
+            _plan(root, out)
+        assert not out.exists()
 
 
 @pytest.mark.parametrize(
