@@ -76,7 +76,7 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
         return 0
     data = options.data or Path(BENCH_DATA.value() or "../shared/data")
     out = options.out or Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"
-    session = Session(data, out.with_suffix(""), options.quick, extra)
+    session = Session(data, out.with_suffix("").absolute(), options.quick, extra)
     on = machine()
     rows: list[Row] = []
     console = Console(emoji=False, highlight=False, markup=False)

@@ -89,11 +89,17 @@ def test_sequences_that_are_not_on_disk_are_skipped_and_told(tmp_path: Path):
 
 
 def test_a_run_that_fails_is_a_bound_that_is_not_met(tmp_path: Path):
-    result = _bench(tmp_path, "--quick", "--only", "realtime:room:tracked", "--", "--seed", "-1")
+    """And what it leaves behind is found, also if the folder of the results is not absolute."""
+    words = ("--out", "result.json", "--quick", "--only", "realtime:room:tracked")
+    worker = (sys.executable, "-c", "open(0).read()", str(tmp_path / "result/realtime-room"))
+    with subprocess.Popen(worker, stdin=subprocess.PIPE) as left:
+        result = _run(*words, "--", "--seed", "-1", cwd=tmp_path)
     assert result.returncode == 1
-    (row,) = read_report(tmp_path / "result.json").rows
+    stored = read_report(tmp_path / "result.json")
+    (row,), (run,) = stored.rows, stored.runs
     assert row.verdict == "NOT MET"
     assert row.measured.endswith("error: --seed -1: expected 0 or more")
+    assert run["left_behind"] == [f"process {left.pid}"]
 
 
 def test_unknown_row_is_one_line(tmp_path: Path):
@@ -166,5 +172,5 @@ def _bench(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return _run(*out, *arguments)
 
 
-def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True)
+def _run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*_COMMAND, *arguments], capture_output=True, text=True, cwd=cwd)

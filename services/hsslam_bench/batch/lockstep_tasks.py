@@ -73,7 +73,7 @@ class _Tasks:
         if name in self._failed:
             raise self._failed[name]
         if name not in self._flying.values():
-            ref = self._task.remote(name, str(folder.absolute()), list(options))
+            ref = self._task.remote(name, str(folder), list(options))
             self._flying[ref] = name
         raise _NotYetError(name)
 

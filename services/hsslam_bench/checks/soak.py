@@ -190,7 +190,7 @@ def _folder(session: Session, name: str) -> Path:
     session.folder.mkdir(parents=True, exist_ok=True)
     folder = session.folder / name
     shutil.rmtree(folder, ignore_errors=True)
-    return folder.absolute()
+    return folder
 
 
 def _drop_logs(*folders: Path) -> None:

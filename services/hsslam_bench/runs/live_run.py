@@ -36,8 +36,8 @@ _LAST_LINES = 12
 class LiveRun:
     """A running `hsslam-serve` on a free port; the first use of `bus` connects a client to it.
 
-    `prefix` stands before the command. Methods that wait raise RunFailedError if the service ends
-    before, or if it takes too long.
+    `out`: absolute, as its processes are found by it. `prefix` stands before the command. Methods that wait
+    raise RunFailedError if the service ends before, or if it takes too long.
     """
 
     def __init__(

@@ -102,7 +102,8 @@ def serve(
     cores: float | None = None,
     keeps_map: bool = False,
 ) -> ServeRun:
-    """Run the service to its end in `folder`; bulky results are not kept, but for the map if it is asked for.
+    """Run the service to its end in `folder`, an absolute path; bulky results are not kept, but for the map
+    if it is asked for.
 
     `cores`: so much of two cores is all that it gets (None: the machine). `outsider` makes a viewer or
     client of it from its folder.
@@ -117,7 +118,7 @@ def serve(
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, env=environment
         )
-        usage = Usage(psutil.Process(process.pid), folder.absolute())
+        usage = Usage(psutil.Process(process.pid), folder)
         client = outsider(folder) if outsider else None
         try:
             with cpu_quota(process.pid, cores, 2) if cores else contextlib.nullcontext():

@@ -57,7 +57,7 @@ class Session:
     """
 
     data: Path
-    folder: Path  # of the runs
+    folder: Path  # of the runs; absolute, as their processes are found by it
     quick: bool = False
     extra: Sequence[str] = ()
     say: Callable[[str], None] = lambda _: None
@@ -151,7 +151,7 @@ class Session:
         """As `viewer`, with kernels compiled for a processor without AVX-512."""
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
         environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        environment |= _AVX2 | {"XDG_CACHE_HOME": str((self.folder / "avx2-cache").absolute())}
+        environment |= _AVX2 | {"XDG_CACHE_HOME": str(self.folder / "avx2-cache")}
         return self._run(
             f"avx2-{sequence}", options, environment, outsider=AttachedViewer, viewer="web"
         )
@@ -180,7 +180,7 @@ class Session:
         if not (folder / "lens/groundtruth.txt").exists():
             self.say("rendering a room through a lens")
             write_distorted_room(folder, QUICK_FRAMES if self.quick else _LENS_FRAMES)
-        source = ("--source", f"tum:{(folder / kind).absolute()}", "--noise", "kinect")
+        source = ("--source", f"tum:{folder / kind}", "--noise", "kinect")
         options = (*source, "--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
         return self._run(f"poses-{kind}-seed{seed}", options)
 
@@ -215,7 +215,7 @@ class Session:
         cache = self.folder / "empty-cache"
         shutil.rmtree(cache, ignore_errors=True)
         environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        environment["XDG_CACHE_HOME"] = str(cache.absolute())
+        environment["XDG_CACHE_HOME"] = str(cache)
         frames = min(_COLD_FRAMES, QUICK_FRAMES) if self.quick else _COLD_FRAMES
         options = ("--source", "synth:room", "--frames", str(frames))
         try:
@@ -242,7 +242,7 @@ class Session:
         if sequence in _SCENES:
             return f"synth:{sequence}"
         if sequence == RECORDED_ROOM:
-            return f"tum:{self._recorded_room().absolute()}"
+            return f"tum:{self._recorded_room()}"
         folder = (self.data / sequence).absolute()
         if not folder.is_dir():
             raise Skipped(f"{folder} is not on disk")

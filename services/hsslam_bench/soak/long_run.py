@@ -113,7 +113,7 @@ def _watched(
     attached: AttachedViewer | None,
     say: Callable[[str], None],
 ) -> LongRun:
-    usage = Usage(psutil.Process(run.process.pid), run.out.absolute())
+    usage = Usage(psutil.Process(run.process.pid), run.out)
     announced = run.bus.subscribe(topics.KEYFRAME, 4096, history=True)
     keyframes: list[Keyframe] = []
     run.wait_for_poses(2)

@@ -20,9 +20,7 @@ def texture_checks() -> list[Check]:
 def _texture_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         run = finished(session.mapped(sequence))
-        found = json.loads(
-            session.python(_MODULE, str(run.folder.absolute()), session.source(sequence))
-        )
+        found = json.loads(session.python(_MODULE, str(run.folder), session.source(sequence)))
         gain_db = found["texture_db"] - found["vertices_db"]
         met = gain_db >= _GAIN_DB and found["seconds"] <= _SECONDS
         return Measured(
