@@ -102,8 +102,9 @@ def _memory(session: Session) -> Measured:
     before_mb, after_mb = found["memory_mb"], found["last_memory_mb"]
     growth = after_mb / before_mb - 1
     return Measured(
-        f"{before_mb:.1f} MB, {after_mb:.1f} MB ({growth:+.1%})",
-        growth <= _GROWTH,
+        f"{before_mb:.1f} MB, {after_mb:.1f} MB ({growth:+.1%}); {found['done']} of {found['logs']} "
+        "logs",
+        growth <= _GROWTH and found["done"] == found["logs"],
         found,
         growth,
         "lower",
@@ -146,7 +147,7 @@ def _ray_share(session: Session) -> Measured:
     return Measured(
         f"{share:.1%}: {parts['ray']:.1f} s; {parts['work']:.1f} s of `hsslam-batch work`, "
         f"{parts['logs']:.0f} s of the runs; {parts['start']:.1f} s before, to start Ray twice",
-        share <= _RAY_SHARE,
+        share <= _RAY_SHARE and all(each["done"] == each["logs"] for each in found),
         parts,
         share,
         "lower",

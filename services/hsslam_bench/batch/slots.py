@@ -18,6 +18,7 @@ from typing import Any
 import msgspec
 import psutil
 
+from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.progress import PROGRESS
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.planned import batch_command, plan
@@ -69,7 +70,7 @@ def in_slots(folder: Path, slots: int) -> dict[str, Any]:
     first, *_, last = (msgspec.json.decode(line) for line in lines)
     rows = read_runs(batch.out)
     return {
-        "logs": len(rows),
+        "logs": len(read_manifest(batch.out)),
         "done": sum(row["kind"] == "done" for row in rows),
         "frames": sum(row["frames"] for row in rows),
         "run_s": 1e-9 * (last["time_ns"] - first["time_ns"]),

@@ -8,7 +8,7 @@ from statistics import fmean
 from typing import Any, get_args
 
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import ServeRun, finished
+from hsslam_bench.runs.serve_run import RunFailedError, ServeRun, finished
 from hsslam_bench.runs.session import Session, Terms
 
 TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
@@ -38,7 +38,11 @@ class Accuracy:
 
     @classmethod
     def of(cls, runs: list[ServeRun]) -> "Accuracy":
-        """Read off the summaries of the runs."""
+        """Read off the summaries of the runs.
+
+        Raises:
+            RunFailedError: one of them has no ATE.
+        """
         lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
         return cls([ate_m(run) for run in runs], [scored(run) for run in runs], lost)
 
@@ -64,9 +68,14 @@ class Accuracy:
 
 
 def ate_m(run: ServeRun) -> float:
-    """ATE RMSE of the final trajectory, m; infinite where there is none."""
-    value = _final(run).get("rmse_m")
-    return float("inf") if value is None else float(value)
+    """ATE RMSE of the final trajectory, m.
+
+    Raises:
+        RunFailedError: there is none, as if it was not evaluated or too few frames are scored.
+    """
+    if (value := _final(run).get("rmse_m")) is None:
+        raise RunFailedError(f"{run.name} has no ATE: {scored(run)[0]} frames are scored")
+    return float(value)
 
 
 def scored(run: ServeRun) -> tuple[int, int]:

@@ -2,13 +2,13 @@
 
 import importlib.util
 import json
-import math
 from collections.abc import Callable
+from statistics import fmean
 from typing import Any
 
 from hsslam_bench.checks.accuracy import Accuracy
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import finished
+from hsslam_bench.runs.serve_run import RunFailedError, finished
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS
 
@@ -71,7 +71,7 @@ def _ate_check(sequence: str, bound_m: float) -> Check:
 
 
 def _mesh_accuracy(session: Session) -> Measured:
-    exact, published = (_means(session, p, "accuracy_mean_m", math.inf) for p in _PROTOCOLS)
+    exact, published = (_means(session, p, "accuracy_mean_m") for p in _PROTOCOLS)
     ours, *tsdfs = exact.values()
     return Measured(
         f"{_listed(exact, _cm)}; by the literature's protocol {_listed(published, _cm)}",
@@ -83,7 +83,7 @@ def _mesh_accuracy(session: Session) -> Measured:
 
 
 def _mesh_completion(session: Session) -> Measured:
-    exact, published = (_means(session, p, "completion_ratio_5cm", 0.0) for p in _PROTOCOLS)
+    exact, published = (_means(session, p, "completion_ratio_5cm") for p in _PROTOCOLS)
     ours, *tsdfs = exact.values()
     return Measured(
         f"{_listed(exact, _percent)}; by the literature's protocol {_listed(published, _percent)}",
@@ -94,10 +94,10 @@ def _mesh_completion(session: Session) -> Measured:
     )
 
 
-def _means(session: Session, protocol: str, key: str, missing: float) -> dict[str, float]:
+def _means(session: Session, protocol: str, key: str) -> dict[str, float]:
     """Mean over the seeds for our mesh, then for each TSDF by its name."""
     return {
-        name: _mean([score.get(protocol, {}).get(key) for score in scores], missing)
+        name: _mean(f"{name}: {key}", [score.get(protocol, {}).get(key) for score in scores])
         for name, scores in _scored_meshes(session).items()
     }
 
@@ -136,7 +136,7 @@ def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[S
             for whose in ("estimated", "given")
         }
         ours, given = (
-            _mean([row[key] for row in gaps[whose]], math.inf) for whose in ("estimated", "given")
+            _mean(f"{whose}: {key}", [row[key] for row in rows]) for whose, rows in gaps.items()
         )
         text = f"{scale * ours:.3g}{unit}; the given poses {scale * given:.3g}{unit}"
         return Measured(text, ours <= bound, gaps, ours, "lower")
@@ -149,5 +149,13 @@ def _scores(session: Session, sequence: str, seed: int, what: str) -> dict[str, 
     return json.loads(session.python(_MODULE, str(run.folder), what))
 
 
-def _mean(values: list[float | None], missing: float) -> float:
-    return sum(missing if value is None else value for value in values) / len(values)
+def _mean(what: str, values: list[float | None]) -> float:
+    """Mean over the seeds.
+
+    Raises:
+        RunFailedError: it is not known of all.
+    """
+    known = [value for value in values if value is not None]
+    if len(known) < len(values):
+        raise RunFailedError(f"{what} is known of {len(known)} of {len(values)} seeds")
+    return fmean(known)

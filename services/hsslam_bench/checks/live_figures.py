@@ -68,7 +68,7 @@ def accuracy(run: ServeRun, lockstep: ServeRun, factor: float, margin_m: float =
     return Measured(
         f"{100 * ours_m:.2f} cm, {n}/{expected} scored; "
         f"lockstep {100 * lockstep_m:.2f}: bound {100 * bound_m:.2f} cm",
-        ours_m <= bound_m < float("inf"),
+        ours_m <= bound_m,
         {"rmse_m": ours_m, "lockstep_rmse_m": lockstep_m, "scored": [n, expected]},
         ours_m,
         "lower",

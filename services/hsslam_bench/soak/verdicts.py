@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.soak.long_run import EndTimes, LongRun
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.trajectory.ate import ate
@@ -54,11 +55,15 @@ def keyframes_after(run: LongRun, seconds: float) -> int:
 
 
 def ate_of(folder: Path) -> float:
-    """ATE RMSE of the trajectory of a run against the truth of its source, m; infinite without one."""
+    """ATE RMSE of the trajectory of a run against the truth of its source, m; NaN with too few poses.
+
+    Raises:
+        RunFailedError: the source has no truth.
+    """
     options = RunInfo.read(folder).options
     truth = open_ground_truth(options.source, options.source_options)
     if truth is None:
-        return float("inf")
+        raise RunFailedError(f"{folder.name}: source {options.source} has no true poses")
     return ate(read_tum(folder / "trajectory.txt"), truth.trajectory).rmse_m
 
 
