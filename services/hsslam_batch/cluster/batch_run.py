@@ -11,7 +11,7 @@ from hsslam_batch.cluster.board import Running
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import Batch, OtherCodeError
 from hsslam_batch.plan.log import Log
 from hsslam_batch.results.progress import BatchProgress
 
@@ -59,9 +59,10 @@ class BatchRun:
         Raises:
             OSError: the folder of the batch cannot be written.
         """
-        if not result.is_begun:
-            if result.trouble and not self.stop.is_asked():
-                self.progress.say(f"error: {result.trouble}")
+        trouble = self._other_code(result) if result.is_begun else result.trouble
+        if trouble or not result.is_begun:
+            if trouble and not self.stop.is_asked():
+                self.progress.say(f"error: {trouble}")
                 self.stop.ask()
             return None
         outcome = result.outcome or self._without_result(one, result)
@@ -79,6 +80,16 @@ class BatchRun:
             self.progress.say("no more logs begin, those that run end; Ctrl-C ends them at once")
         running = self.pool.running().items()
         self.progress.look({self.logs[index].id: now.frames for index, now in running})
+
+    def _other_code(self, result: TaskResult) -> str:
+        """Why an attempt says nothing of its log, though it began: its command was edited, and may not even
+        start; empty if it was not."""
+        if result.outcome is None and not result.is_lost:
+            try:
+                self.batch.expect_same_code()
+            except OtherCodeError as error:
+                return str(error)
+        return ""
 
     def _without_result(self, one: Try, result: TaskResult) -> Outcome:
         """The row of an attempt that left none itself."""

@@ -1,5 +1,6 @@
 """`hsslam-batch plan`: finds logs, checks the options of their runs, writes both down."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from hsslam_batch.plan.batch import folder_of, write_batch
 from hsslam_batch.plan.find_logs import find_logs, is_utf8, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
 from hsslam_batch.plan.log import write_manifest
-from hsslam_batch.plan.remote_listing import list_url
+from hsslam_batch.plan.remote_listing import is_url, list_url
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
@@ -86,8 +87,17 @@ def run_options(of_serve: Sequence[str]) -> ServeOptions:
 
 
 def _listing(logs: str, place: str) -> Listing:
-    """All files below LOGS but those of the batch."""
+    """All files below LOGS but those of the batch.
+
+    Raises:
+        UserError: the results of the batch would be logs of the next plan.
+    """
     folder, url = folder_of(logs)
+    below, own = (p if is_url(p) else os.path.realpath(p) for p in (url or str(folder), place))
+    if below == own or f"{below}/".startswith(f"{own}/runs/"):
+        raise UserError(
+            f"--out {place}: its results would be among the logs of {logs}: expected another folder"
+        )
     return list_url(url, without=place) if url else list_folder(folder, without=place)
 
 

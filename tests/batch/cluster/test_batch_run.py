@@ -11,7 +11,7 @@ from hsslam_batch.cluster.board import Board
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_batch.options import RunOptions, WorkOptions
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.progress import PROGRESS, BatchProgress
 from hsslam_batch.results.tally import Tally
@@ -86,6 +86,23 @@ def test_other_code_fails_no_log_and_ends_the_batch(
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "error: other code" and said[1].startswith("no more logs begin, those")
     assert len(said) == 2
+
+
+def test_an_edit_that_breaks_the_command_itself_fails_no_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """It cannot say itself that the code is another: Python ends it before."""
+    batch = planned(tmp_path / "out")
+    broken = TaskResult(trouble="hsslam-batch work ended with exit code 1: ImportError: no module")
+    assert _run(batch, Board()).judge(Try(0), broken) == Try(0, 2)  # a crash, with the same code
+    file = batch.out / "batch.json"
+    file.write_text(file.read_text().replace(batch.about.code, "0.0.9 abcdef"))
+    run = _run(read_batch(str(batch.out)), Board())
+    assert run.judge(Try(1), broken) is run.judge(Try(2), broken) is None
+    assert run.stop.is_asked() and settled(batch, "id1") is None
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {batch.out}: was planned with 0.0.9 abcdef, this is ")
+    assert said.count("\n") == 1
 
 
 def test_work_gets_the_limits_of_run(tmp_path: Path):

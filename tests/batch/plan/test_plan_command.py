@@ -60,6 +60,20 @@ def test_results_of_the_batch_are_no_logs_whatever_path_leads_to_them(logs: Path
     assert read_manifest(batch.out)[0].place == str(logs / "log0")
 
 
+def test_out_is_refused_if_its_results_would_be_logs_of_the_next_plan(logs: Path, tmp_path: Path):
+    refused = r"^--out .*: its results would be among the logs of .*: expected another folder$"
+    (tmp_path / "link").symlink_to(logs)
+    for root, out in ((logs, logs), (logs, "link"), ("link", logs), ("link/runs/id0", logs)):
+        with pytest.raises(UserError, match=refused):
+            _plan(tmp_path / root, tmp_path / out)
+    for root in ("s3://bucket/out/", "s3://bucket/out/runs"):
+        with pytest.raises(UserError, match=refused):
+            plan_command([root, "--out", "s3://bucket/out"])
+    assert not (logs / "batch.json").exists()
+    batch = _plan(logs, tmp_path)  # beside the results
+    assert [log.name for log in read_manifest(batch.out)] == ["log0", "log1"]
+
+
 def test_a_log_whose_path_is_not_utf8_is_left_out_with_a_warning(
     logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
