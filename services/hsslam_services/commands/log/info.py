@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hsslam_node.presets import PRESETS
+from hsslam_services.commands.options.option_table import flag_of, off_flag_of
 from hsslam_services.log.channel_copies import RUN_METADATA
 from hsslam_services.log.reader import log_reader
 from hsslam_services.run.options import ServeOptions
@@ -123,25 +124,24 @@ def _run_line(run: Mapping[str, str]) -> str:
         given = msgspec.json.decode(run.get("options", "{}").encode())
         preset = PRESETS.get(given.get("preset"), ServeOptions().slam)
         usual = msgspec.json.decode(msgspec.json.encode(ServeOptions(slam=preset)))
-        words = list(_differences(given, usual, "--"))
+        words = list(_differences(given, usual, ""))
     except (msgspec.MsgspecError, AttributeError):
         return f"{line}, options of another version"
     return f"{line}: {' '.join(words) if words else 'all options as by default'}"
 
 
-def _differences(given: Any, usual: Any, name: str) -> Iterator[str]:
-    """Options, as one would write them, that are not as by default."""
+def _differences(given: Any, usual: Any, group: str) -> Iterator[str]:
+    """Options, as one would write them, that are not as by default; `group`: what their names begin with."""
     for key, value in given.items():
         default = usual.get(key) if isinstance(usual, Mapping) else None
-        dashed = name + key.replace("_", "-")
         if isinstance(value, Mapping):
-            yield from _differences(value, default or {}, f"{dashed}.")
+            yield from _differences(value, default or {}, f"{group}{key}.")
         elif value != default:
-            yield _written(dashed, value)
+            yield _written(f"{group}{key}", value)
 
 
 def _written(name: str, value: Any) -> str:
     if isinstance(value, bool):
-        return name if value else name.replace("--", "--no-", 1)
+        return flag_of(name) if value else off_flag_of(name)
     words = [str(item) for item in value] if isinstance(value, list) else [str(value)]
-    return " ".join([name, *words])
+    return " ".join([flag_of(name), *words])

@@ -44,13 +44,12 @@ class Option:
     @property
     def flag(self) -> str:
         """As a user writes it: --slam.tracker.points."""
-        return f"--{self.name.replace('_', '-')}"
+        return flag_of(self.name)
 
     @property
     def off_flag(self) -> str:
         """What turns a switch off: --no-evaluate, --slam.ba.no-enabled."""
-        group, dot, leaf = self.name.replace("_", "-").rpartition(".")
-        return f"--{group}{dot}no-{leaf}"
+        return off_flag_of(self.name)
 
     @property
     def group(self) -> str:
@@ -83,6 +82,17 @@ class Option:
         if value is True:
             return "on"
         return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def flag_of(name: str) -> str:
+    """An option of this name as a user writes it: --slam.tracker.points."""
+    return f"--{name.replace('_', '-')}"
+
+
+def off_flag_of(name: str) -> str:
+    """What turns a switch of this name off: --no-evaluate, --slam.ba.no-enabled."""
+    group, dot, leaf = name.rpartition(".")
+    return flag_of(f"{group}{dot}no-{leaf}")
 
 
 def option_table(cls: type, default: Any = None) -> list[Option]:

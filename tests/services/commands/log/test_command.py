@@ -16,21 +16,21 @@ from mcap.reader import make_reader
 
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import read_tum
-from hsslam_node.presets import PRESETS
 from hsslam_node.sources.open_source import open_source
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_services.commands.log.command import main
+from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.run.options import ServeOptions
 from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_log
 from tests.services.wire_samples import frame
 
 
 def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
-    given = ServeOptions(source="tum:desk", seed=7, evaluate=False, slam=PRESETS["realtime"])
+    words = "--source tum:desk --seed 7 --no-evaluate --slam.mapper.rays 900 --slam.ba.no-enabled"
+    given = parse_command_line(words.split())
     options = msgspec.json.encode(given).decode()
     metadata = {"run_id": "run-1", "version": "0.1", "options": options}
     path = write_log(tmp_path, metadata=metadata)
@@ -38,7 +38,7 @@ def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, c
     printed = capsys.readouterr().out
     shown = " ".join(printed.split())
     assert "finished" in shown and "1.9 s from 2023-11-14 22:13:20 UTC" in shown
-    assert "run run-1 of hsslam-node 0.1: --source tum:desk --seed 7 --no-evaluate\n" in printed
+    assert f"run run-1 of hsslam-node 0.1: {words}\n" in printed
     assert "hsslam/r/in/frame │ hsslam.Frame.v1 │ 20 │ 10.00 │" in shown
     assert "/viz/mesh │ foxglove.SceneUpdate │ 2 │" in shown
 
