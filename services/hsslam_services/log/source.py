@@ -20,7 +20,7 @@ from hsslam_proto.topics import FRAME
 from hsslam_services.log.channel_copies import RUN_METADATA
 from hsslam_services.log.reader import Say, bus_messages, log_parts, log_reader
 from hsslam_services.run.options import ServeOptions
-from hsslam_services.run.source_table import log_place
+from hsslam_services.run.source_table import comes_once, log_place
 
 _RATE_FRAMES = 30  # the rate is computed from the stamps of this many
 _MOST_LOGS = 8  # a run from the log of a run from the log of ...
@@ -113,7 +113,8 @@ class RecordedSource:
 
 
 def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSource:
-    """`spec` itself, unless it is a log: then what its frames came from, with the same selection of them.
+    """`spec` itself, unless it is a log: then what its frames came from, with the same selection of them. A
+    log whose frames cannot be read again is such a source itself.
 
     Raises:
         UserError: a log is not there, cannot be read or does not tell.
@@ -125,6 +126,8 @@ def recorded_source(spec: str, options: SourceOptions, say: Say) -> RecordedSour
         run = logged_options(log_parts(place, say))
         if run is None:
             raise UserError(f"source {spec}: does not tell what it was recorded from")
+        if comes_once(run.source):
+            return RecordedSource(spec, options)
         log = McapSource(place, options)
         inner = frames_of_run(run, log.indices) if log.has_one_camera else run.source_options
         spec = run.source

@@ -92,6 +92,11 @@ def comes_over_bus(spec: str) -> bool:
     return row is not None and row.opener is None
 
 
+def comes_once(spec: str) -> bool:
+    """Whether frames cannot be read again: those of a live camera, or of another program."""
+    return is_live(spec) or comes_over_bus(spec)
+
+
 def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
     """Raises UserError if an option is set that would change frames; another program publishes them."""
     if row := find_row(spec, ALL_SOURCES):

@@ -14,6 +14,7 @@ from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
 from hsslam_services.commands.evaluate.options import EvalOptions
 from hsslam_services.commands.evaluate.subject import run_subject
@@ -93,7 +94,8 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
     if any(len(trajectory) == 0 for trajectory in trajectories.values()):
         raise UserError(f"--trajectory {options.trajectory}: no poses: expected some in TUM format")
     about |= {"source": options.source, "noise": options.noise}
-    return Subject(source.spec, source.options, trajectories, options.mesh), about
+    spec, used = source.spec, source.options
+    return Subject(spec, used, trajectories, options.mesh, open_it=open_any_source), about
 
 
 def _own_folder(run: str) -> Path | None:

@@ -8,6 +8,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS, TsdfOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_services.log.reader import is_log
+from hsslam_services.run.source_table import comes_once
 
 
 @dataclass(frozen=True)
@@ -105,5 +106,10 @@ class EvalOptions:
             raise UserError("nothing to score: expected a RUN, --trajectory FILE or --mesh FILE")
         if not self.run and not self.source:
             raise UserError("--source: missing: expected the source of the truth, as tum:FOLDER")
+        if comes_once(self.source):
+            raise UserError(
+                f"--source {self.source}: its frames cannot be read again: expected the log of its run, as "
+                "mcap:RUN, or a recording"
+            )
         if self.against == "tsdf" and not self.run and self.trajectory is None:
             raise UserError("--against tsdf: needs poses: expected --trajectory FILE, or a RUN")

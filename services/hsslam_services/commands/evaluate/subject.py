@@ -23,7 +23,7 @@ from hsslam_services.log.source import (
 )
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
-from hsslam_services.run.source_table import comes_over_bus, is_live, log_place
+from hsslam_services.run.source_table import comes_once, log_place
 from hsslam_services.run.summary import read_summary
 
 
@@ -32,8 +32,8 @@ def log_subject(
 ) -> tuple[Subject, dict[str, Any]]:
     """Poses and the newest mesh of the log (a file or a run folder), and what is said of them.
 
-    `given`: the source whose truth is meant; none: as the log tells. Of a live camera, which has no truth,
-    the frames are those of the log.
+    `given`: the source whose truth is meant; none: as the log tells. Frames that cannot be read again, which
+    have no truth, are those of the log.
 
     Raises:
         UserError: not a log, or none that tells its source; or it holds no poses.
@@ -47,7 +47,7 @@ def log_subject(
     if source is None and run is None:
         raise UserError(f"{place}: does not tell what it was recorded from: expected --source too")
     if source is None and run is not None:
-        if is_live(run.source) or comes_over_bus(run.source):
+        if comes_once(run.source):
             source = RecordedSource(f"mcap:{place}", SourceOptions())
         else:
             source = recorded_source(run.source, _options(run, files, found), say)
@@ -107,10 +107,8 @@ def run_subject(
 def _folder_subject(folder: Path, say: Say) -> tuple[Subject, dict[str, Any]]:
     run = RunInfo.read(folder).options
     counts = read_summary(folder).get("frames", {})
-    read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
     mesh, saved = folder / "mesh.ply", folder / "map.safetensors"
-    used = replace(run.source_options, frames=read or run.frames)
-    source = recorded_source(run.source, used, say)
+    source = _source_of_run(folder, run, counts, say)
     subject = Subject(
         source=source.spec,
         options=source.options,
@@ -118,6 +116,7 @@ def _folder_subject(folder: Path, say: Say) -> tuple[Subject, dict[str, Any]]:
         mesh=mesh if mesh.exists() else None,
         map=saved if saved.exists() else None,
         slam=run.slam,
+        open_it=open_any_source,
     )
     about = {
         "run": str(folder),
@@ -129,3 +128,20 @@ def _folder_subject(folder: Path, say: Say) -> tuple[Subject, dict[str, Any]]:
         "frames": counts,
     }
     return subject, about
+
+
+def _source_of_run(
+    folder: Path, run: ServeOptions, counts: dict[str, int], say: Say
+) -> RecordedSource:
+    """What the frames of a run came from; its own log if they cannot be read again."""
+    if not comes_once(run.source):
+        read = counts.get("in", 0) + counts.get("bad", 0)  # an interrupted run is judged so far
+        return recorded_source(
+            run.source, replace(run.source_options, frames=read or run.frames), say
+        )
+    if not parts(folder):
+        raise UserError(
+            f"{folder}: nothing to score: --source {run.source} cannot be read again, and there is no log: "
+            "expected run.mcap with them"
+        )
+    return RecordedSource(f"mcap:{folder}", SourceOptions())
