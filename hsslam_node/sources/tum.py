@@ -153,12 +153,15 @@ def tum_truth(name: str, options: SourceOptions) -> Truth | None:
     truth = read_tum(path)
     order = np.argsort(truth.stamps_ns, kind="stable")
     truth = Trajectory(truth.stamps_ns[order], truth.T_world_cam[order])
-    frames = np.array([folder.pairs[i][0] for i in options.selected(len(folder.pairs))])
-    pairs = associate(frames, truth.stamps_ns, MAX_DT_NS)
+    rows = options.selected(len(folder.pairs))
+    frames = np.array([stamp_ns for stamp_ns, _, _ in folder.pairs], np.int64)
+    played = sorted(set(rows))  # one that comes again has its pose again
+    pairs = associate(frames[played], truth.stamps_ns, MAX_DT_NS)
     if not pairs:
         raise UserError(f"{path}: no pose within 20 ms of a frame of rgb.txt")
-    frame_rows, truth_rows = map(list, zip(*pairs, strict=True))
-    return Trajectory(frames[frame_rows], truth.T_world_cam[truth_rows]), None
+    truth_row = {played[i]: j for i, j in pairs}
+    known = [row for row in rows if row in truth_row]
+    return Trajectory(frames[known], truth.T_world_cam[[truth_row[row] for row in known]]), None
 
 
 def tum_stamps(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -38,6 +38,9 @@ def _run(worker: Worker) -> None:
         return
     if found:
         worker.add_to_summary({"evaluation": found})
+    elif source.options.reorders:
+        why = f"frames come again, and source {source.spec} lacks it for some of them"
+        worker.event("warning", f"not compared with ground truth: {why}")
 
 
 if __name__ == "__main__":

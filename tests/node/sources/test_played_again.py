@@ -78,12 +78,20 @@ def test_image_files_backwards(replica_folder, tum_folder):
     )
 
 
-def test_truth_is_not_known_if_frames_lack_it(tum_folder):
-    path = tum_folder / "groundtruth.txt"
-    path.write_text("\n".join(path.read_text().splitlines()[:-1]) + "\n")
-    spec = f"tum:{tum_folder}"
+@pytest.mark.parametrize("poses_per_frame", [1, 2])
+def test_truth_of_image_files_follows_if_every_frame_has_it(tum_folder, poses_per_frame):
+    path, spec = tum_folder / "groundtruth.txt", f"tum:{tum_folder}"
+    lines = path.read_text().splitlines()
+    more = [f"{float(line.split()[0]) + 0.005} 99 0 0 0 0 0 1" for line in lines[1:]]
+    path.write_text("\n".join(lines + more * (poses_per_frame - 1)))
+    again = SourceOptions(to_and_fro=2, hold_at=1, hold_frames=2)
+    truth = open_ground_truth(spec, again)
+    assert truth is not None
+    np.testing.assert_array_equal(truth.T_world_cam[:, 0, 3], [0, 1, 1, 1, 2, 3, 4, 3, 2, 1, 0])
+    assert list(truth.stamps_ns) == [frame.stamp_ns for frame in open_source(spec, again).frames()]
+    path.write_text("\n".join(lines[:-1]))
     assert open_ground_truth(spec) is not None
-    assert open_ground_truth(spec, SourceOptions(to_and_fro=2)) is None
+    assert open_ground_truth(spec, again) is None
 
 
 @pytest.mark.parametrize("source", ["realsense"])
