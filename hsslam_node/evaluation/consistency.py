@@ -1,6 +1,7 @@
 """Whether the frames of a trajectory agree with each other, where there is no truth worth the name."""
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ GAPS_FRAMES = (10, 30, 100)
 START_EVERY = 10  # frames between the first frames of pairs
 SAME_SURFACE_M = 0.10  # a larger difference in depth is another surface: occlusion, not error
 _LEAST_OVERLAP = 0.01  # share of the image that must see the same surface
+_Pair = tuple[float, float]  # median depth difference, m, and correlation of grey values
 
 
 @dataclass(frozen=True)
@@ -34,18 +36,39 @@ class Consistency:
 
 
 def consistency(
-    frames: Sequence[Frame], trajectory: Trajectory, gap_frames: int, stride: int = START_EVERY
-) -> Consistency:
-    """Consistency of `frames`, every `stride`-th of a sequence, with poses of the same stamps.
+    frames: Iterable[Frame],
+    trajectories: Mapping[str, Trajectory],
+    gaps_frames: Sequence[int] = GAPS_FRAMES,
+) -> dict[str, list[Consistency]]:
+    """Consistency of `frames`, every tenth of a sequence, with poses of the same stamps: for each
+    trajectory, by its name, one for each gap. `frames` is read once, and no more of them are kept than
+    the largest gap needs.
 
     A pair starts at each frame. Every pixel with depth of the first is carried into the second; its
     depth there is compared with that measured at the nearest pixel, its grey value with that between
     the pixels. Pixels that differ by 10 cm or more in depth are left out.
     """
-    pose_of = dict(zip(trajectory.stamps_ns.tolist(), trajectory.T_world_cam, strict=True))
-    step = max(round(gap_frames / stride), 1)
-    possible = max(len(frames) - step, 0)
-    found = [_pair(frames[i], frames[i + step], pose_of) for i in range(possible)]
+    poses_of = {
+        name: dict(zip(trajectory.stamps_ns.tolist(), trajectory.T_world_cam, strict=True))
+        for name, trajectory in trajectories.items()
+    }
+    steps = {gap: max(round(gap / START_EVERY), 1) for gap in gaps_frames}
+    found: dict[str, dict[int, list[_Pair | None]]] = {
+        name: {gap: [] for gap in gaps_frames} for name in trajectories
+    }
+    recent: deque[Frame] = deque(maxlen=max(steps.values()) + 1)
+    for frame in frames:
+        recent.append(frame)
+        for name, pose_of in poses_of.items():
+            for gap, step in steps.items():
+                if step < len(recent):
+                    found[name][gap].append(_pair(recent[-1 - step], frame, pose_of))
+    return {name: [_summary(*of_gap) for of_gap in gaps.items()] for name, gaps in found.items()}
+
+
+def _summary(gap_frames: int, found: Sequence[_Pair | None]) -> Consistency:
+    """Of what `_pair` found for one gap."""
+    possible = len(found)
     pairs = np.array([pair for pair in found if pair is not None]).reshape(-1, 2)
     if len(pairs) == 0:
         return Consistency(gap_frames, float("nan"), float("nan"), 0, possible)
@@ -53,8 +76,8 @@ def consistency(
     return Consistency(gap_frames, depth_m, 1.0 - ncc, len(pairs), possible)
 
 
-def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> tuple[float, float] | None:
-    """Median depth difference, m, and correlation of grey values; None: no overlap, or no pose."""
+def _pair(a: Frame, b: Frame, pose_of: Mapping[int, np.ndarray]) -> _Pair | None:
+    """How two frames agree; None: no overlap, or no pose."""
     if a.stamp_ns not in pose_of or b.stamp_ns not in pose_of:
         return None
     T_b_a = inverse(pose_of[b.stamp_ns]) @ pose_of[a.stamp_ns]

@@ -12,7 +12,7 @@ import trimesh
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
-from hsslam_node.evaluation.consistency import GAPS_FRAMES, START_EVERY, Consistency, consistency
+from hsslam_node.evaluation.consistency import START_EVERY, Consistency, consistency
 from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.evaluation.image_quality import EVERY, ImageQuality, image_quality
@@ -191,16 +191,10 @@ class Evaluator:
     def _consistency(self) -> dict[str, list[Consistency]] | None:
         if self._final is None:
             return None
-        frames = list(self._frames(START_EVERY, "frames"))
-        by_whom = {"estimated": self._final}
+        trajectories = {"estimated": self._final}
         if self._truth is not None:
-            by_whom["given"] = self._truth.trajectory
-        watched = self._track(GAPS_FRAMES, len(GAPS_FRAMES), description="consistency")
-        found: dict[str, list[Consistency]] = {name: [] for name in by_whom}
-        for gap in watched:
-            for name, trajectory in by_whom.items():
-                found[name].append(consistency(frames, trajectory, gap))
-        return found
+            trajectories["given"] = self._truth.trajectory
+        return consistency(self._frames(START_EVERY, "consistency"), trajectories)
 
     @property
     def _final(self) -> Trajectory | None:
