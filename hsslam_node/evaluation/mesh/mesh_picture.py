@@ -6,6 +6,7 @@ from typing import Any, Literal
 import matplotlib
 import numpy as np
 import trimesh
+from trimesh.visual import TextureVisuals
 
 from hsslam_node.evaluation.mesh.mesh_judge import MeshJudge
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
@@ -28,8 +29,7 @@ class MeshPicture:
         self._judge = judge
         self._vertices = np.asarray(mesh.vertices, np.float64)
         self._faces = np.ascontiguousarray(mesh.faces, np.int64)
-        visual: Any = mesh.visual
-        self._colors = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+        self._colors = _vertex_colors(mesh)
         self._normals = np.asarray(mesh.face_normals)
 
     def inside(self, kind: Literal["color", "shape", "error"], worst_m: float = 0.05) -> np.ndarray:
@@ -79,6 +79,16 @@ class MeshPicture:
     @cached_property
     def _seen(self) -> np.ndarray:
         return self._judge.given.observed(self._vertices)
+
+
+def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Colours [N, 3] 0..1 of the vertices, of a texture those at their places; grey if there are none."""
+    visual: Any = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        visual = visual.to_color()
+        visual.mesh = mesh  # which has the number of vertices, if there is one colour or none
+    colors = np.asarray(visual.vertex_colors)[..., :3] / 255.0
+    return np.broadcast_to(colors, (len(mesh.vertices), 3))
 
 
 def _pose_above(poses: np.ndarray, vertices: np.ndarray) -> np.ndarray:
