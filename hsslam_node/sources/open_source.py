@@ -6,7 +6,7 @@ from dataclasses import replace
 from hsslam_node.errors import UserError, one_line
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.registry import SOURCES
-from hsslam_node.sources.source import Source
+from hsslam_node.sources.source import ReadsInTime, Source
 from hsslam_node.sources.source_row import (
     SourceRow,
     find_row,
@@ -41,14 +41,11 @@ def open_source(
             raise
         raise UserError(f"{error}; did you mean {guess}?") from None
     has_masks = bool(options.mask) and user_path(options.mask).is_dir()
-    if has_masks:
-        from hsslam_node.sources.files.image_pairs import ImagePairSource
-
-        if not isinstance(source, ImagePairSource):
-            raise UserError(
-                f"--mask {options.mask}: source {spec} has no image files that masks of frames could be "
-                "named after: expected one image"
-            )
+    if has_masks and not (isinstance(source, ReadsInTime) and source.reads_masks):
+        raise UserError(
+            f"--mask {options.mask}: source {spec} has no image files that masks of frames could be "
+            "named after: expected one image"
+        )
     return _with_effects(source, replace(options, mask="") if has_masks else options)
 
 

@@ -10,6 +10,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
     BadImageError,
     decode_color,
@@ -42,6 +43,10 @@ class ScanNetSource(ReadsInTime):
             raise UserError(f"source scannet:{name}: holds no frame: expected some")
         self._whole, self.depth_units_per_m, K_color = _calibration(self._scene)
         self._K_color = K_color
+        folder = self._scene.folder
+        self.reads_masks = folder is not None
+        color_files = [] if folder is None else [folder.files[row][1] for row in self._rows]
+        self._masks = FrameMasks.found(options.mask, None, color_files)
         self.name = f"scannet:{name}"
         self.camera = _cropped(self._whole)
         self.rate_hz = RATE_HZ / options.stride
@@ -87,7 +92,14 @@ class ScanNetSource(ReadsInTime):
 
         def from_folder(row: int) -> tuple[np.ndarray, np.ndarray]:
             _, color_file, depth_file = folder.files[row]
-            return read_any_color(color_file), read_depth(depth_file, self._whole)
+            color, depth = read_any_color(color_file), read_depth(depth_file, self._whole)
+            if self._masks is not None:
+                height, width = color.shape[:2]
+                K = self._K_color
+                of_color = Camera(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+                hidden = self._masks.hidden(color_file, of_color)
+                depth[hidden_on_depth(hidden, K, self._whole)] = 0
+            return color, depth
 
         return from_folder
 
@@ -104,13 +116,27 @@ def on_depth(color: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarr
     s_x, s_y = size[0] / w, size[1] / h
     fx, fy = K_color[0, 0] * s_x, K_color[1, 1] * s_y
     cx, cy = (K_color[0, 2] + 0.5) * s_x - 0.5, (K_color[1, 2] + 0.5) * s_y - 0.5
-    a_x, a_y = fx / camera.fx, fy / camera.fy
-    from_depth = np.array([[a_x, 0, cx - a_x * camera.cx], [0, a_y, cy - a_y * camera.cy]])
+    K_small = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    return _moved(small, K_small, camera, cv2.INTER_LINEAR)
+
+
+def hidden_on_depth(hidden: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarray:
+    """Which pixels of the depth are hidden, [H, W] bool: those whose nearest pixel of the colour is hidden in
+    its mask [h, w] bool."""
+    return _moved(hidden.astype(np.uint8), K_color, camera, cv2.INTER_NEAREST) > 0
+
+
+def _moved(image: np.ndarray, K: np.ndarray, camera: Camera, interpolation: int) -> np.ndarray:
+    """An image of a camera with this K [3, 3] as `camera` sees it; same centre and axes."""
+    a_x, a_y = K[0, 0] / camera.fx, K[1, 1] / camera.fy
+    from_camera = np.array(
+        [[a_x, 0, K[0, 2] - a_x * camera.cx], [0, a_y, K[1, 2] - a_y * camera.cy]]
+    )
     return cv2.warpAffine(
-        small,
-        from_depth,
-        size,
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        image,
+        from_camera,
+        (camera.width_px, camera.height_px),
+        flags=interpolation | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
 

@@ -37,6 +37,9 @@ def never_late(index: int, stamp_ns: int) -> bool:
 class ReadsInTime(ABC):
     """A recording that leaves out frames before it decodes them, if it is slower than the sensor was."""
 
+    reads_masks = False
+    """Whether it applies masks of frames, from the folder that `--mask` names."""
+
     def frames(self, first: int = 0) -> "Iterator[Frame | BadFrame]":
         """Every frame from `first` on, as of `Source`."""
         return self.frames_in_time(first, never_late)

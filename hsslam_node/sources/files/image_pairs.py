@@ -23,6 +23,8 @@ class ImagePairSource(ReadsInTime):
     folder that masks of frames lie in, if it exists and `--mask` names no other.
     """
 
+    reads_masks = True
+
     def __init__(
         self,
         name: str,

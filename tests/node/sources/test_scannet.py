@@ -148,3 +148,33 @@ def test_a_scene_that_is_not_there_is_told(tmp_path):
 
 def test_late_frames_are_not_read(scene):
     expect_late_frames_left_out(open_source(scene))
+
+
+def test_masks_lie_on_the_colour_images(tmp_path):
+    folder, masks = write_export(tmp_path / "scene", POSES), tmp_path / "masks"
+    masks.mkdir()
+    of_color = []
+    for k in range(len(POSES)):
+        of_color.append(np.full((2 * HEIGHT, 2 * WIDTH), 255, np.uint8))
+        of_color[k][:40] = of_color[k][:, 80 + 4 * k :] = 0
+        cv2.imwrite(str(masks / f"{k}.png"), of_color[k])
+    options = SourceOptions(mask=str(masks), stride=2)
+    y = (np.arange(10, HEIGHT - 10) - DEPTH_K[1, 2]) / DEPTH_K[1, 1]
+    x = (np.arange(10, WIDTH - 10) - DEPTH_K[0, 2]) / DEPTH_K[0, 0]
+    row = np.rint(COLOR_K[1, 1] * y + COLOR_K[1, 2]).astype(int)
+    column = np.rint(COLOR_K[0, 0] * x + COLOR_K[0, 2]).astype(int)
+    frames = list(open_source(f"scannet:{folder}", options).frames())
+    for k, frame in zip((0, 2, 4), frames, strict=True):
+        assert isinstance(frame, Frame)
+        is_open = of_color[k][np.ix_(row, column)] > 0
+        assert 0 < is_open.mean() < 1
+        np.testing.assert_array_equal(frame.depth_raw, images(k)[1][CROP] * is_open)
+    cv2.imwrite(str(masks / "2.png"), of_color[2][1:])
+    bad = list(open_source(f"scannet:{folder}", options).frames())[1]
+    assert isinstance(bad, BadFrame) and "2.png: 160x119 pixels: expected 160x120" in bad.reason
+    (masks / "2.png").unlink()
+    with pytest.raises(UserError, match=r"1 of 3 images have no mask: expected .*masks/2\.png for"):
+        open_source(f"scannet:{folder}", options)
+    recording = Sens(poses=POSES).write(tmp_path / "scene.sens")
+    with pytest.raises(UserError, match=r"scene\.sens has no image files that masks"):
+        open_source(f"scannet:{recording}", options)
