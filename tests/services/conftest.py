@@ -27,6 +27,12 @@ def endpoint() -> Iterator[str]:
 
 
 @pytest.fixture
+def own_address() -> str:
+    """A loopback address for this process of tests alone, with every port free."""
+    return f"127.0.{os.getpid() % 250 + 1}.1"
+
+
+@pytest.fixture
 def make_run(tmp_path: Path) -> Iterator[Callable[..., RunInfo]]:
     """Make the run, with these options, once."""
     endpoint = free_endpoint()

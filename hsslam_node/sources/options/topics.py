@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from hsslam_node.errors import UserError
 from hsslam_node.sources.options.limits import expect_range
 
+ROS_ROUTER = "tcp/127.0.0.1:7447"  # where ROS nodes look for one
+
 
 @dataclass(frozen=True)
 class Ros2Options:
@@ -19,8 +21,9 @@ class Ros2Options:
     """Intrinsics (empty: camera_info beside the colour images)."""
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
-    connect: str = "tcp/127.0.0.1:7447"
-    """Zenoh router of the ROS nodes, or of this service."""
+    connect: str = ""
+    """Zenoh router of the ROS nodes (empty: of this run; with a --zenoh-port other than 7447, and
+    for hsslam-doctor, tcp/127.0.0.1:7447)."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
     imu: str = ""
@@ -36,7 +39,7 @@ class Ros2Options:
             if topic or name in ("color", "depth"):
                 _expect_topic(f"--ros2.{name}", topic)
         expect_range("ros2.domain", self.domain, 0, 232)
-        if not re.fullmatch(r"[a-z]+/\S+", self.connect):
+        if self.connect and not re.fullmatch(r"[a-z-]+/\S+", self.connect):
             raise UserError(f"--ros2.connect {self.connect!r}: expected as tcp/127.0.0.1:7447")
         expect_range("ros2.max-dt-ms", self.max_dt_ms, 0, 1000)
         if not 0 < self.timeout_s <= 3600:

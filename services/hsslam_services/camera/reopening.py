@@ -28,7 +28,7 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     pause_s = _FIRST_PAUSE_S
     while not worker.should_stop():
         try:
-            options = _rest(worker.options.source_options, after)
+            options = _rest(worker.run.source_options, after)
             return open_any_source(worker.options.source, options, worker.should_stop)
         except MAY_PASS as error:
             if worker.should_stop():  # while it waited for a live camera

@@ -11,6 +11,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.files.image_files import BadImageError
 from hsslam_node.sources.live_selection import selected_live
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
@@ -53,7 +54,7 @@ class Ros2Source:
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
-        self._session = open_client(options.ros2.connect)
+        self._session = open_client(options.ros2.connect or ROS_ROUTER)
         domain = options.ros2.domain
         self._color, self._depth, self._info = (
             self._session.declare_subscriber(

@@ -12,7 +12,7 @@ from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.maps_folder import find_map
-from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
 
 
 def main() -> None:
@@ -25,14 +25,15 @@ def _run(worker: Worker) -> None:
     store, _ = restore_map(worker.arena, path, options.slam)
     store.world_frame.note_level(options.T_level_world)  # of a map that does not tell its own
     if options.has_camera_process:
-        _expect_camera(options, store)
+        _expect_camera(worker.run, store)
     doing = "localises in" if options.localise_only else "goes on in"
     worker.event("info", f"{doing} {path}: {store.count} keyframes")
 
 
-def _expect_camera(options: ServeOptions, store: KeyframeStore) -> None:
+def _expect_camera(run: RunInfo, store: KeyframeStore) -> None:
     """UserError where the source is not of the camera that the map was made with."""
-    source = open_any_source(options.source, replace(options.source_options, noise="none"))
+    options = run.options
+    source = open_any_source(options.source, replace(run.source_options, noise="none"))
     if difference := source.camera.differs_in(store.camera):
         name, value, expected = difference
         what = f"source {options.source} has {value}"

@@ -49,9 +49,8 @@ def _run(worker: Worker) -> None:
     options = worker.options
     messages = RosMessages(f"--ros2-out {options.ros2_out}")
     poses = worker.bus.subscribe(topics.POSE, 64)
-    with RosNode(
-        options.ros2.connect, options.ros2.domain, options.ros2_out, "slam", messages
-    ) as node:
+    endpoint, domain = worker.run.ros_endpoint, options.ros2.domain
+    with RosNode(endpoint, domain, options.ros2_out, "slam", messages) as node:
         out = Ros2Out(worker, node, messages)
         floor = _floor_out(worker, node, messages) if options.grid else None
         ask = partial(worker.bus.pass_on, LOCATE)

@@ -281,6 +281,11 @@ class ServeOptions:
         return f"{self.bind or '127.0.0.1'}:{port}" if asked else ""
 
     @property
+    def has_usual_port(self) -> bool:
+        """Whether the port of the run, if it has one, is 7447, where clients look for any router."""
+        return self.zenoh_port in (None, _ZENOH_PORT)
+
+    @property
     def ros_domain(self) -> int | None:
         """The domain of the ROS nodes that may use the router; None if the run does not speak to any."""
         has_ros_camera = needs_port(self.source) and self.has_camera_process

@@ -1,13 +1,15 @@
 """The names, places and options of a run, for all its processes: `run.json` in the run folder."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
+from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.topics import ROS_ROUTER
 from hsslam_services.run.options import ServeOptions
 
 _FILE = "run.json"
@@ -30,6 +32,18 @@ class RunInfo:
     def path(self) -> Path:
         """The run folder."""
         return Path(self.run_dir)
+
+    @property
+    def ros_endpoint(self) -> str:
+        """The router where this run meets ROS nodes: its own, unless another has their usual port."""
+        own = self.endpoint if self.options.has_usual_port else ROS_ROUTER
+        return self.options.ros2.connect or own
+
+    @property
+    def source_options(self) -> SourceOptions:
+        """The options of the source alone, for the camera of this run, which meets ROS nodes there."""
+        options = self.options.source_options
+        return replace(options, ros2=replace(options.ros2, connect=self.ros_endpoint))
 
     def write(self) -> None:
         """Write run.json and config.toml, each in one step; OSError if the folder does not allow it."""

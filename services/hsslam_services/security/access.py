@@ -66,15 +66,16 @@ def access_control(
     Publishing and asking is bound to this robot; a client that subscribes may leave the robot open.
     `ros_domain`: ROS nodes of this domain meet at this router, too.
     """
-    every_key = ("**", f"**{_PUBLISHER_KEYS}")
+    ros_keys = () if ros_domain is None else _ros_keys(ros_domain)
+    every_key = ("**", f"**{_PUBLISHER_KEYS}", *ros_keys)
     both = ("ingress", "egress")
     rules = [_rule("workers", both, _MESSAGES, every_key)]
     subjects: list[dict[str, Any]] = [{"id": "workers", "link_protocols": [WORKER_LINK]}]
     policies: list[dict[str, Any]] = [{"rules": ["workers"], "subjects": ["workers"]}]
     for role in ROLES if has_certificates else (NO_CERTIFICATE,):
         of_role = _rules(role, robot)
-        if ros_domain is not None:
-            of_role.append(_rule(f"{role.name} in ROS", both, _MESSAGES, _ros_keys(ros_domain)))
+        if ros_keys:
+            of_role.append(_rule(f"{role.name} in ROS", both, _MESSAGES, ros_keys))
         rules += of_role
         who = {"cert_common_names": [role.name]} if has_certificates else {}
         protocol = "tls" if has_certificates else "tcp"

@@ -21,7 +21,6 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame
-from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
@@ -326,12 +325,11 @@ def test_wrong_names(spec, words):
 
 
 @pytest.mark.e2e
-def test_a_run_whose_router_is_that_of_the_ros_nodes(serve, room):
-    endpoint = free_endpoint()
-    camera = RosCamera(endpoint)  # before there is a router
+def test_a_run_whose_router_is_that_of_the_ros_nodes(serve, room, own_address):
+    camera = RosCamera(f"tcp/{own_address}:7447")  # before there is a router
     camera.start(room, rate_hz=15)
     small = ("--slam.mapper.first-iterations", "40", "--slam.mapper.rays", "256")
-    places = ("--zenoh-port", endpoint.rpartition(":")[2], "--ros2.connect", endpoint)
+    places = ("--zenoh-port", "7447", "--bind", own_address)
     limits = ("--frames", "40", "--slam.ba.rays", "256", "--slam.mesher.final-voxel-m", "0.08")
     run = serve("--source", "ros2:/camera", *places, *small, *limits)
     try:

@@ -10,11 +10,12 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_proto.messages import Pose
 from hsslam_proto.pose_codec import covariance_matrix, pose_matrix
-from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.commands.certs import make_certificates
 from hsslam_services.log.poses import logged_poses
 from hsslam_services.ros2.initial_pose import KIND, TOPIC
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import TopicName
+from hsslam_services.security.credentials import client_settings
 from tests.services.ros2.ros_listener import Heard, RosListener, gid_of
 from tests.services.serve_process import SMALL_ROOM
 
@@ -49,17 +50,20 @@ _QOS = {
 
 
 @pytest.mark.e2e
-def test_a_run_is_told_to_ros(serve):
-    endpoint = free_endpoint()
-    listener = RosListener(endpoint)  # before there is a router
+def test_a_run_is_told_to_ros(serve, own_address, tmp_path):
+    """A node with a certificate hears it at another address than the one where nodes look first."""
+    certs, endpoint = tmp_path / "certs", f"tls/{own_address}:7447"
+    make_certificates(certs, (own_address,), 7)
+    settings = client_settings(endpoint, str(certs / "viewer"))
+    listener = RosListener(endpoint, settings=settings)  # before there is a router
     for topic in _QOS:
         if topic != "/tf_static":
             listener.hear(topic)
     try:
         run = serve(
             *SMALL_ROOM, "--frames", str(_FRAMES), "--finish-s", "1",
-            "--zenoh-port", endpoint.rpartition(":")[2], "--ros2-out", "/hsslam", "--ros2.connect", endpoint,
-            "--grid", "--base-T-camera", *map(str, _MOUNT),
+            "--zenoh-port", "7447", "--bind", own_address, "--security", str(certs / "router"),
+            "--ros2-out", "/hsslam", "--grid", "--base-T-camera", *map(str, _MOUNT),
         )  # fmt: skip
         listener.wait_until(lambda: listener.alive() == len(_QOS) + 2, 240)
         tokens = listener.tokens()

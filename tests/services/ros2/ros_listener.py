@@ -1,8 +1,9 @@
 """A node of ROS as rmw_zenoh makes it: a peer that hears all topics and tokens of a domain."""
 
+import json
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import zenoh
@@ -11,6 +12,7 @@ from pycdr2 import IdlStruct
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from zenoh.ext import Int64, z_deserialize
 
+from hsslam_services.bus.zenoh_session import NO_SETTINGS
 from hsslam_services.camera.ros2_messages import topic_of, type_of
 from hsslam_services.ros2.names import TopicName, all_tokens, gid
 from tests.services.ros2.ros_types import KINDS
@@ -56,15 +58,19 @@ def read(sample: zenoh.Sample) -> Heard:
 
 
 class RosListener:
-    """Keeps every message and token from now on."""
+    """Keeps every message and token from now on; `settings`: of zenoh, as those for a certificate."""
 
-    def __init__(self, endpoint: str, domain: int = 0) -> None:
+    def __init__(
+        self, endpoint: str, domain: int = 0, settings: Mapping[str, object] = NO_SETTINGS
+    ) -> None:
         config = zenoh.Config()
         config.insert_json5("mode", '"peer"')
         config.insert_json5("connect/endpoints", f'["{endpoint}"]')
         config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("timestamping/enabled", "true")
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
         self._session = zenoh.open(config)
         self._domain = domain
         self._lock = threading.Condition()

@@ -26,3 +26,19 @@ def test_a_folder_without_a_run_is_told_in_one_line(tmp_path: Path, text: str | 
     with pytest.raises(UserError, match="expected the file of a run") as caught:
         RunInfo.read(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "endpoint"),
+    [
+        ("--ros2-out /hsslam", "unixsock-stream//a/router.sock"),
+        ("--bind 10.0.0.7 --security certs", "unixsock-stream//a/router.sock"),
+        ("--zenoh-port 7447", "unixsock-stream//a/router.sock"),
+        ("--zenoh-port 7448", "tcp/127.0.0.1:7447"),  # beside rmw_zenohd
+        ("--zenoh-port 7448 --ros2.connect tcp/192.168.1.1:7447", "tcp/192.168.1.1:7447"),
+    ],
+)
+def test_ros_nodes_are_at_the_router_that_has_their_port(asked: str, endpoint: str):
+    options = parse_command_line(asked.split())
+    info = RunInfo("id", "/r", "/a", "unixsock-stream//a/router.sock", "r", 1, 2, options)
+    assert info.ros_endpoint == info.source_options.ros2.connect == endpoint

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from hsslam_node.errors import UserError
 from hsslam_proto import run_messages, topics
@@ -145,19 +146,15 @@ def test_sessions_are_bounded_by_the_descriptors_there_are(tmp_path, monkeypatch
             session.close()
 
 
-def test_a_node_of_ros_meets_others_at_the_router(tmp_path):
+def test_nodes_of_ros_and_of_the_run_meet_at_the_router(tmp_path):
     port = int(free_endpoint().rpartition(":")[2])
     with (
-        _router(tmp_path, source="ros2:/camera", zenoh_port=port),
-        open_client(f"tcp/127.0.0.1:{port}") as camera,
-        open_client(f"tcp/127.0.0.1:{port}") as other,
+        _router(tmp_path, source="ros2:/camera", zenoh_port=port) as router,
+        open_client(f"tcp/127.0.0.1:{port}") as outside,
+        open_client(router.endpoint) as inside,
     ):
-        images = other.declare_subscriber("0/camera/**")
-        nodes = other.liveliness().declare_subscriber("@ros2_lv/**", history=True)
-        token = camera.liveliness().declare_token("@ros2_lv/0/abc/0/0/NN/%/%/camera")
-        _until(lambda: (camera.put("0/camera/image/type/hash", b"x"), images.try_recv())[1])
-        _until(nodes.try_recv)
-        token.undeclare()
+        _expect_met(outside, inside, "camera")
+        _expect_met(inside, outside, "slam")
 
 
 def test_a_busy_port_is_named(tmp_path):
@@ -169,6 +166,16 @@ def test_a_busy_port_is_named(tmp_path):
         _router(tmp_path / "other", zenoh_port=port),
     ):
         pass
+
+
+def _expect_met(node: zenoh.Session, other: zenoh.Session, name: str) -> None:
+    """The other hears a topic and the token of the node."""
+    images = other.declare_subscriber(f"0/{name}/**")
+    nodes = other.liveliness().declare_subscriber(f"@ros2_lv/**/{name}", history=True)
+    token = node.liveliness().declare_token(f"@ros2_lv/0/abc/0/0/NN/%/%/{name}")
+    _until(lambda: (node.put(f"0/{name}/image/type/hash", b"x"), images.try_recv())[1])
+    _until(nodes.try_recv)
+    token.undeclare()
 
 
 def _latencies_s(endpoint: str, freeze: Callable[[], None]) -> list[float]:
