@@ -18,12 +18,13 @@ _TOPIC_HEAD = (
 _HEAD = f"""\
 A run is a [zenoh](https://zenoh.io) router with all its processes as clients. They and `hsslam-ctl` meet on a
 socket that only this user can reach (`endpoint` in `run.json`). Other programs need a TCP port:
-`--zenoh-port 7447` opens `tcp/127.0.0.1:7447`; `--bind`, `--security`, `--source zenoh:` and `--source ros2:`
-open it as well. These programs are clients: session mode `client`, the router as the endpoint to connect to,
-scouting off. Through the port a client may publish `in/**`, hear everything and ask everything; with
-[certificates](security.md) it may do what its role allows. A client that reads too slowly misses messages;
-topics with history give them again on request. All keys begin with `hsslam/<robot>/` (`--robot`, default
-`robot`).
+`--zenoh-port 7447` opens `tcp/127.0.0.1:7447`; `--bind`, `--security`, `--ros2-out`, `--source zenoh:` and
+`--source ros2:` open it as well. These programs are clients: session mode `client`, the router as the
+endpoint to connect to, scouting off. Through the port a client may publish `in/**`, hear everything and ask
+everything; with [certificates](security.md) it may do what its role allows. With `--ros2-out` and `ros2:` it
+may also be a node of ROS ([what it may do](security.md#ros-nodes-at-the-port)). A client that reads too
+slowly misses messages; topics with history give them again on request. All keys begin with
+`hsslam/<robot>/` (`--robot`, default `robot`).
 
 - **Payload**: one [MessagePack](https://msgpack.org) map, field names as keys. Readers ignore fields that
   they do not know and take the default of one that is missing; a field without a default must be there.
