@@ -79,7 +79,8 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Hold(Message, frozen=True, kw_only=True):
-    """The camera sends no frames while `paused`; outside cameras should do as much."""
+    """The camera sends no frames while `paused`. An outside camera hears it during a reset alone: it should
+    wait, too."""
 
     paused: bool
 
