@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hsslam_node.errors import UserError
@@ -15,11 +15,12 @@ from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.summary import read_summary, update_summary
 
+_LOG = "log"  # in `not_saved`: what no arena holds
 RESCUE_HELP = """usage: hsslam-serve rescue DIR
 
-Saves the results of a run that are not on disk from the run's shared memory, which is kept when
-the run ends with exit code 4. DIR is the run folder, or the folder in /dev/shm. When everything is
-saved, the memory is freed.
+Saves trajectories, map and mesh that a run could not write (exit code 4) from its shared memory,
+which is kept then. DIR is the run folder, or the folder in /dev/shm. When all three are saved, the
+memory is freed. The log is not in it: hsslam-log recover makes what is on disk readable.
 
 Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved."""
 
@@ -39,9 +40,9 @@ def rescue_command(args: Sequence[str]) -> ExitCode:
     given = Path(args[0]).absolute()
     arena_dir, run_dir = _places(given)
     if not arena_dir.exists():
-        if read_summary(run_dir).get("not_saved") == {}:
-            print(f"{run_dir}: everything is saved")
-            return ExitCode.SAVED
+        not_saved = read_summary(run_dir).get("not_saved")
+        if not_saved is not None and not_saved.keys() <= {_LOG}:
+            return _told(run_dir, not_saved)
         raise UserError(f"{given}: its shared memory {arena_dir} is gone: nothing to save from")
     try:
         with try_own(arena_dir) as is_free:
@@ -74,11 +75,19 @@ def _rescue(arena_dir: Path, run_dir: Path) -> ExitCode:
 
     not_saved = rescue(arena_dir, run_dir, lambda text: print(text, file=sys.stderr, flush=True))
     known = read_summary(run_dir).get("not_saved", {})
-    left = {name: line for name, line in known.items() if name == "log"} | not_saved
+    left = {name: line for name, line in known.items() if name == _LOG} | not_saved
     update_summary(run_dir, {"not_saved": None})
     update_summary(run_dir, {"not_saved": left})
     if not_saved:
         return ExitCode.NOT_SAVED
     remove_arena(arena_dir)
-    print(f"results: {run_dir}")
+    return _told(run_dir, left)
+
+
+def _told(run_dir: Path, not_saved: Mapping[str, str]) -> ExitCode:
+    """All that an arena can hold is saved; says whether the log is, too."""
+    if _LOG in not_saved:
+        print(f"{run_dir}: log not saved: {not_saved[_LOG]}", file=sys.stderr)
+        return ExitCode.NOT_SAVED
+    print(f"{run_dir}: everything is saved")
     return ExitCode.SAVED

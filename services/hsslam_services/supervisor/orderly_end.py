@@ -24,6 +24,7 @@ from hsslam_services.launch.process_table import (
     TRACKER_STAGE,
     TRAJECTORY_SAVER,
 )
+from hsslam_services.log.parts import parts
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.run_info import RunInfo
 
@@ -140,9 +141,15 @@ class OrderlyEnd:
             return
         log = read_result(self.run.path, recorder.spec.name).summary.get("log", {})
         if recorder.state == "failed":
-            self.miss("log", recorder.user_error or "the recorder could not be kept running")
-        elif not log.get("complete", False):
-            self.miss("log", "not finished: hsslam-log recover makes it readable")
+            why = recorder.user_error or "the recorder could not be kept running"
+        elif not log:
+            why = "not finished"
+        elif not log["complete"]:
+            why = "the disk was full, and what it refused is lost"
+        else:
+            return
+        helps = f"; hsslam-log recover {self.run.path} makes what is there readable"
+        self.miss("log", why + helps if parts(self.run.path) else why)
 
     def _pose_version(self) -> int:
         """How often keyframe poses were corrected; -1 without keyframes."""

@@ -30,9 +30,17 @@ def _arena(run: ServeProcess) -> Path:
     return Path(json.loads((run.out / "run.json").read_text())["arena_dir"])
 
 
+def _refuse_more_of_the_log(run: ServeProcess) -> None:
+    """As a full disk does, for the recorder alone."""
+    nbytes, pid = (run.out / "run.mcap").stat().st_size, run.pid_of("recorder")
+    assert pid is not None
+    psutil.Process(pid).rlimit(psutil.RLIMIT_FSIZE, (nbytes, nbytes))
+
+
 def test_what_cannot_be_written_is_kept_and_rescued(serve):
     run = serve(*SMALL_ROOM, *_LONG)
     run.wait_for_poses(20)
+    _refuse_more_of_the_log(run)
     in_the_way = run.out / "trajectory.txt"
     in_the_way.mkdir()
     arena = _arena(run)
@@ -41,10 +49,12 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     run.signal()
     assert run.finish() == ExitCode.NOT_SAVED, run.stderr
     assert _missing(run.out) == ["trajectory.txt"]
+    of_log = f"log not saved: the disk was full, and what it refused is lost; hsslam-log recover {run.out}"
+    assert of_log in run.stderr
     last = run.stderr.strip().splitlines()[-1]
     assert last.endswith(f"hsslam-serve rescue {arena}")  # the run folder may go, this stays
     summary = run.summary()
-    assert list(summary["not_saved"]) == ["trajectories"] and summary["exit_code"] == 4
+    assert list(summary["not_saved"]) == ["trajectories", "log"] and summary["exit_code"] == 4
     steps = list(summary["end_s"])  # in order; without what is not saved
     assert steps[:3] == ["camera", "tracker", "map"] and "trajectories" not in steps
     assert summary["end_s"]["camera"] > 0 and max(summary["end_s"].values()) < 120
@@ -55,13 +65,15 @@ def test_what_cannot_be_written_is_kept_and_rescued(serve):
     replaced.mkdir()
     (replaced / "map.safetensors").write_text("of the run before")
     done = _rescue(arena)
-    assert done.returncode == ExitCode.SAVED, done.stderr
+    assert done.returncode == ExitCode.NOT_SAVED and of_log in done.stderr
     assert f"{run.out}: the results of the run before are in earlier\n" in done.stderr
     assert (run.out / "earlier" / "map.safetensors").read_text() == "of the run before"
     assert (run.out / "trajectory.txt").stat().st_mode & 0o077 == 0
     assert len(read_tum(run.out / "trajectory.txt")) >= 20
-    assert run.summary()["not_saved"] == {}
+    assert list(run.summary()["not_saved"]) == ["log"]
     run.expect_nothing_left()
+    again = _rescue(run.out)  # without its memory
+    assert again.returncode == ExitCode.NOT_SAVED and of_log in again.stderr
 
 
 def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve, tmp_path: Path):
