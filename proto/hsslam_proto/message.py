@@ -21,7 +21,7 @@ Text = Annotated[str, Meta(max_length=4096)]
 Ratio = Annotated[float, Meta(ge=0, le=1)]
 Counters = Annotated[dict[Name, Index], Meta(max_length=MOST_FIGURES)]
 Covariance = Annotated[list[Real], Meta(max_length=21)]
-Odometry = Annotated[list[Real], Meta(max_length=7)]
+PoseNumbers = Annotated[list[Real], Meta(max_length=7)]
 Inertial = Annotated[list[Real], Meta(max_length=8)]
 Direction = Annotated[list[Real], Meta(max_length=3)]
 Stamps = Annotated[list[StampNs], Meta(max_length=1024)]
@@ -63,11 +63,11 @@ def expect_count(message: Message, name: str, count: int) -> None:
         raise ValueError(f"{name} = {values}: expected finite numbers")
 
 
-def expect_odometry(message: Message, odometry: list[float]) -> None:
-    """ValueError unless a field `odometry` is empty, or a pose x, y, z, qx, qy, qz, qw."""
-    expect_count(message, "odometry", 7)
-    if odometry:
-        x, y, z, *q = odometry
+def expect_pose_numbers(message: Message, name: str) -> None:
+    """ValueError unless a field is empty, or a pose x, y, z, qx, qy, qz, qw."""
+    expect_count(message, name, 7)
+    if numbers := getattr(message, name):
+        x, y, z, *q = numbers
         expect_pose((x, y, z), (q[0], q[1], q[2], q[3]))
 
 

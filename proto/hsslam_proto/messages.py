@@ -14,7 +14,7 @@ from hsslam_proto.message import (
     Index,
     Inertial,
     Message,
-    Odometry,
+    PoseNumbers,
     Quaternion,
     Ratio,
     Real,
@@ -27,8 +27,8 @@ from hsslam_proto.message import (
     expect_bytes,
     expect_count,
     expect_finite,
-    expect_odometry,
     expect_pose,
+    expect_pose_numbers,
 )
 
 
@@ -74,14 +74,14 @@ class Frame(Message, frozen=True, kw_only=True):
     depth_encoding: Literal["u16", "png"] = "u16"
     depth_units_per_m: Real
     publisher: Index = 0
-    odometry: Odometry = []
+    odometry: PoseNumbers = []
     odometry_covariance: Covariance = []
     odometry_series: Index = 0
     imu: Inertial = []
     imu_series: StampNs = 0
 
     def __post_init__(self) -> None:
-        expect_odometry(self, self.odometry)
+        expect_pose_numbers(self, "odometry")
         expect_count(self, "odometry_covariance", 21)
         _expect_inertial(self)
         expect_finite(self, "fx", "fy", "cx", "cy", "depth_units_per_m")
@@ -140,6 +140,8 @@ class Pose(Message, frozen=True, kw_only=True):
     `publisher`: number of the camera that sent the frame. A camera that sets none has a new one after each
     restart.
     `map_version`, `pose_version`: of the map and of the keyframes' poses that the frame was aligned to.
+    `in_keyframe`: x, y, z, qx, qy, qz, qw of the camera in the keyframe `keyframe`, with which it moves when
+    that is corrected, also one of a saved map. Empty: no keyframe, or not told, as in older logs.
     `map_epoch`, here and elsewhere: how often the map was thrown away. Each new map has a coordinate frame
     of its own, so poses of two map epochs cannot be compared.
 
@@ -177,16 +179,18 @@ class Pose(Message, frozen=True, kw_only=True):
     publisher: Index = 0
     pose_version: Index = 0
     covariance: Covariance = []
-    odometry: Odometry = []
+    odometry: PoseNumbers = []
     up: Direction = []
     is_dead_reckoned: bool = False
     fragment: Index = 0
+    in_keyframe: PoseNumbers = []
 
     def __post_init__(self) -> None:
         expect_pose(self.t, self.q)
         expect_count(self, "covariance", 21)
         expect_count(self, "up", 3)
-        expect_odometry(self, self.odometry)
+        expect_pose_numbers(self, "odometry")
+        expect_pose_numbers(self, "in_keyframe")
 
 
 class Keyframe(Message, frozen=True, kw_only=True):

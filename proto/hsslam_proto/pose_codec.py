@@ -22,7 +22,7 @@ def pose_matrix(numbers: Sequence[float]) -> np.ndarray:
     return transform(np.array(numbers[:3]), np.array(numbers[3:]))
 
 
-def wire_odometry(T: np.ndarray) -> list[float]:
+def pose_numbers(T: np.ndarray) -> list[float]:
     """x, y, z, qx, qy, qz, qw of a transform [4, 4]."""
     t, q = wire_pose(T)
     return [*t, *q]

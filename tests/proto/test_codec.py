@@ -12,8 +12,8 @@ from hsslam_proto.codec import Rejected, decode, encode, encoding_of
 from hsslam_proto.pose_codec import (
     covariance_matrix,
     pose_matrix,
+    pose_numbers,
     wire_covariance,
-    wire_odometry,
 )
 
 finite = st.floats(-1e6, 1e6)
@@ -131,7 +131,7 @@ def test_bad_covariances_and_odometry_cannot_be_made(change, words):
 def test_covariance_and_odometry_come_back_from_the_wire():
     A = np.random.default_rng(0).normal(size=(6, 6))
     covariance, T = A @ A.T, se3_exp(np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]))
-    sent = _pose(covariance=wire_covariance(covariance), odometry=wire_odometry(T))
+    sent = _pose(covariance=wire_covariance(covariance), odometry=pose_numbers(T))
     came = decode(topics.POSE, encode(topics.POSE, sent), encoding_of(topics.POSE))
     assert isinstance(came, messages.Pose)
     np.testing.assert_array_equal(covariance_matrix(came.covariance), covariance)

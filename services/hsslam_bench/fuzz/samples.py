@@ -71,6 +71,7 @@ _ALL: tuple[Message, ...] = (
         keyframe=0,
         covariance=[1e-6] * 21,
         odometry=[*_T, *_Q],
+        in_keyframe=[*_T, *_Q],
         up=[0.0, 0.0, 1.0],
         stage_ms={"track": 1.5},
     ),

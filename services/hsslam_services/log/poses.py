@@ -19,8 +19,8 @@ class LoggedPoses:
     """Each frame once, lost ones in `poses` only.
 
     `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt, and has the
-    frames of fragments that joined the map; a pose whose keyframe is not in the log (a part of it was cut
-    off) stays as published.
+    frames of fragments that joined the map; a pose whose keyframe the log neither has nor corrects (a part
+    of it was cut off) stays as published. `keyframes` are the run's own, without those of a saved map.
     """
 
     poses: list[messages.Pose]
@@ -66,7 +66,7 @@ class _Found:
     T_keyframe_cam: dict[Name, np.ndarray] = field(default_factory=dict)
     waiting: dict[int, list[messages.Pose]] = field(default_factory=dict)  # for their keyframe
     keyframes: dict[int, np.ndarray] = field(default_factory=dict)  # T_world_keyframe [4, 4] by id
-    stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes, by id
+    stamps_ns: dict[int, int] = field(default_factory=dict)  # of keyframes of the run, by id
     # keyframes of fragments that joined, by fragment and number in it
     brought: dict[int, dict[int, messages.Keyframe]] = field(default_factory=dict)
 
@@ -76,7 +76,9 @@ class _Found:
         self.poses[_name(pose)] = pose
         if pose.status == "lost":
             return
-        if pose.keyframe in self.keyframes:
+        if pose.in_keyframe:
+            self.T_keyframe_cam[_name(pose)] = pose_matrix(pose.in_keyframe)
+        elif pose.keyframe in self.keyframes:
             self._refer(pose)
         elif pose.keyframe >= 0:
             self.waiting.setdefault(pose.keyframe, []).append(pose)
@@ -92,8 +94,7 @@ class _Found:
 
     def correct(self, moved: messages.Correction) -> None:
         for k, t, q in zip(moved.keyframes, moved.t, moved.q, strict=True):
-            if k in self.keyframes:
-                self.keyframes[k] = pose_matrix([*t, *q])
+            self.keyframes[k] = pose_matrix([*t, *q])
 
     def all(self) -> LoggedPoses:
         poses = list(self.poses.values())
@@ -103,7 +104,7 @@ class _Found:
         final = _trajectory(
             [pose.source_stamp_ns for pose in placed], [self._carried(pose) for pose in placed]
         )
-        ids = sorted(self.keyframes)
+        ids = sorted(self.stamps_ns)
         return LoggedPoses(
             poses=poses,
             online=_trajectory(stamps, [pose_matrix([*pose.t, *pose.q]) for pose in known]),
@@ -120,9 +121,11 @@ class _Found:
     def _carried(self, pose: messages.Pose) -> np.ndarray:
         if pose.fragment in self.brought:
             return self._brought(pose)
-        if _name(pose) not in self.T_keyframe_cam:
+        T_world_keyframe = self.keyframes.get(pose.keyframe)
+        T_keyframe_cam = self.T_keyframe_cam.get(_name(pose))
+        if T_world_keyframe is None or T_keyframe_cam is None:
             return pose_matrix([*pose.t, *pose.q])
-        return self.keyframes[pose.keyframe] @ self.T_keyframe_cam[_name(pose)]
+        return T_world_keyframe @ T_keyframe_cam
 
     def _brought(self, pose: messages.Pose) -> np.ndarray:
         """Of a frame of a fragment, by the keyframe that the map has in the place of its own."""

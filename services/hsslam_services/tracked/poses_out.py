@@ -13,7 +13,7 @@ from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_proto import messages, topics
 from hsslam_proto.frame_order import Place
-from hsslam_proto.pose_codec import wire_covariance, wire_odometry, wire_pose
+from hsslam_proto.pose_codec import pose_numbers, wire_covariance, wire_pose
 from hsslam_services.arena.full_arrays import FullArrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.arena.shared_map import SharedMap
@@ -124,7 +124,8 @@ def _pose_message(
         fragment=int(row["fragment"]),
         pose_version=int(row["pose_version"]),
         covariance=wire_covariance(row["covariance"]),
-        odometry=wire_odometry(row["T_odom_cam"]),
+        odometry=pose_numbers(row["T_odom_cam"]),
+        in_keyframe=pose_numbers(row["T_keyframe_cam"]) if row["keyframe"] >= 0 else [],
         up=up,
         is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),
         stage_ms=stages_ms,

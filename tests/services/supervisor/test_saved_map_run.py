@@ -1,4 +1,4 @@
-"""A map is saved by one run; the next ones localise in it, or are told why they cannot."""
+"""A map is saved by one run; the next ones localise in it, go on in it, or are told why they cannot."""
 
 import signal
 
@@ -7,6 +7,8 @@ import numpy as np
 from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_node.map.checkpoint import load_checkpoint
+from hsslam_services.log.poses import logged_poses
+from hsslam_services.log.reader import log_parts
 from tests.services.serve_process import SMALL_ROOM
 
 _MOUNT = (0.1, 0.0, 0.3, -0.5, 0.5, -0.5, 0.5)
@@ -14,6 +16,7 @@ _TILTED = (0.1, 0.0, 0.3, -0.612372, 0.612372, -0.353553, 0.353553)
 
 
 def test_localise_only_finds_its_place_and_changes_no_byte(serve):
+    """A run that goes on in the map leaves the same corrected poses in its files and in its log."""
     first = serve(
         *SMALL_ROOM, "--base-T-camera", *map(str, _MOUNT), "--frames", "16", "--pace", "lockstep"
     )
@@ -42,6 +45,17 @@ def test_localise_only_finds_its_place_and_changes_no_byte(serve):
     shared = np.isin(now.stamps_ns, then.stamps_ns)
     apart_m = np.linalg.norm(now.positions[shared] - then.positions[8:], axis=1)
     assert len(apart_m) == 8 and apart_m.max() < 0.02
+
+    continued = serve(
+        *(*SMALL_ROOM, "--start", "8", "--frames", "8", "--pace", "lockstep", "--map", str(saved)),
+        *("--slam.mapper.pose-rate", "0.001", "--slam.mesher.final-voxel-m", "0.2"),
+    )
+    assert continued.finish() == 0, continued.stderr
+    corrected = read_tum(continued.out / "trajectory.txt")
+    online = read_tum(continued.out / "trajectory_online.txt")
+    assert np.abs(corrected.positions - online.positions).max() > 1e-6
+    found = logged_poses(log_parts(str(continued.out), print))
+    np.testing.assert_allclose(found.final.T_world_cam, corrected.T_world_cam, atol=1e-8)
 
     stopped = serve(*SMALL_ROOM, "--map", str(saved))
     stopped.wait_until((stopped.out / "run.json").exists, 20)  # the map is loaded next

@@ -92,8 +92,9 @@ def export_trajectory(
             yield _write(folder / f"trajectory_online{suffixes[epoch]}", found.online, form)
     yield _write_csv(folder / "trajectory_online.csv", poses)
     for epoch, found in epochs.items():
-        if len(found.keyframes):
+        if len(found.final):
             yield _write(folder / f"trajectory{suffixes[epoch]}", found.final, form)
+        if len(found.keyframes):
             yield _write(folder / f"keyframes{suffixes[epoch]}", found.keyframes, form)
 
 
