@@ -1,4 +1,4 @@
-"""A client in 25 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
+"""A client in 27 lines that knows nothing of this package, only `eclipse-zenoh` and `msgpack`.
 
 The service needs a port: hsslam-serve --zenoh-port 7447.
 
@@ -26,10 +26,11 @@ except zenoh.ZError:
 with session:
     poses = session.declare_subscriber(f"hsslam/{robot}/out/pose", zenoh.handlers.RingChannel(16))
     ask = zenoh.Encoding("application/msgpack;hsslam.Ask.v1")
-    for reply in session.get(f"hsslam/{robot}/rpc/status", payload=msgpack.packb({}), encoding=ask):
-        answer = reply.ok or sys.exit("refused, or no answer in time")
-        status = msgpack.unpackb(answer.payload.to_bytes())
-        print("status:", status["state"], "keyframes:", status["keyframes"])
+    replies = session.get(f"hsslam/{robot}/rpc/status", payload=msgpack.packb({}), encoding=ask)
+    reply = next(iter(replies), None) or sys.exit(f"no run of robot {robot!r} at {endpoint}")
+    answer = reply.ok or sys.exit("refused, or no answer in time")
+    status = msgpack.unpackb(answer.payload.to_bytes())
+    print("status:", status["state"], "keyframes:", status["keyframes"])
     for _ in range(int(count)):
         pose = msgpack.unpackb(poses.recv().payload.to_bytes())
         print(pose["index"], pose["status"], *(f"{metres:.3f}" for metres in pose["t"]), flush=True)

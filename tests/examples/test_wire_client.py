@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from hsslam_services.bus.bus import free_endpoint
+from hsslam_services.bus.bus import free_endpoint, open_router
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples/wire_client.py"
@@ -14,7 +14,7 @@ def test_it_needs_only_zenoh_and_msgpack():
     imported = {line.split()[1] for line in lines if line.startswith(("import ", "from "))}
     assert imported == {"json", "sys", "msgpack", "zenoh"}
     start = next(k for k, line in enumerate(lines) if line.startswith("import"))
-    assert len([line for line in lines[start:] if line]) <= 26
+    assert len([line for line in lines[start:] if line]) <= 27
 
 
 def test_no_service_is_one_line():
@@ -22,3 +22,13 @@ def test_no_service_is_one_line():
     done = subprocess.run([sys.executable, EXAMPLE, endpoint], capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == f"{endpoint}: no service: expected hsslam-serve --zenoh-port 7447\n"
+
+
+def test_no_run_of_the_robot_is_one_line():
+    endpoint = free_endpoint()
+    router = open_router(endpoint)
+    command = [sys.executable, EXAMPLE, endpoint, "other"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    router.close()
+    assert done.returncode == 1
+    assert done.stderr == f"no run of robot 'other' at {endpoint}\n"
