@@ -97,7 +97,8 @@ class DenseMap:
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
-        A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit.
+        A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit:
+        the ray goes on behind it.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
@@ -114,9 +115,8 @@ class DenseMap:
             )
         along = along / largest
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        distance_m = self._rays.distances(start, along, max_m)
+        distance_m = self._rays.distances(start, along, max_m, self._seen_cells().saw)
         hit = distance_m > 0
-        hit[hit] = self._seen_cells().saw((start + distance_m[:, None] * along)[hit])
         return RayHits(np.where(hit, distance_m, np.inf), hit)
 
     def is_free(self, shapes: Shapes) -> np.ndarray:

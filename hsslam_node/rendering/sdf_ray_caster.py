@@ -9,6 +9,7 @@ from hsslam_node.geometry.camera import Camera
 
 _NEAREST_M = 0.1  # in front of the camera
 _SHORTEST_STEP = 0.2  # in truncations; the longest is one
+_MOST_CASTS = 8  # of a ray, each from behind a surface that does not count
 
 
 class SdfRayCaster:
@@ -39,14 +40,31 @@ class SdfRayCaster:
         depth = self._walk(origins, rays, np.maximum(near, _NEAREST_M), far)
         return depth.astype(np.float32).reshape(camera.height_px, camera.width_px)
 
-    def distances(self, origins: np.ndarray, directions: np.ndarray, most_m: float) -> np.ndarray:
-        """Distances [R] m from origins [R, 3] m along unit directions [R, 3] to the surface; 0: none."""
+    def distances(
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        most_m: float,
+        is_seen: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """Distances [R] m from origins [R, 3] m along unit directions [R, 3] to the surface; 0: none.
+
+        `is_seen`: mask [N] of the places [N, 3] m at which a surface counts; a ray goes on behind others.
+        """
         near, far = self._reach(origins, directions)
         far = np.minimum(
             far, most_m + self._truncation_m
         )  # one step more: it may end behind a surface
-        found = self._walk(origins, directions, np.maximum(near, 0.0), far)
-        return np.where(found <= most_m, found, 0.0)
+        distance_m = np.zeros(len(origins))
+        left, start = np.arange(len(origins)), np.maximum(near, 0.0)
+        for _ in range(_MOST_CASTS):
+            found = self._walk(origins[left], directions[left], start, far[left])
+            hit = (found > 0) & (found <= most_m)
+            left, found = left[hit], found[hit]
+            counts = is_seen(origins[left] + found[:, None] * directions[left])
+            distance_m[left[counts]] = found[counts]
+            left, start = left[~counts], found[~counts] + _SHORTEST_STEP * self._truncation_m
+        return distance_m
 
     def _reach(self, origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depths [R] at which rays enter and leave the bound."""

@@ -43,3 +43,21 @@ def test_nothing_is_seen_beyond_the_bound_or_from_inside_a_surface():
     inside = np.eye(4)
     inside[2, 3] = 1.0
     assert not SdfRayCaster(_sphere, _BOUND, _TRUNCATION_M).depth(_CAMERA, inside).any()
+
+
+def test_a_ray_goes_on_behind_a_surface_that_does_not_count():
+    def balls(points: np.ndarray) -> np.ndarray:
+        """A smaller one before the ball, about (0, 0, -0.5)."""
+        distance_m = np.linalg.norm(points - np.array([0, 0, -0.5]), axis=1) - 0.3
+        return np.minimum(_sphere(points), distance_m / _TRUNCATION_M).astype(np.float32)
+
+    caster = SdfRayCaster(balls, _BOUND, _TRUNCATION_M)
+    origins, along = np.array([[0, 0, -1.5], [0, 0.4, -1.5]]), np.array([[0, 0, 1.0]] * 2)
+
+    def cast(most_m: float, least_z: float) -> np.ndarray:
+        return caster.distances(origins, along, most_m, lambda places: places[:, 2] > least_z)
+
+    np.testing.assert_allclose(cast(9.0, -9.0), [0.7, 2.2], atol=5e-3)
+    np.testing.assert_allclose(cast(9.0, 0.0), [2.0, 2.2], atol=5e-3)
+    assert cast(9.0, 0.0)[1] == cast(9.0, -9.0)[1]
+    assert not cast(1.9, 0.0).any() and not cast(9.0, 9.0).any()
