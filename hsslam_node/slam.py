@@ -17,10 +17,9 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 from hsslam_node.dense_map.answers import MapAnswers, RayHits
 from hsslam_node.dense_map.dense_map import DenseMap
-from hsslam_node.dense_map.keyframes import keyframes_of_store
-from hsslam_node.dense_map.seen_space import SeenSpace
+from hsslam_node.dense_map.growing_map import GrowingMap
 from hsslam_node.dense_map.shapes import Shapes
-from hsslam_node.dense_map.snapshot import map_snapshot, published_params
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
@@ -91,8 +90,7 @@ class Slam:
         self._views: MapViews | None = None
         self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
         self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
-        self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
-        self._asked: tuple[tuple[int, int, int], DenseMap] | None = None
+        self._maps = GrowingMap(config, device)
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, saved_map, config)
             self._attach(self.parameters)
@@ -130,40 +128,34 @@ class Slam:
 
     @property
     def map(self) -> DenseMap:
-        """The map as it is now; it stays as it is while more frames are processed."""
-        store, parameters = self.store, self.parameters
-        if store is None or parameters is None or not parameters.version:
-            raise UserError("there is no map yet: expected a first keyframe")
-        of = parameters.version, store.count, store.pose_version
-        if self._asked is None or self._asked[0] != of:
-            params = published_params(parameters)[1]
-            keyframes, sampling = keyframes_of_store(store), self.config.sampling
-            layout, device = parameters.layout, self._device
-            dense_map = DenseMap(layout, params, keyframes, sampling, device, self._seen)
-            self._asked = of, dense_map
-        return self._asked[1]
+        """The map as it is now; its answers stay as they are while more frames are processed.
+
+        That looks through the depth of keyframes that are new, 40 ms each. The mesh of a map that is held
+        lacks what keyframes alone showed that are retired meanwhile.
+        """
+        return self._maps.held(self.store, self.parameters)
 
     def query(self, points: ArrayLike) -> MapAnswers:
         """Distance, gradient, known and certainty at points [N, 3] m; see `DenseMap.query`."""
-        return self.map.query(points)
+        return self._newest_map().query(points)
 
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays [N, 3] are free; see `DenseMap.raycast`."""
-        return self.map.raycast(origins, directions, max_m)
+        return self._newest_map().raycast(origins, directions, max_m)
 
     def is_free(self, shapes: Shapes) -> np.ndarray:
         """Mask [N] of the spheres or boxes that fit; see `DenseMap.is_free`."""
-        return self.map.is_free(shapes)
+        return self._newest_map().is_free(shapes)
 
     def render(
         self, T_world_cam: ArrayLike, camera: Camera | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour and depth as seen from T_world_cam [4, 4]; see `DenseMap.render`."""
-        return self.map.render(T_world_cam, camera)
+        return self._newest_map().render(T_world_cam, camera)
 
     def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
         """The coloured mesh of what the keyframes saw, or of everything; see `DenseMap.mesh`."""
-        return self.map.mesh(voxel_m, everywhere=everywhere)
+        return self._newest_map().mesh(voxel_m, everywhere=everywhere)
 
     def trajectory(self) -> Trajectory:
         """The poses of all frames but lost ones, each as refined since by way of its keyframe."""
@@ -182,6 +174,9 @@ class Slam:
 
     def _join(self, joined: JoinedFragment) -> None:
         self.pose_log.join(joined.fragment, joined.keyframes, joined.T_keyframe_own)
+
+    def _newest_map(self) -> DenseMap:
+        return self._maps.newest(self.store, self.parameters)
 
     def _process(self, frame: Frame) -> TrackResult:
         if self._tracker is None:

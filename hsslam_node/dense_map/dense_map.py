@@ -1,6 +1,7 @@
 """A dense map that can be asked: distances, rays, free space, views, its mesh and its keyframes."""
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,7 +42,7 @@ class DenseMap:
         keyframes: that the map is made of.
         sampling: pattern of the rays that it was trained with; views need it.
         device: where the field is asked.
-        seen: what keyframes saw; it follows them when it is asked.
+        seen: gives what the keyframes saw, once it is asked for; None: it is looked for in their depth.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class DenseMap:
         keyframes: MapKeyframes,
         sampling: SamplingPattern,
         device: Device = CPU,
-        seen: SeenSpace | None = None,
+        seen: Callable[[], SeenCells] | None = None,
     ) -> None:
         self._layout = layout
         self._params = params
@@ -60,7 +61,7 @@ class DenseMap:
         self._truncation_m = layout.config.truncation_m
         self._queries = open_map_queries(layout, params, device)
         self._rays = SdfRayCaster(self._queries.sdf, layout.bound, self._truncation_m)
-        self._seen = seen or SeenSpace(self._truncation_m)
+        self._look = seen or partial(SeenSpace(self._truncation_m).follow, keyframes)
 
     @property
     def bound(self) -> Bound:
@@ -81,18 +82,18 @@ class DenseMap:
         """Distance, gradient, known and certainty at points [N, 3].
 
         Near surfaces the field says the distance, else `distances` does, 2 m at most. The first call looks
-        through the depth of all keyframes (40 ms each), later ones through that of new keyframes.
+        through the depth of the keyframes (40 ms each).
 
         Raises:
             UserError: the points are not [N, 3], or not finite.
         """
         rows = np.clip(finite_rows("points", points, 3), -_BEYOND_M, _BEYOND_M)
         rows = np.ascontiguousarray(rows, np.float32)
-        return answers_at(rows, self._queries, self._truncation_m, self._seen_cells())
+        return answers_at(rows, self._queries, self._truncation_m, self._seen)
 
     def distances(self) -> DistanceMap:
         """What is free, occupied and unknown by the keyframes, and the distance to what is occupied."""
-        return self._seen_cells().distances
+        return self._seen.distances
 
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
@@ -115,7 +116,7 @@ class DenseMap:
             )
         along = along / largest
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        distance_m = self._rays.distances(start, along, max_m, self._seen_cells().saw)
+        distance_m = self._rays.distances(start, along, max_m, self._seen.saw)
         hit = distance_m > 0
         return RayHits(np.where(hit, distance_m, np.inf), hit)
 
@@ -124,7 +125,7 @@ class DenseMap:
 
         What lies 1 cm outside may count as within.
         """
-        seen = self._seen_cells()
+        seen = self._seen
         near_m, slack_m = TRUSTED * self._truncation_m, seen.grid.voxel_m
 
         def ask(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -191,5 +192,6 @@ class DenseMap:
     def _renderer(self) -> MapRenderer:
         return MapRenderer(self._layout, self._params, self._sampling)
 
-    def _seen_cells(self) -> SeenCells:
-        return self._seen.follow(self._keyframes)
+    @cached_property
+    def _seen(self) -> SeenCells:
+        return self._look()

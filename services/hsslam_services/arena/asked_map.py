@@ -6,7 +6,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.dense_map.answers import MapAnswers
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import MapKeyframes, keyframes_of_store
-from hsslam_node.dense_map.seen_space import SeenSpace
+from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
 from hsslam_node.dense_map.snapshot import published_params
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.parameters import FieldParameters
@@ -37,17 +37,21 @@ class AskedMap:
         if published is None:
             return Refusal(reason="not_now", text="query: there is no map yet: expected keyframes")
         points, keyframes = question_points(question), keyframes_of_store(published[0])
-        left = self._seen.follow_for(keyframes, _WITHIN_S)
-        if isinstance(left, int):
+        seen = self._seen.follow_for(keyframes, _WITHIN_S)
+        if isinstance(seen, int):
             text = (
-                f"query: {left} of {len(keyframes)} keyframes are not looked through yet: ask again"
+                f"query: {seen} of {len(keyframes)} keyframes are not looked through yet: ask again"
             )
             return Refusal(reason="unfinished", text=text)
-        version, found = self._ask(keyframes, published[1], points)
+        version, found = self._ask(keyframes, seen, published[1], points)
         return answers_message(found, version, self._mode.map_epoch)
 
     def _ask(
-        self, keyframes: MapKeyframes, parameters: FieldParameters, points: np.ndarray
+        self,
+        keyframes: MapKeyframes,
+        seen: SeenCells,
+        parameters: FieldParameters,
+        points: np.ndarray,
     ) -> tuple[int, MapAnswers]:
         """In place; if the map is overwritten meanwhile, as with many points, again in a copy."""
 
@@ -55,7 +59,7 @@ class AskedMap:
             layout = (
                 parameters.layout
             )  # of these parameters: reading them may have followed a growth
-            asked = DenseMap(layout, params, keyframes, self._config.sampling, seen=self._seen)
+            asked = DenseMap(layout, params, keyframes, self._config.sampling, seen=lambda: seen)
             return asked.query(points)
 
         version, params = parameters.published()

@@ -1,0 +1,49 @@
+"""The map of a run while it grows, as a `DenseMap` of each version that is asked."""
+
+from functools import partial
+
+from hsslam_node.config import SlamConfig
+from hsslam_node.dense_map.dense_map import DenseMap
+from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.seen_space import SeenSpace
+from hsslam_node.dense_map.snapshot import published_params
+from hsslam_node.device.device import Device
+from hsslam_node.errors import UserError
+from hsslam_node.map.parameters import FieldParameters
+from hsslam_node.map.store import KeyframeStore
+
+
+class GrowingMap:
+    """Gives the newest map. The depth of each keyframe is looked through once, for all versions."""
+
+    def __init__(self, config: SlamConfig, device: Device) -> None:
+        self._sampling = config.sampling
+        self._device = device
+        self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
+        self._newest: tuple[tuple[int, int, int], DenseMap] | None = None
+
+    def newest(self, store: KeyframeStore | None, parameters: FieldParameters | None) -> DenseMap:
+        """The map as it is now, to be asked before more is mapped.
+
+        Raises:
+            UserError: there is no map yet.
+        """
+        if store is None or parameters is None or not parameters.version:
+            raise UserError("there is no map yet: expected a first keyframe")
+        of = parameters.version, store.count, store.pose_version
+        if self._newest is None or self._newest[0] != of:
+            params, keyframes = published_params(parameters)[1], keyframes_of_store(store)
+            layout, seen = parameters.layout, partial(self._seen.follow, keyframes)
+            dense_map = DenseMap(layout, params, keyframes, self._sampling, self._device, seen)
+            self._newest = of, dense_map
+        return self._newest[1]
+
+    def held(self, store: KeyframeStore | None, parameters: FieldParameters | None) -> DenseMap:
+        """The map as it is now, whose answers stay as they are while more is mapped.
+
+        Raises:
+            UserError: there is no map yet.
+        """
+        held = self.newest(store, parameters)
+        held.distances()  # looks through the depth of keyframes that may be retired soon
+        return held
