@@ -23,6 +23,7 @@ from hsslam_node.tracking.tracked_frame import frame_points
 
 _FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
 _INDEPENDENT = 0.1  # share of points and pixels that say something of their own
+_UNKNOWN_COVERAGE = 0.25  # assumed without the surface term
 _HELD_PYRAMIDS = 16  # 3 MB each at 640 x 480; a third of the lookups miss
 _HELD_REFERENCES = 2  # 7 MB each; a round aligns many keyframes to one, then to the next
 T = TypeVar("T")
@@ -84,12 +85,14 @@ class KeyframeAlignment:
         c = self._config
         if found is None or not np.isfinite(found.T_world_cam).all():
             return None
-        # written so that nan, where a term said nothing, is a refusal
-        if not (
-            found.surface_coverage >= c.min_coverage
-            and found.surface_inlier_ratio >= c.min_surface_agreement
-            and found.photometric_inlier_ratio >= image_agreement
-        ):
+        # written so that nan, where a term said nothing, is a refusal; a term that is off is not asked
+        fits: list[bool] = []
+        if self._tracker.surface_weight > 0:
+            fits.append(found.surface_coverage >= c.min_coverage)
+            fits.append(found.surface_inlier_ratio >= c.min_surface_agreement)
+        if self._tracker.photometric_pixels > 0:
+            fits.append(found.photometric_inlier_ratio >= image_agreement)
+        if not fits or not all(fits):
             return None
         T_second_first = found.T_world_cam
         information = _information(found, c)
@@ -111,7 +114,8 @@ def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:
     """[6, 6] of T_first_second exp(x), from that of the first keyframe moved about its camera in the
     axes of the second: noise of points and pixels, and what they have in common."""
     T = found.T_world_cam  # second <- first
-    common = found.surface_coverage**-1.5 * np.repeat([config.sigma_m, config.sigma_rad], 3)
+    coverage = found.surface_coverage or _UNKNOWN_COVERAGE
+    common = coverage**-1.5 * np.repeat([config.sigma_m, config.sigma_rad], 3)
     # exp(-x) moves the first keyframe by (-(x_t + x_r x t), -x_r)
     by_twist = -np.eye(6)
     by_twist[:3, 3:] = skew(T[:3, 3])

@@ -25,15 +25,17 @@ def is_acceptable(
 
     `after_gap`: the camera was lost or unseen for long, so the pose must also fit the reference
     keyframe: in a place that the map says nothing of, few points contradict it. `localise_only`: the map
-    does not grow with what the camera sees, so some of that must be on a keyframe.
+    does not grow with what the camera sees, so some of that must be on a keyframe. A term that is switched
+    off is not asked.
     """
     if alignment is None or not np.isfinite(alignment.T_world_cam).all():
         return False
     if not _fits(alignment, after_gap, config):
         return False
-    if after_gap and not _fits_reference(alignment, config.relocalisation_coverage, config):
+    if after_gap and not _fits_surface(alignment, config.relocalisation_coverage, config):
         return False
-    if localise_only and alignment.surface_coverage < config.localise_coverage:
+    is_beyond = alignment.surface_coverage < config.localise_coverage
+    if localise_only and config.surface_weight > 0 and is_beyond:
         return False
     step = se3_log(inverse(prediction) @ alignment.T_world_cam)
     return bool(
@@ -53,6 +55,7 @@ def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
 
     Before there is a map, enough points must meet the keyframe: any few fit some surface. A person may
     cover much of the keyframe, too: a camera that was tracked until now needs less of it.
+    With both terms of the keyframe off, the map decides.
     """
     coverage = config.lag_coverage if after_gap else config.relocalisation_coverage
     is_backed = (
@@ -60,16 +63,22 @@ def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
         or alignment.surface_coverage > config.relocalisation_coverage
     )
     return (is_backed and quality(alignment) >= config.min_inlier_ratio) or (
-        _fits_reference(alignment, coverage, config)
-        and alignment.photometric_inlier_ratio > config.reference_image_agreement
+        (config.surface_weight > 0 or config.photometric_pixels > 0)
+        and _fits_surface(alignment, coverage, config)
+        and _fits_image(alignment, config)
     )
 
 
-def _fits_reference(alignment: Alignment, coverage: float, config: TrackerConfig) -> bool:
-    return (
+def _fits_surface(alignment: Alignment, coverage: float, config: TrackerConfig) -> bool:
+    return config.surface_weight == 0 or (
         alignment.surface_coverage > coverage
         and alignment.surface_inlier_ratio > config.reference_surface_agreement
     )
+
+
+def _fits_image(alignment: Alignment, config: TrackerConfig) -> bool:
+    agreement = alignment.photometric_inlier_ratio
+    return config.photometric_pixels == 0 or agreement > config.reference_image_agreement
 
 
 _EXPECTED_M, _EXPECTED_RAD = 0.05, 0.05  # from the prediction

@@ -25,10 +25,11 @@ _NAN = float("nan")
 
 
 def _ok(
-    alignment: Alignment | None, *, after_gap: bool = False, localise_only: bool = False
+    alignment: Alignment | None, *, after_gap: bool = False, localise_only: bool = False, **options
 ) -> bool:
+    config = replace(_CONFIG, **options)
     return is_acceptable(
-        alignment, np.eye(4), after_gap=after_gap, localise_only=localise_only, config=_CONFIG
+        alignment, np.eye(4), after_gap=after_gap, localise_only=localise_only, config=config
     )
 
 
@@ -78,3 +79,30 @@ def test_who_only_localises_is_lost_beyond_the_map():
     assert _ok(beyond) and not _ok(beyond, localise_only=True)
     assert _ok(replace(_GOOD, surface_coverage=0.13), localise_only=True)
     assert _ok(replace(_GOOD, surface_coverage=_NAN), localise_only=True)  # without the term
+
+
+_NO_SURFACE = {"surface_coverage": 0.0, "surface_inlier_ratio": _NAN}
+
+
+def test_a_surface_term_that_is_off_is_not_asked():
+    found, off = replace(_GOOD, **_NO_SURFACE), {"surface_weight": 0.0}
+    assert _ok(found, after_gap=True, localise_only=True, **off)
+    assert not _ok(found, after_gap=True) and not _ok(found, localise_only=True)
+    early = replace(found, sdf_inlier_ratio=_NAN)
+    assert _ok(early, **off) and _ok(early, after_gap=True, **off)
+    assert not _ok(replace(early, photometric_inlier_ratio=0.2), **off)
+    assert not _ok(replace(early, photometric_inlier_ratio=_NAN), **off)
+
+
+def test_an_image_term_that_is_off_is_not_asked():
+    lagging = replace(_GOOD, sdf_inlier_ratio=0.4, photometric_inlier_ratio=_NAN)
+    assert not _ok(lagging) and _ok(lagging, photometric_pixels=0)
+    assert not _ok(replace(lagging, surface_inlier_ratio=0.4), photometric_pixels=0)
+
+
+def test_with_both_terms_off_the_map_decides():
+    off = {"surface_weight": 0.0, "photometric_pixels": 0}
+    found = replace(_GOOD, **_NO_SURFACE, photometric_inlier_ratio=_NAN)
+    assert _ok(found, **off) and _ok(found, after_gap=True, **off)
+    for ratio in (0.4, _NAN):
+        assert not _ok(replace(found, sdf_inlier_ratio=ratio), **off)
