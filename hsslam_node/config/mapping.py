@@ -1,5 +1,6 @@
 """Keyframes, losses, mapping and bundle adjustment."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,6 +10,9 @@ from hsslam_node.config.checks import (
     expect_one_of,
     expect_positive,
 )
+from hsslam_node.errors import UserError
+
+SMALLEST_PATCH = 16  # rays along its side: fewer show no structure
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class MapperConfig:
     patch_repeats: int = 10
     """Number of random patches (M) of the structural loss."""
     patch_kernel_px: int = 3
-    """Window size of the structural loss, px."""
+    """Window size of the structural loss, px: at most the side of a patch, the root of the rays."""
     patch_stride_px: int = 4
     """Spacing of the windows, px."""
     smoothness_every: int = 1
@@ -126,6 +130,11 @@ class MapperConfig:
         expect_in_range(self, "mapper", "moved_share", 0.0, 1.0)
         expect_in_range(self, "mapper", "least_color_weight", 0.0, 0.1)
         expect_in_range(self, "mapper", "smoothness_vertices", 2, 64)
+        side, kernel = math.isqrt(self.rays), self.patch_kernel_px
+        if SMALLEST_PATCH <= side < kernel:
+            raise UserError(
+                f"mapper.patch_kernel_px = {kernel}: expected 1 to {side}, the root of mapper.rays"
+            )
 
 
 @dataclass(frozen=True)

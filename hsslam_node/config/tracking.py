@@ -9,7 +9,9 @@ from hsslam_node.config.checks import (
     expect_one_of,
     expect_positive,
 )
+from hsslam_node.errors import UserError
 
+FEWEST_POINTS = 100  # that a frame is aligned with, or begins a map with
 NEW_MAP_AFTER_S = 3.0  # in the lost state: how runs begin a fragment unless they say otherwise
 
 
@@ -24,7 +26,7 @@ class TrackerConfig:
     method: Literal["alignment", "rendering"] = "rendering"
     """alignment: Gauss-Newton on distances and grey values; rendering: Adam on the rendering losses."""
     points: int = 2000
-    """Depth points that are aligned to the SDF."""
+    """Depth points that are aligned to the SDF, 100 or more."""
     surface_points: int = 0
     """Depth points that are aligned to the keyframe's surface if depth is noisy; no effect below `points`."""
     border_px: int = 8
@@ -101,7 +103,9 @@ class TrackerConfig:
 
     def __post_init__(self) -> None:
         expect_one_of(self, "tracker", "method", "alignment", "rendering")
-        expect_positive(self, "tracker", "points", "max_depth_m", "iterations", "stop_step")
+        if not self.points >= FEWEST_POINTS:
+            raise UserError(f"tracker.points = {self.points}: expected {FEWEST_POINTS} or more")
+        expect_positive(self, "tracker", "max_depth_m", "iterations", "stop_step")
         expect_positive(self, "tracker", "sdf_huber_m", "sdf_sigma_m", "photometric_sigma")
         expect_positive(self, "tracker", "photometric_huber", "max_step_m", "max_step_rad")
         expect_not_negative(self, "tracker", "border_px", "photometric_pixels", "surface_weight")
@@ -138,7 +142,7 @@ class RenderingTrackerConfig:
     fresh_pixels: bool = True
     """Draw new pixels in every iteration."""
     border: float = 0.0625
-    """Image border without pixels, as a share of the width."""
+    """Image border without pixels, as a share of the width, but no more than 0.4 of the height."""
     outlier_factor: float = 10.0
     """Ignore rays whose depth error exceeds the median by this factor; 0 uses all rays."""
     color: float = 5.0

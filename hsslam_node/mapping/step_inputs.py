@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from hsslam_node.config import MapperConfig
+from hsslam_node.config.mapping import SMALLEST_PATCH
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.mapping.ray_batch import RayBatch
 
 _KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
-_SMALLEST_SIDE = 16
 
 
 def ray_weights(depth: np.ndarray, config: MapperConfig, blind_color: float) -> np.ndarray:
@@ -36,7 +36,7 @@ def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generato
     """Ray indices [W, k^2] int64 of the windows of random patches; W = 0 where rays are too few."""
     k = config.patch_kernel_px
     patches = random_patches(rays, config.patch_repeats, generator)
-    if len(patches) == 0:
+    if len(patches) == 0 or patches.shape[1] < k:
         return np.zeros((0, k * k), np.int64)
     places = _window_places(patches.shape[1], k, config.patch_stride_px)
     return patches.reshape(len(patches), -1)[:, places].reshape(-1, k * k)
@@ -55,7 +55,7 @@ def random_patches(ray_count: int, repeats: int, generator: np.random.Generator)
     M is 0 below 16 x 16 rays: too few for structure.
     """
     side = math.isqrt(ray_count)
-    if side < _SMALLEST_SIDE:
+    if side < SMALLEST_PATCH:
         return np.zeros((0, 0, 0), np.int64)
     orders = [generator.permutation(ray_count)[: side * side] for _ in range(repeats)]
     return (

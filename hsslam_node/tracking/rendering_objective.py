@@ -43,7 +43,7 @@ class FrameRays:
     def draw(self) -> None:
         """Draw pixels of the frame, and the places of their samples."""
         frame, camera, c = self._frame, self._frame.camera, self._config
-        border = round(c.border * camera.width_px)
+        border = min(round(c.border * camera.width_px), 2 * camera.height_px // 5)
         uv = self._generator.integers(
             (border, border),
             (camera.width_px - border, camera.height_px - border),

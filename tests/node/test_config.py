@@ -46,6 +46,8 @@ OTHERS = [  # value, and the nearest one that is good
     ("tracker", "depth_window_px", 16, 15),
     ("mapper", "parts", 0, 1),
     ("mapper", "parts", 17, 16),
+    ("mapper", "patch_kernel_px", 64, 63),
+    ("tracker", "points", 99, 100),
     ("field", "hash_table_log2", 7, 8),
     ("field", "hash_table_log2", 25, 24),
     ("field", "plane_channels", 24, 32),

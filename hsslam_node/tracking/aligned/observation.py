@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hsslam_node.config import TrackerConfig
+from hsslam_node.config.tracking import FEWEST_POINTS
 from hsslam_node.frame import Frame
 from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, grey_pyramid
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.tracked_frame import frame_points
-
-_FEWEST_POINTS = 100
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Observation:
     @property
     def has_depth(self) -> bool:
         """Whether there are enough points to align the frame, or to begin a map with it."""
-        return len(self.points) >= _FEWEST_POINTS
+        return len(self.points) >= FEWEST_POINTS
 
     @property
     def map_version(self) -> int:

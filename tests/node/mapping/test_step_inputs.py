@@ -1,14 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.mapping.step_inputs import (
+    patch_windows,
     random_patches,
     smoothness_cube,
     window_rays,
     window_weights,
 )
+from hsslam_node.presets import REALTIME
 
 
 def test_patches_are_the_largest_square_without_repetition():
@@ -33,3 +37,11 @@ def test_cube_is_regular_and_inside():
     assert bound.contains(cube.reshape(-1, 3)).all()
     np.testing.assert_allclose(np.diff(cube[:, 0, 0, 0]), 0.1, rtol=1e-4)
     np.testing.assert_allclose(np.diff(cube[0, :, 0, 1]), 0.1, rtol=1e-4)
+
+
+def test_patches_that_are_smaller_than_a_window_have_none():
+    """As if few cores are left: an iteration then has a third of the rays."""
+    config = replace(REALTIME.mapper, patch_kernel_px=20)
+    for rays, windows in ((896, 36), (296, 0), (100, 0)):
+        found = patch_windows(rays, config, np.random.default_rng(0))
+        assert found.shape == (windows, 400)

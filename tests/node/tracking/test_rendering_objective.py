@@ -105,3 +105,10 @@ def test_the_map_is_not_touched(view):
     before = view.params.copy()
     _objective(view)(room_poses()[K])
     np.testing.assert_array_equal(view.params, before)
+
+
+def test_a_wide_border_leaves_rows_of_a_wide_image(view):
+    frame = room_frames()[K]
+    camera = replace(frame.camera, height_px=90)
+    wide = replace(frame, color=frame.color[:90], depth_raw=frame.depth_raw[:90], camera=camera)
+    assert np.isfinite(_objective(view, wide, border=0.3)(room_poses()[K])[0])

@@ -8,7 +8,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.run_info import RunInfo
 
-_LINE = "--preset paper --slam.tracker.points 77 --synth.size-m 5 5 3 --frames 9 --seed 4"
+_LINE = "--preset paper --slam.tracker.points 777 --synth.size-m 5 5 3 --frames 9 --seed 4"
 
 
 def test_options_survive_the_file(tmp_path: Path):

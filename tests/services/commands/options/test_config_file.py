@@ -61,13 +61,13 @@ def test_options_to_toml_and_back(
 
 def test_the_command_line_wins_over_files_and_a_later_file_over_an_earlier_one(tmp_path: Path):
     first, second = tmp_path / "first.toml", tmp_path / "second.toml"
-    first.write_text('pace = "lockstep"\nseed = 1\nframes = 5\n[slam.tracker]\npoints = 10\n')
+    first.write_text('pace = "lockstep"\nseed = 1\nframes = 5\n[slam.tracker]\npoints = 500\n')
     second.write_text("seed = 2\nframes = 6\nlog-part-mb = 3\n")
     for line in (f"--config {first} {second}", f"--config {first} --config={second}"):
         options = parse_command_line([*line.split(), "--frames", "7", "--preset", "paper"])
         assert (options.pace, options.seed, options.frames) == ("lockstep", 2, 7)
         assert options.log_part_mb == 3
-        assert options.slam.tracker.points == 10
+        assert options.slam.tracker.points == 500
         assert options.slam.mapper == PRESETS["paper"].mapper
         assert options.config == (str(first), str(second))
     assert parse_command_line(["--config", str(first), "--frames", "none"]).frames is None
@@ -101,7 +101,7 @@ def test_a_preset_that_a_file_is_not_for_is_one_line(tmp_path: Path):
         ("evaluate = 1", "evaluate = 1: expected true or false"),
         ("pace = 'locstep'", "expected realtime or lockstep; did you mean lockstep?"),
         ("[synth]\nsize_m = [1, 2]", "synth.size_m = [1, 2]: expected a list of 3: a number"),
-        ("[slam.tracker]\npoints = -5", "tracker.points = -5: expected a number above 0"),
+        ("[slam.tracker]\npoints = -5", "tracker.points = -5: expected 100 or more"),
         ("seed = 1\nseed", "expected TOML"),
         (f"seed = {5000 * '9'}", "a number is too long, or brackets are too deep: expected TOML"),
         (f"seed = {3000 * '['}{3000 * ']'}", "brackets are too deep: expected TOML"),
