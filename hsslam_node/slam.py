@@ -109,6 +109,8 @@ class Slam:
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
+            if self._ba and self.store and self._ba.has_joined(self.store):
+                self._adjust(self._ba, self.store)
             self._map_new(before)
         if self._mapper and self.store and self.parameters and not self.localise_only:
             for _ in range(self._mapper.last_iterations(self.store)):
@@ -198,9 +200,7 @@ class Slam:
         elif result.is_keyframe or result.joined:
             self._map_new(before)
             if self._ba and self._ba.is_due(self.store):
-                report = self._ba.round(self.store)
-                if report.moved:
-                    self.store.correct_poses(report.keyframes, report.T_world_cam, report.known)
+                self._adjust(self._ba, self.store)
         return result
 
     def _map_new(self, before: int) -> None:
@@ -218,6 +218,12 @@ class Slam:
         if refined := mapper.take_poses(store):
             store.correct_poses(*refined)
         mapper.select(store)
+
+    def _adjust(self, ba: BundleAdjustment, store: KeyframeStore) -> None:
+        """One round of bundle adjustment."""
+        report = ba.round(store)
+        if report.moved:
+            store.correct_poses(report.keyframes, report.T_world_cam, report.known)
 
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(

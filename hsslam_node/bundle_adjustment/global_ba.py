@@ -93,6 +93,11 @@ class GlobalBundleAdjustment:
         """Whether keyframes have come since the last round."""
         return store.count > self._keyframes_at_round
 
+    def has_joined(self, store: KeyframeStore) -> bool:
+        """Whether a fragment has joined the map since the last round."""
+        fragments = store.fragments()[self._keyframes_at_round - 1 :]
+        return bool((fragments != fragments[:1]).any())
+
     def round(
         self,
         store: KeyframeStore,

@@ -55,6 +55,10 @@ class GraphBundleAdjustment:
         """Whether keyframes have come since the last round, or were left to the next."""
         return bool(self._left) or self._map.is_behind(store)
 
+    def has_joined(self, store: KeyframeStore) -> bool:
+        """Whether a fragment has joined the map since the last round."""
+        return self._map.has_joined(store)
+
     def round(
         self,
         store: KeyframeStore,

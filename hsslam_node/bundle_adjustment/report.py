@@ -39,6 +39,10 @@ class BundleAdjustment(Protocol):
         """Whether there are keyframes that no round has looked at."""
         ...
 
+    def has_joined(self, store: KeyframeStore) -> bool:
+        """Whether a fragment has joined the map since the last round."""
+        ...
+
     def round(
         self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ..., rest: Rest = ...
     ) -> BaReport:

@@ -12,6 +12,9 @@ from hsslam_node.dense_map.shapes import Spheres
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.trajectory.ate import ate
+from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.fragment_tracker import FragmentTracker
+from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
@@ -20,7 +23,15 @@ from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.tracking.tracked_frame import TrackResult
-from tests.small_room import OPTIONS, SMALL, pose_error, room_frames, room_poses, with_black
+from tests.small_room import (
+    OPTIONS,
+    SMALL,
+    displaced,
+    pose_error,
+    room_frames,
+    room_poses,
+    with_black,
+)
 
 CONFIG = replace(SMALL, ba=replace(REALTIME.ba, loss_threshold=1e-3, pose_rate=2e-4, rays=400))
 
@@ -124,6 +135,25 @@ def test_a_map_that_is_held_stays_as_it_is():
     assert slam.map is not held and slam.map is slam.map
     assert (newer.distance_m != before.distance_m).any()
     assert (newer.certainty > before.certainty).any()
+
+
+def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
+    graph = replace(CONFIG.pose_graph, loop_gap=3, aligned_every=1)
+    ba = replace(CONFIG.ba, every_keyframes=1000)
+    slam, frames, right = (
+        Slam(replace(CONFIG, ba=ba, pose_graph=graph)),
+        room_frames(),
+        room_poses(),
+    )
+    for frame in frames[:13]:
+        slam.process(frame)
+    tracker, store = slam._tracker, slam.store
+    assert isinstance(tracker, FragmentTracker) and store and store.count == 4
+    fragment = Fragment(CONFIG, frames[5], 0, 1, 8)
+    fragment.track(frames[5])
+    tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0), 8)
+    slam.finish()
+    assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005
 
 
 def test_without_a_frame_there_is_no_map():

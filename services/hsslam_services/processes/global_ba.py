@@ -52,12 +52,13 @@ def _run(worker: Worker) -> None:
         while not worker.should_stop():
             if maps.wait(_POLL_S) is not None:
                 loop.work_if_due()
-        loop.catch_up()
+    loop.catch_up()
 
 
 class _BaLoop:
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
+        self._is_lockstep = worker.options.pace == "lockstep"
         self._device = worker_device(worker)
         self._link = SharedMap(worker.arena, worker.options.slam)
         self._mode = MapState(worker.run.arena_dir)
@@ -77,14 +78,18 @@ class _BaLoop:
             self._round(ba, store)
 
     def catch_up(self) -> None:
-        """After the last frame: rounds over the keyframes that rounds have left out, as under load."""
+        """After the last frame: rounds over the keyframes that rounds have left out, as under load. In
+        lockstep there is one, if a fragment has joined the map then."""
         budget_s = self._worker.options.finish_budget_s
         end_s = 1e-9 * self._mode.stopped_ns + _CATCH_UP_SHARE * budget_s
         while not self._worker.is_orphan() and time.monotonic() < end_s:
             opened = self._opened()
-            if opened is None or not opened[0].is_behind(opened[1]):
+            if opened is None:
                 return
-            self._round(*opened)
+            ba, store = opened
+            if not (ba.has_joined(store) if self._is_lockstep else ba.is_behind(store)):
+                return
+            self._round(ba, store)
 
     def _opened(self) -> tuple[BundleAdjustment, KeyframeStore] | None:
         """The adjustment and its keyframes; None while there is nothing to adjust."""

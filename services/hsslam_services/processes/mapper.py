@@ -187,7 +187,8 @@ class _MapperLoop:
             self._worker.event("info", f"the map grows to {sides} m")
 
     def do_last_iterations(self) -> None:
-        """The last iterations, over all keyframes alike, as many as the time until the map's saving allows.
+        """What newest keyframes bring with them, as those of a fragment that joins the map at the end. Then
+        the last iterations, over all keyframes alike, as many as the time until the map's saving allows.
 
         Each slice is published, so that whoever ends this process loses no more than one.
         """
@@ -196,12 +197,17 @@ class _MapperLoop:
             return
         if not self._mode.may_change:
             return
-        n = self._mapper.last_iterations(store)
-        if n == 0:
-            return
         end_s = self._last_iterations_end_s()
         if self._worker.is_orphan() or time.monotonic() >= end_s:
             return
+        while self.has_work() and time.monotonic() < end_s and not self._worker.is_orphan():
+            self.work()
+            self._worker.should_stop()  # this loop comes round, too
+        n = self._mapper.last_iterations(store)
+        if n == 0:
+            return
+        with self._worker.arena.lease(PARAMETERS_LEASE):
+            self._grow_bound(store)  # to keyframes that brought no iteration under load
         self._worker.event("info", f"the source has ended: {n} last iterations of the map")
         start, done = time.perf_counter(), 0
         while done == 0 or (done < n and time.monotonic() < end_s and not self._worker.is_orphan()):

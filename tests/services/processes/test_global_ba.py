@@ -19,7 +19,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import global_ba
 from hsslam_services.run.run_info import RunInfo
-from tests.small_room import SMALL, displaced, room_frames
+from tests.small_room import SMALL, displaced, pose_error, room_frames, room_poses
 
 _ENDLESS = 10**6  # iterations of one round
 
@@ -80,6 +80,30 @@ def test_it_ends_with_the_keyframes_that_no_round_has_looked_at_while_there_is_t
         global_ba._run(worker)
     error_m = np.linalg.norm(store.pose(3)[:3, 3] - right[:3, 3])
     assert (error_m < 0.005) == is_done and (error_m > 0.015) != is_done
+
+
+@pytest.mark.parametrize("fragment", [0, 1])
+def test_in_lockstep_it_ends_with_a_round_if_a_fragment_has_joined_the_map(
+    make_run: Callable[..., RunInfo], fragment: int
+):
+    ba = replace(SMALL.ba, method="graph", every_keyframes=1000, iterations=1)
+    mapper = replace(SMALL.mapper, first_iterations=10, iterations=2)
+    graph = replace(SMALL.pose_graph, aligned_every=1, loop_gap=3)
+    config = replace(SMALL, mapper=mapper, ba=ba, pose_graph=graph)
+    run = make_run(slam=config, pace="lockstep")
+    slam = Slam(replace(config, ba=replace(ba, enabled=False)), arrays=Arena(Path(run.arena_dir)))
+    for frame in room_frames()[:13]:
+        slam.process(frame)
+    store, right = slam.store, room_poses()[5]
+    assert store
+    gap = np.diag(np.repeat([0.1**2, 0.05**2], 3))
+    wrong = displaced(right, 0.02, 1.0)
+    k = store.append(room_frames()[5], wrong, gap_covariance=gap, fragment=fragment)
+    with Worker("global_ba", replace(run, supervisor_pid=os.getppid())) as worker:
+        worker.stop_event().set()
+        global_ba._run(worker)
+    assert store.pose_version == fragment
+    assert (pose_error(store.pose(k), right)[0] < 0.005) == bool(fragment)
 
 
 def _wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:

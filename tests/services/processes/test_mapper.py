@@ -1,0 +1,39 @@
+"""What the mapper process does when a run ends, over an arena that a real pipeline has filled."""
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hsslam_node.slam import Slam
+from hsslam_services.arena.arena import Arena
+from hsslam_services.launch.worker import Worker
+from hsslam_services.processes import mapper
+from hsslam_services.run.run_info import RunInfo
+from tests.small_room import SMALL, room_frames
+
+
+def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
+    make_run: Callable[..., RunInfo],
+):
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2, last_iterations=1)
+    config = replace(SMALL, mapper=quick, ba=replace(SMALL.ba, enabled=False))
+    run = make_run(slam=config, pace="lockstep")
+    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
+    slam.process(room_frames()[0])
+    store, parameters = slam.store, slam.parameters
+    assert store and parameters
+    away = np.eye(4)
+    away[0, 3] = 9.0  # beyond `most_m`
+    assert not parameters.layout.bound.contains(away[None, :3, 3])[0]
+    with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = mapper._MapperLoop(worker)
+        store.append(room_frames()[1], away, fragment=1)
+        loop.do_last_iterations()
+    step = parameters.step
+    assert parameters.follow() and parameters.layout.bound.contains(away[None, :3, 3])[0]
+    assert (
+        step == 2 + 2 * 2 + 2
+    )  # first ones, of both keyframes as a mapper that resumes, last ones
