@@ -5,8 +5,11 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
+
+_NEARLY_FULL = 0.9  # of the keyframes that it may keep: from there on some are retired
 
 
 class Fragment:
@@ -16,13 +19,17 @@ class Fragment:
     """
 
     def __init__(self, config: SlamConfig, first: Frame, seed: int, number: int, most: int) -> None:
-        """`most`: keyframes that it may have; then it is tracked on those that there are."""
+        """`most`: keyframes whose pixels it keeps; of more, those that others show best are retired."""
         self.number = number
         self.store = KeyframeStore.create(
             MemoryAllocator(), first.camera, first.depth_units_per_m, most
         )
         self.tracker = Tracker(config, self.store, seed)
+        self._selection = KeyframeSelection(config.keyframes, config.mapper.max_depth_m)
 
     def track(self, frame: Frame) -> TrackResult:
         """The pose in the fragment."""
-        return self.tracker.track(frame, None)
+        result = self.tracker.track(frame, None)
+        if result.is_keyframe and len(self.store.kept()) > _NEARLY_FULL * self.store.most_kept:
+            self._selection.select(self.store)
+        return result

@@ -19,7 +19,7 @@ from hsslam_node.tracking.tracker import Tracker
 
 _SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
 _FEWEST_FEATURES = 60  # of an image that shows something
-_MOST_KEYFRAMES = 600  # of a fragment: 0.9 GB at 640x480
+_MOST_KEYFRAMES = 600  # that a fragment keeps: 0.9 GB at 640x480
 _SPARE_KEYFRAMES = 16  # that the camera needs at once after a join
 
 

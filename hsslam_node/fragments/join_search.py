@@ -47,9 +47,9 @@ class JoinSearch:
         k, compared = self._pending
         self._pending = None
         found = compared.result()
-        if not found:
-            return None
         fragment = self._fragment.store
+        if not found or not fragment.is_kept(k):
+            return None
         self._meetings += [checked_meeting(self._store, fragment, k, seen) for seen in found]
         self._meetings = self._meetings[-_MOST_MEETINGS:]
         agreed = agreed_meetings(self._meetings)

@@ -18,11 +18,11 @@ class Joining:
     def __init__(
         self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray, room: int
     ) -> None:
-        """The map has room for `room` keyframes; if the fragment has more, some are left out evenly."""
+        """The map has room for `room` keyframes; if the fragment keeps more, some are left out evenly."""
         self._fragment = fragment
         self._store = store
         self._T_map_fragment = T_map_fragment
-        self._every = -(-fragment.store.count // max(room, 1))
+        self._every = -(-len(fragment.store.kept()) // max(room, 1))
         self._staging = store.staging()
         self._ids: list[int] = []  # in the fragment, of those that are staged
         self._next = 0
@@ -49,10 +49,14 @@ class Joining:
         self._staging.give_up()
 
     def _copy_next(self) -> None:
-        # without room for it, the keyframe before stands for it
-        if self._staging.add(self._fragment.store.frame(self._next)):
-            self._ids.append(self._next)
-        self._next += self._every
+        store, every = self._fragment.store, self._every
+        kept = store.kept()
+        left = kept[kept >= self._next]  # with the newest keyframe, which is kept
+        k = int(left[0])
+        # without room for it, the keyframe before stands for it, as for those that are retired
+        if self._staging.add(store.frame(k)):
+            self._ids.append(k)
+        self._next = int(left[every]) if every < len(left) else store.count + every - len(left)
 
     def _show(self) -> JoinedFragment | None:
         own, ids = self._fragment.store, self._ids

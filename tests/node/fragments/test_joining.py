@@ -67,3 +67,18 @@ def _moved(T_cam_next: np.ndarray, step: np.ndarray) -> np.ndarray:
     T[:3, :3], T[:3, 3] = so3_exp(step[3:]), step[:3]
     moved = inverse(T_cam_next) @ T @ T_cam_next
     return np.concatenate([moved[:3, 3], so3_log(moved[:3, :3])])
+
+
+def test_a_fragment_that_is_full_retires_keyframes_and_joins_with_the_others():
+    first, fragment = room_frames()[0], Fragment(SMALL, room_frames()[0], 0, 1, 6)
+    results = [fragment.track(frame) for frame in room_frames()]
+    assert results[0].status == "initial" and {r.status for r in results[1:]} == {"tracked"}
+    own, kept = fragment.store, fragment.store.kept().tolist()
+    assert own.count >= 8 > 6 >= len(kept) and kept[0] == 0
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 32)
+    store.append(first, np.eye(4))
+    joined = Joining(fragment, store, np.eye(4), 16).finish()
+    assert joined is not None and len(joined.keyframes) == own.count
+    np.testing.assert_array_equal(joined.keyframes[kept], np.arange(1, store.count))
+    placed = store.poses()[joined.keyframes] @ joined.T_keyframe_own
+    np.testing.assert_allclose(placed, own.poses(), atol=1e-9)
