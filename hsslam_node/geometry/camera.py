@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -107,3 +107,22 @@ class Camera:
             distortion=self.distortion,
             distortion_model=self.distortion_model,
         )
+
+
+class HasCamera(Protocol):
+    """A frame, a source or the keyframes of a map."""
+
+    @property
+    def camera(self) -> Camera: ...
+    @property
+    def depth_units_per_m(self) -> float: ...
+
+
+def camera_difference(here: HasCamera, expected: HasCamera) -> str:
+    """What tells their cameras or depth scales apart first, both values named; "": nothing."""
+    if here.depth_units_per_m != expected.depth_units_per_m:
+        return f"depth_units_per_m {here.depth_units_per_m}: expected {expected.depth_units_per_m}"
+    if differs := here.camera.differs_in(expected.camera):
+        name, value, wanted = differs
+        return f"{name} {value}: expected {wanted}"
+    return ""

@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import Camera, camera_difference
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.keyframes.header import COUNT, INHERITED, MOST, REFUSED
 from hsslam_node.map.keyframes.poses import KeyframePoses
@@ -191,17 +191,8 @@ class KeyframeStore:
 
     def expect_like(self, frame: Frame) -> None:
         """UserError where the frame is not of the store's camera."""
-        if frame.depth_units_per_m != self.depth_units_per_m:
-            raise UserError(
-                f"frame {frame.index}: depth_units_per_m = {frame.depth_units_per_m}: expected "
-                f"{self.depth_units_per_m} as in the keyframes"
-            )
-        differs = frame.camera.differs_in(self.camera)
-        if differs is not None:
-            name, here, expected = differs
-            raise UserError(
-                f"frame {frame.index}: {name} {here}: expected {expected} as in the keyframes"
-            )
+        if difference := camera_difference(frame, self):
+            raise UserError(f"frame {frame.index}: {difference} as in the keyframes")
 
     def retire(self, k: int, anchor: int) -> None:
         """The mapper only: give up the pixels of keyframe k, which moves with `anchor` from now on."""

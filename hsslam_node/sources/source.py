@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import Camera, camera_difference
 
 
 class Source(Protocol):
@@ -74,3 +74,11 @@ def frames_in_time(source: Source, first: int, is_late: IsLate) -> Iterator[Fram
     if isinstance(source, ReadsInTime):
         return source.frames_in_time(first, is_late)
     return source.frames(first)
+
+
+def of_one_camera(source: Source, frame: Frame) -> Frame | BadFrame:
+    """The frame; a `BadFrame` if its camera or depth scale is not the source's, as a log may have."""
+    if difference := camera_difference(frame, source):
+        reason = f"{difference} as in the first frame"
+        return BadFrame(frame.index, frame.stamp_ns, reason)
+    return frame

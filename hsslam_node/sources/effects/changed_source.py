@@ -5,13 +5,20 @@ from collections.abc import Iterator
 
 from hsslam_node.frame import Frame
 from hsslam_node.sources.reports import reports_of
-from hsslam_node.sources.source import BadFrame, IsLate, ReadsInTime, Source, frames_in_time
+from hsslam_node.sources.source import (
+    BadFrame,
+    IsLate,
+    ReadsInTime,
+    Source,
+    frames_in_time,
+    of_one_camera,
+)
 
 
 class ChangedSource(ReadsInTime):
     """The frames of another source, each put through `changed`; what cannot be read stays a `BadFrame`.
 
-    A frame of another camera than the source's, as a log may have, becomes one.
+    A frame of another camera than the source's becomes one.
     `suffix` is added to the name of the other source.
     """
 
@@ -26,15 +33,9 @@ class ChangedSource(ReadsInTime):
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """The frames of the other source, changed; late ones are left out if it can do that."""
-        for frame in frames_in_time(self._source, first, is_late):
-            if isinstance(frame, BadFrame):
-                yield frame
-            elif differs := frame.camera.differs_in(self._source.camera):
-                name, here, expected = differs
-                reason = f"{name} {here}: expected {expected} as in the first frame"
-                yield BadFrame(frame.index, frame.stamp_ns, reason)
-            else:
-                yield self.changed(frame)
+        for item in frames_in_time(self._source, first, is_late):
+            frame = item if isinstance(item, BadFrame) else of_one_camera(self._source, item)
+            yield frame if isinstance(frame, BadFrame) else self.changed(frame)
 
     @abstractmethod
     def changed(self, frame: Frame) -> Frame:

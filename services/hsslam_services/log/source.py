@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -12,7 +13,13 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.sources.options.source import SourceOptions
-from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
+from hsslam_node.sources.source import (
+    BadFrame,
+    IsLate,
+    LateFrame,
+    ReadsInTime,
+    of_one_camera,
+)
 from hsslam_proto import messages
 from hsslam_proto.frame_codec import frame_from_message
 from hsslam_proto.frame_order import FrameOrder
@@ -41,18 +48,17 @@ class McapSource(ReadsInTime):
     def __init__(self, place: str, options: SourceOptions) -> None:
         self._files = log_parts(place, lambda text: print(text, file=sys.stderr))
         self.name = f"mcap:{place}"
-        first: messages.Frame | None = None
         found: list[tuple[int, int]] = []
         cameras: set[int] = set()
         for message in self._logged():
-            first = first or message
             found.append((message.source_stamp_ns, message.index))
             cameras.add(message.publisher)
-        if first is None:
+        if not found:
             raise UserError(f"source mcap:{place}: holds no frames: expected a log with in/frame")
         self._rows = frozenset(options.selected(len(found)))
         if not self._rows:
             raise UserError(f"--start {options.start}: source mcap:{place} has {len(found)} frames")
+        first = next(islice(self._logged(), min(self._rows), None))
         self.stamps_ns, self.indices = np.array(found)[sorted(self._rows)].T
         self.has_one_camera = len(cameras) == 1
         self.frame_count: int | None = len(self._rows)
@@ -66,7 +72,8 @@ class McapSource(ReadsInTime):
         self.rate_hz = 1e9 / period_ns if period_ns > 0 else 30.0
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Selected frames that are not late; one whose images cannot be decoded comes as a `BadFrame`."""
+        """Selected frames that are not late; one that cannot be decoded, or is of another camera than the
+        first, comes as a `BadFrame`."""
         rows = frozenset(sorted(self._rows)[first:])
         last = max(rows, default=-1)
         for row, message in enumerate(self._logged()):
@@ -77,9 +84,11 @@ class McapSource(ReadsInTime):
                     yield LateFrame(message.index, message.source_stamp_ns)
                     continue
                 try:
-                    yield frame_from_message(message)
+                    frame = frame_from_message(message)
                 except UserError as error:
                     yield BadFrame(message.index, message.source_stamp_ns, str(error))
+                else:
+                    yield of_one_camera(self, frame)
 
     def _logged(self) -> Iterator[messages.Frame]:
         """Each frame once, not decoded; the indices of a further camera go on behind the last one's."""

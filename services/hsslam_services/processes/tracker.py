@@ -16,6 +16,7 @@ from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
 from hsslam_node.frame import Frame
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.sources.reports import Report
 from hsslam_node.tracking.map_view import MapView, MapViews, TornMapError
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
@@ -117,11 +118,10 @@ class _TrackerLoop:
         except OutOfMemoryError:
             raise
         except UserError as error:
-            self._worker.count("unusable frames")
-            self._worker.event("warning", f"frame {message.index} dropped: {error}")
+            self._refuse(error, Received(message, place, arrival_ns, taken_ns, time.time_ns(), 0))
             return
         received = Received(message, place, arrival_ns, taken_ns, decoded_ns, pose_version)
-        publish_ns = self._poses.put(result, frame, received)
+        publish_ns = self._poses.put(result, received)
         self._order.take(place)
         if result.joined is not None:
             self._join(result.joined)
@@ -135,6 +135,14 @@ class _TrackerLoop:
         if self._tracker is not None:
             with self._worker.timed("settle"):
                 self._tracker.prepare_next()
+
+    def _refuse(self, error: UserError, received: Received) -> None:
+        """A frame that cannot be used; in lockstep all wait for its answer, so it is lost."""
+        index = received.message.index
+        self._worker.warn_once(Report("unusable frames", f"frame {index} dropped: {error}"))
+        if not self._is_realtime:
+            self._poses.put(TrackResult.without_map(index), received)
+            self._order.take(received.place)
 
     def finish(self) -> None:
         """No frame comes any more: a fragment that is about to join the map does."""

@@ -7,7 +7,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.frame import Frame
 from hsslam_node.map.pose_log import DEAD_RECKONED, INITIAL, LOST, TRACKED, PoseLog
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
@@ -51,11 +50,11 @@ class PosesOut:
         self._path = SmoothPath(self.log, worker.options.slam.tracker.longest_gap_s)
         self._poses = worker.bus.publisher(topics.POSE)
 
-    def put(self, result: TrackResult, frame: Frame, received: Received) -> int:
+    def put(self, result: TrackResult, received: Received) -> int:
         """Log and publish the result of a frame now; returns when that was, ns."""
         publish_ns = time.time_ns()
         row = result.log_row(
-            source_stamp_ns=frame.stamp_ns,
+            source_stamp_ns=received.message.source_stamp_ns,
             stamp_ns=received.message.stamp_ns,
             publish_ns=publish_ns,
             pose_version=received.pose_version,

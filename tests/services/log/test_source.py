@@ -54,19 +54,25 @@ def test_the_frames_of_a_camera_that_began_anew_go_on_behind_the_last(tmp_path):
     assert [len(list(same)) for _, same in groupby(series)] == [3, 3, 2, 2]
 
 
-def test_frames_of_another_camera_are_bad_ones_if_frames_are_changed(tmp_path):
+def test_frames_of_another_camera_than_the_first_are_bad_ones(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
-    sent = [frame(0), frame(1), frame(2, width_px=32, height_px=24), frame(3)]
+    sent = [frame(0), frame(1), frame(2, width_px=32, height_px=24), frame(3), frame(4)]
     sent[1] = msgspec.structs.replace(sent[1], fx=80.0)  # another lens
+    sent[3] = msgspec.structs.replace(sent[3], depth_units_per_m=1000.0)
     _write(tmp_path, sent, "png")
-    for options in (SourceOptions(downscale=2), SourceOptions(mask=str(tmp_path / "mask.png"))):
+    mask = SourceOptions(mask=str(tmp_path / "mask.png"))
+    for options in (SourceOptions(), SourceOptions(downscale=2), mask):
         found = list(open_any_source(f"mcap:{tmp_path}", options).frames())
-        assert [item.index for item in found] == [0, 1, 2, 3]
-        assert isinstance(found[0], Frame) and isinstance(found[3], Frame)
-        assert [item.reason for item in found[1:3] if isinstance(item, BadFrame)] == [
+        assert [item.index for item in found] == [0, 1, 2, 3, 4]
+        assert isinstance(found[0], Frame) and isinstance(found[4], Frame)
+        assert [item.reason for item in found[1:4] if isinstance(item, BadFrame)] == [
             "camera.fx 80.00: expected 51.20 as in the first frame",
             "size 32 x 24 px: expected 64 x 48 px as in the first frame",
+            "depth_units_per_m 1000.0: expected 5000.0 as in the first frame",
         ]
+    later = open_any_source(f"mcap:{tmp_path}", SourceOptions(start=2))
+    assert later.camera.width_px == 32
+    assert [isinstance(item, Frame) for item in later.frames()] == [True, False, False]
 
 
 def test_a_jpeg_log_differs_in_colour_only(tmp_path):
