@@ -2,12 +2,16 @@
 
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import camera_difference
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source, SourceLostError
+from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.launch.worker import Worker
 
@@ -19,27 +23,45 @@ MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # of a source th
 def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> Source | None:
     """The run's source; None if the worker must stop before it is there.
 
-    `had_frames`: it worked before in this run, so that what is wrong now may pass. `after`: frames that a
-    live camera gave before; `--start` skips none again, and `--frames` counts them.
+    `had_frames`: it worked before in this run, so that what is wrong now may pass; a camera that came back
+    with other intrinsics than the keyframes have is wrong, too. `after`: frames that a live camera gave
+    before; `--start` skips none again, and `--frames` counts them.
 
     Raises:
         UserError: it cannot be opened and gave no frame yet.
     """
-    pause_s = _FIRST_PAUSE_S
+    pause_s, told = _FIRST_PAUSE_S, ""
     while not worker.should_stop():
         try:
             options = _rest(worker.run.source_options, after)
-            return open_any_source(worker.options.source, options, worker.should_stop)
+            source = open_any_source(worker.options.source, options, worker.should_stop)
+            if had_frames:
+                _expect_same_camera(worker, source)
+            return source
         except MAY_PASS as error:
             if worker.should_stop():  # while it waited for a live camera
                 return None
             if not had_frames:
                 raise
-            worker.event("warning", f"{error}; tried again in {pause_s:g} s")
+            if str(error) != told:
+                told = str(error)
+                worker.event("warning", f"{told}; tried again until it is right")
         worker.count("opened in vain")
         _pause(worker, pause_s)
         pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
     return None
+
+
+def _expect_same_camera(worker: Worker, source: Source) -> None:
+    """Raises UserError if the run has keyframes of another camera; a live camera is let go then."""
+    try:
+        keyframes = KeyframeStore(ArenaView(Path(worker.run.arena_dir)))
+    except KeyError:  # none yet
+        return
+    if difference := camera_difference(source, keyframes):
+        for _ in source.frames():
+            break  # its end lets the camera go, once it has begun
+        raise UserError(f"source {source.name}: {difference} as in the keyframes")
 
 
 def live_frames(

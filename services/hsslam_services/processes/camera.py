@@ -2,7 +2,7 @@
 
 Subscribes: in/odometry, in/imu, out/map, out/pose, sys/health, sys/hold, sys/step
 Publishes: in/frame, in/end
-Arena: reads map_state
+Arena: reads keyframes, map_state
 """
 
 import contextlib

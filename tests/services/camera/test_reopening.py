@@ -3,13 +3,16 @@
 import itertools
 import os
 import threading
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hsslam_node.frame import Frame
+from hsslam_node.map.store import KeyframeStore
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
@@ -17,11 +20,12 @@ from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_node.sources.source import BadFrame
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
-from hsslam_services.camera import ros2_source
+from hsslam_services.camera import reopening, ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
 from hsslam_services.launch.worker import Worker
 from hsslam_services.run.run_info import RunInfo
+from tests.sequence_folders import write_tum_camera
 from tests.services.camera.ros_bags import new_bag
 from tests.services.camera.ros_camera import RosCamera
 
@@ -35,7 +39,7 @@ def room() -> list[Frame]:
     ]
 
 
-def test_a_driver_that_is_restarted_with_another_lens_goes_on(
+def test_a_driver_that_is_restarted_with_another_lens_before_there_are_keyframes_goes_on(
     make_run: Callable[..., RunInfo], endpoint: str, room: list[Frame], monkeypatch
 ):
     monkeypatch.setattr(ros2_source, "_SILENCE_S", 0.2)
@@ -89,3 +93,33 @@ def test_what_a_source_has_to_tell_is_told_once_and_counted(
         beats = bus.subscribe(topics.HEALTH, 1)
         beat = beats.wait(20)  # of those that come every half second
         assert beat is not None and 6 in beat.counters.values() and beats.rejected == 0
+
+
+def test_a_camera_of_another_lens_than_the_keyframes_is_waited_for(
+    make_run: Callable[..., RunInfo], tum_folder: Path, tmp_path: Path, monkeypatch
+):
+    monkeypatch.setattr(reopening, "_FIRST_PAUSE_S", 0.05)
+    run = replace(make_run(source=f"tum:{tum_folder}"), supervisor_pid=os.getppid())
+    with (
+        Bus(run.endpoint, run.robot, "test") as bus,
+        Worker("camera", run) as worker,
+        ThreadPoolExecutor(1) as process,
+    ):
+        events = bus.subscribe(topics.EVENT, 16)
+        before = open_with_patience(worker, had_frames=False)
+        assert before is not None
+        KeyframeStore.create(worker.arena, before.camera, before.depth_units_per_m, 4)
+        write_tum_camera(tum_folder, fx=99.0)
+        again = process.submit(open_with_patience, worker, had_frames=True)
+        while worker.counters.get("opened in vain", 0) < 2:
+            time.sleep(0.01)
+        write_tum_camera(tmp_path)
+        (tmp_path / "camera.json").replace(tum_folder / "camera.json")
+        source = again.result(30)
+        assert source is not None and source.camera == before.camera
+        told = events.wait(20)
+        assert told is not None and told.text == (
+            f"source tum:{tum_folder}: camera.fx 99.00: expected 50.00 as in the keyframes; tried again "
+            "until it is right"
+        )
+        assert events.wait(0.2) is None
