@@ -7,7 +7,6 @@ Arena: reads pose_log; writes map_state
 
 import contextlib
 import subprocess
-import sys
 from collections.abc import Mapping
 
 from hsslam_node.errors import UserError
@@ -16,6 +15,7 @@ from hsslam_services.arena.arena_folder import ArenaFolder, pose_count
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, mark_unsaved
 from hsslam_services.bus.bus import Bus
 from hsslam_services.camera.open_source import check_source_exists
+from hsslam_services.health.resilient_stream import say_at_end
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import expect_end, start_watchdog
 from hsslam_services.run.exit_code import ExitCode
@@ -93,14 +93,14 @@ class Supervisor:
             return
         mark_unsaved(arena.path, info.path, kept)
         text = f"{', '.join(kept)} not saved, kept in memory: hsslam-serve rescue {arena.path}"
-        print(text, file=sys.stderr, flush=True)
+        say_at_end(text)
 
     def _keep_replaced(self, prepared: Prepared) -> None:
         """They are still there if the run ended before it had poses."""
         with contextlib.suppress(OSError):  # else the next run in this folder does
             if name := prepared.replaced.keep():
                 text = f"the results of the run before are in {name}: this one has no poses"
-                print(f"{prepared.info.run_dir}: {text}", file=sys.stderr, flush=True)
+                say_at_end(f"{prepared.info.run_dir}: {text}")
 
     def _signalled(self, count: int) -> None:
         self._signals = count

@@ -2,6 +2,7 @@
 
 import os
 import time
+from pathlib import Path
 from typing import TextIO, cast
 
 from rich.console import Console
@@ -41,3 +42,17 @@ def test_a_reader_that_stands_still_costs_lines_and_no_time():
             heard += os.read(read, 2**16).decode()
         assert heard.startswith("0 x") and "1999 x" not in heard
     os.close(read)
+
+
+def test_a_full_disk_costs_the_lines_that_it_does_not_take(tmp_path: Path):
+    file = tmp_path / "stderr"
+    with Path("/dev/full").open("w", encoding="utf-8") as stream, file.open("w") as disk:
+        resilient = ResilientStream(stream)
+        resilient.write("lost\n")
+        resilient.write("lost, too\n")
+        resilient.drain(10)
+        os.dup2(disk.fileno(), stream.fileno())  # there is room again
+        resilient.write("heard\n")
+        resilient.drain(10)
+    told = "(2 lines left out: nothing was read, or the disk was full)"
+    assert file.read_text() == f"heard\n{told}\n"
