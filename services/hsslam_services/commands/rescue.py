@@ -22,7 +22,8 @@ Saves trajectories, map and mesh that a run could not write (exit code 4) from i
 which is kept then. DIR is the run folder, or the folder in /dev/shm. When all three are saved, the
 memory is freed. The log is not in it: hsslam-log recover makes what is on disk readable.
 
-Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved."""
+Exit codes: 0 if everything is saved, 2 if the input is bad, 4 if something is still not saved or the rescue
+is interrupted."""
 
 
 def rescue_command(args: Sequence[str]) -> ExitCode:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from typing import NoReturn
 
 _ONLY_MINE = 0o077  # folders 0700, files 0600
 
@@ -13,7 +14,7 @@ def main() -> None:
 
         sys.exit(exit_code(_serve))
     except KeyboardInterrupt:  # while Python starts
-        sys.exit(0)
+        _interrupted()
 
 
 def _serve() -> int:
@@ -36,8 +37,25 @@ def _serve() -> int:
         writable_kernel_cache()
 
         return Supervisor(options).run()
-    except KeyboardInterrupt:  # before there was anything to save
-        return 0
+    except KeyboardInterrupt:
+        _interrupted()
+
+
+def _interrupted() -> NoReturn:
+    """End after Ctrl-C, which the supervisor hears itself once there is something to save.
+
+    Python would die of SIGINT if it came while code that is made of text (a dataclass) was run.
+    """
+    text, code = "", 0
+    match sys.argv[1:2]:
+        case ["rescue"]:
+            text, code = "what it has not saved stays in memory", 4
+        case ["warm-up"]:
+            text, code = "the next warm-up or run compiles the rest", 1
+    if text:
+        print(f"{sys.argv[1]} interrupted: {text}", file=sys.stderr, flush=True)
+    sys.stdout.flush()
+    os._exit(code)
 
 
 if __name__ == "__main__":

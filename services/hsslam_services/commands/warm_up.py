@@ -16,7 +16,7 @@ WARM_UP_HELP = """usage: hsslam-serve warm-up
 Compiles all kernels for this machine into the cache (about a minute) and makes the textures of the
 built-in room. Does nothing if that is done already.
 
-Exit codes: 0 if the kernels are compiled, 2 if the input is bad."""
+Exit codes: 0 if the kernels are compiled, 1 if it is interrupted, 2 if the input is bad."""
 
 
 def warm_up_command(args: Sequence[str]) -> int:

@@ -89,3 +89,19 @@ def test_a_service_with_a_cold_cache_says_what_it_does_and_keeps_no_memory_witho
     assert run.finish() == ExitCode.NOT_SAVED, run.stderr
     assert "hsslam-serve rescue" not in run.stderr
     run.expect_nothing_left()
+
+
+def test_ctrl_c_is_told_and_is_no_success(tmp_path: Path):
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    command = [sys.executable, "-m", "hsslam_services.commands.serve", "warm-up"]
+    with subprocess.Popen(
+        command,
+        env={**environment, "XDG_CACHE_HOME": str(tmp_path)},
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stderr is not None and "compiling" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        told = process.stderr.read().splitlines()
+    assert process.returncode == 1
+    assert told[-1] == "warm-up interrupted: the next warm-up or run compiles the rest"

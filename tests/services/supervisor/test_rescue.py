@@ -1,6 +1,8 @@
 """Results that are not saved stay in memory until a rescue; a killed supervisor costs none of them."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -94,3 +96,16 @@ def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve,
     assert second.summary()["frames"]["in"] == 10
     assert all(process["restarts"] == 0 for process in second.summary()["processes"].values())
     second.expect_nothing_left()
+
+
+def test_a_rescue_that_is_interrupted_has_not_saved_everything(tmp_path: Path):
+    os.mkfifo(tmp_path / "run.json")
+    command = [sys.executable, "-m", "hsslam_services.commands.serve", "rescue", str(tmp_path)]
+    with (
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
+        (tmp_path / "run.json").open("wb"),  # it is at work, and waits there
+    ):
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == ExitCode.NOT_SAVED
+    assert told == "rescue interrupted: what it has not saved stays in memory\n"
