@@ -32,10 +32,13 @@ def exit_code_help() -> str:
     return "\n".join(["Exit codes:", *lines])
 
 
-def ending(*, is_cut_short: bool, has_failed: bool, is_saved: bool) -> ExitCode:
-    """The code of a run that has begun: what the user did wins over what is lost, that over failures."""
+def ending(*, is_cut_short: bool, is_refused: bool, has_failed: bool, is_saved: bool) -> ExitCode:
+    """The code of a run that has begun: what the user did wins over bad input, that over what is lost, that
+    over failures."""
     if is_cut_short:
         return ExitCode.CUT_SHORT
+    if is_refused:
+        return ExitCode.BAD_INPUT
     if not is_saved:
         return ExitCode.NOT_SAVED
     return ExitCode.FAILED if has_failed else ExitCode.SAVED

@@ -260,16 +260,25 @@ class RunLoop:
         code = self._code(reason, is_saved=not self.not_saved)
         if code == ExitCode.CUT_SHORT:
             return code
-        if error := user_error(self._children.values(), self._info.options.pace):
-            if self._may_be_refused:
-                raise UserError(error)
-            self._status.say(f"error: {error}", "error")
+        if code == ExitCode.BAD_INPUT:
+            raise UserError(self._user_error)
+        if self._user_error:
+            self._status.say(f"error: {self._user_error}", "error")
         for child in self._children.values():
             if child.restarts:
                 self._status.say(f"{child.spec.name} was restarted {child.restarts} x", "warning")
         self._status.say(f"results: {self._info.run_dir}")
         return code
 
+    @property
+    def _user_error(self) -> str:
+        """The line of a needed process that has refused its input; "" if there is none."""
+        return user_error(self._children.values(), self._info.options.pace)
+
     def _code(self, reason: StopReason, *, is_saved: bool) -> ExitCode:
-        is_cut_short = self._signals() > 1
-        return ending(is_cut_short=is_cut_short, has_failed=reason.is_failure, is_saved=is_saved)
+        return ending(
+            is_cut_short=self._signals() > 1,
+            is_refused=bool(self._user_error) and self._may_be_refused,
+            has_failed=reason.is_failure,
+            is_saved=is_saved,
+        )
