@@ -2,13 +2,14 @@
 
 import contextlib
 import subprocess
+import time
 from pathlib import Path
 
 import msgspec
 
 from hsslam_proto.request_messages import SavedMap
 from hsslam_services.bus.requests import PendingRequest
-from hsslam_services.launch.process_table import MAP_SAVER
+from hsslam_services.launch.process_table import MAP_SAVER, ONE_SHOT_TIMEOUT_S
 from hsslam_services.launch.spawn import Process, Spawn, last_error, not_started, process_name
 from hsslam_services.run.maps_folder import SAVE_REQUEST
 from hsslam_services.run.process_result import clear_result, read_result
@@ -20,10 +21,13 @@ _KILL_TIMEOUT_S = 5.0
 class MapSaving:
     """Starts the process that saves, and answers when it has ended."""
 
-    def __init__(self, run: RunInfo, spawn: Spawn) -> None:
+    def __init__(
+        self, run: RunInfo, spawn: Spawn, timeout_s: float = ONE_SHOT_TIMEOUT_S[MAP_SAVER]
+    ) -> None:
         self._run = run
         self._arena_dir = Path(run.arena_dir)
         self._spawn = spawn
+        self._timeout_s, self._deadline_s = timeout_s, 0.0
         self._asked: PendingRequest | None = None
         self._process: Process | None = None
 
@@ -40,22 +44,27 @@ class MapSaving:
             clear_result(self._run.path, process_name(MAP_SAVER))
             write_atomically(self._arena_dir / SAVE_REQUEST, msgspec.json.encode(asked.message))
             self._asked, self._process = asked, self._spawn(MAP_SAVER, self._run.path)
+            self._deadline_s = time.monotonic() + self._timeout_s
         except OSError as error:
             asked.refuse("failed", f"save: {not_started(error)}")
 
     def tick(self) -> None:
-        """Answer when the process has ended; never blocks."""
-        if self._process is None or self._asked is None:
+        """Answer when the process has ended; never blocks. One that takes too long is killed."""
+        if self._process is None:
             return
         code = self._process.poll()
         if code is None:
+            if self._asked is not None and time.monotonic() > self._deadline_s:
+                self._process.kill()
+                self._refuse(f"not done after {self._timeout_s:g} s: killed")
             return
-        asked, self._asked, self._process = self._asked, None, None
+        self._process = None
         result = read_result(self._run.path, process_name(MAP_SAVER))
-        if code == 0 and result.answer:
-            asked.answer(msgspec.convert(result.answer, SavedMap))
+        if code == 0 and result.answer and self._asked is not None:
+            self._asked.answer(msgspec.convert(result.answer, SavedMap))
+            self._asked = None
         else:
-            asked.refuse("failed", f"save: {last_error(self._run.path, MAP_SAVER)}")
+            self._refuse(last_error(self._run.path, MAP_SAVER))
 
     def close(self) -> None:
         """End a process that still works."""
@@ -63,3 +72,10 @@ class MapSaving:
             self._process.kill()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_KILL_TIMEOUT_S)
+        self._refuse("the run has ended")
+
+    def _refuse(self, why: str) -> None:
+        """Answer the one who waits, if there is one."""
+        if self._asked is not None:
+            self._asked.refuse("failed", f"save: {why}")
+            self._asked = None
