@@ -7,7 +7,7 @@ import threading
 import time
 from pathlib import Path
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
 
@@ -28,6 +28,8 @@ def _run(worker: Worker) -> None:
     worker.ready()
     if behaviour == "bad input":
         raise UserError("field = 3: expected 4")
+    if behaviour == "no memory":
+        raise OutOfMemoryError("array x: needs 8 bytes")
     if behaviour == "full disk":
         os.dup2(os.open("/dev/full", os.O_WRONLY), 2)
         worker.event("warning", "a line that its log has no room for")
@@ -45,6 +47,8 @@ def _run(worker: Worker) -> None:
     while not worker.should_stop():
         time.sleep(0.02)
     (worker.run.path / "ended").write_text("in order")
+    if behaviour == "crash at its end":
+        os.abort()
     if behaviour == "leaves something to its end":
         ended = worker.run.path / "thread_ended"
         threading.Thread(target=lambda: (time.sleep(0.3), ended.touch())).start()

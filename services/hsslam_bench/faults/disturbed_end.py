@@ -86,17 +86,20 @@ def supervisor_killed_at_the_end(experiment: Experiment) -> Finding:
 
 
 def process_killed_at_the_end(experiment: Experiment) -> Finding:
-    """SIGKILL of the mapper in its last iterations: the run ends in order and everything is saved."""
+    """SIGKILL of the mapper in its last iterations: the run says so, ends in order, everything is saved."""
     run = experiment.serve(*SMALL_ROOM, *_LENGTH)
     run.wait_for_poses(60)
     mapper = run.pid_of("mapper")
     run.signal()
     time.sleep(0.5)
+    is_killed = False
     with contextlib.suppress(psutil.Error, TypeError):
         psutil.Process(mapper).kill()
+        is_killed = True
     code = run.finish(120)
     lost = run.missing(*_TRAJECTORIES, _MAP, _MESH)
+    is_told = "mapper was killed by SIGKILL" in run.stderr
     return Finding(
-        code not in (0, 3) or bool(lost) or bool(run.left_behind(2.0)),
-        f"exit code {code}; not written: {lost or 'nothing'}",
+        code not in (0, 3) or bool(lost) or bool(run.left_behind(2.0)) or is_told != is_killed,
+        f"exit code {code}; killed: {is_killed}, told: {is_told}; not written: {lost or 'nothing'}",
     )

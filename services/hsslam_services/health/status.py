@@ -99,6 +99,7 @@ def _process(child: Child) -> dict[str, Any]:
     return {
         "state": child.state,
         "restarts": child.restarts,
+        "exit_code": child.exit_code,
         "peak_rss_bytes": child.peak_rss_bytes,
         "stage_ms": dict(health.stage_ms) if health else {},
         "counters": dict(health.counters) if health else {},

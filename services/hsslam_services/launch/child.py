@@ -21,10 +21,11 @@ from hsslam_services.launch.spawn import (
     not_started,
     spawn,
 )
-from hsslam_services.run.process_result import clear_result
+from hsslam_services.run.process_result import clear_result, read_result
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
+_AS_TOLD = (0, -signal.SIGTERM)  # the signal ends one that does not listen yet
 _OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
 _PATIENCE_S = 10.0  # after it, for all to come round
 _KILL_TIMEOUT_S = 10.0  # for the kernel to end a process, which may hang in a driver
@@ -50,6 +51,9 @@ class Child:
         self.state: State = "waiting"
         self.restarts = 0
         self.user_error = ""
+        self.exit_code: int | None = (
+            None  # of the one that ended last; negative: the signal that killed it
+        )
         self.health: Health | None = None
         self.peak_rss_bytes = 0
         self.news: list[str] = []  # what the operator should read; the supervisor takes it
@@ -126,6 +130,7 @@ class Child:
         if self._process is None:
             return
         self._process.kill()
+        self._killed_s = time.monotonic()
         try:
             self._exited(self._process.wait(_KILL_TIMEOUT_S), time.monotonic())
         except subprocess.TimeoutExpired:
@@ -152,20 +157,27 @@ class Child:
         self._process, self.state = None, "failed"
 
     def _exited(self, code: int, now: float) -> None:
-        self._process = None
-        if not self.wanted or (code == 0 and self.spec.may_finish):
+        self._process, self.exit_code = None, code
+        is_user_error = code == _USER_ERROR
+        error = last_error(self._run_dir, self.spec.module) if is_user_error else ""
+        how = f"ended: {error}" if is_user_error else how_it_ended(code)
+        if not self.wanted:
             self.state = "ended"
-            return
-        if code != _USER_ERROR:
-            self._failed(how_it_ended(code), now)
-            return
-        error = last_error(self._run_dir, self.spec.module)
-        if self._may_pass() and not self.spec.reads_source:
-            self._failed(f"ended: {error}", now)
+            if code not in _AS_TOLD and not self._killed_s:
+                self.news.append(f"{self.spec.name} {how}, after it was told to end")
+        elif code == 0 and self.spec.may_finish:
+            self.state = "ended"
+        elif not is_user_error or self._may_come_back():
+            self._failed(how, now)
         else:
             self.state = "failed"
-        if self.state == "failed":
+        if is_user_error and self.state == "failed":
             self.user_error = error
+
+    def _may_come_back(self) -> bool:
+        """Whether what a process lacks may be there later; input that cannot be read is not."""
+        lacks_memory = read_result(self._run_dir, self.spec.name).lacks_memory
+        return self._may_pass() and (lacks_memory or not self.spec.reads_source)
 
     def _failed(self, how: str, now: float) -> None:
         """Start it again after a while, or give up."""

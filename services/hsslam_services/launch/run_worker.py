@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_services.arena.process_registry import enter_process
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.process_table import PROCESSES
@@ -56,7 +56,8 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     except UserError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         with contextlib.suppress(OSError):  # the run folder may be what is wrong
-            write_result(run_dir, name, ProcessResult(error=str(error)))
+            lacks_memory = isinstance(error, OutOfMemoryError)
+            write_result(run_dir, name, ProcessResult(error=str(error), lacks_memory=lacks_memory))
         _end(2)
     _end(0)
 

@@ -32,7 +32,13 @@ class CameraProgress:
         return self.pinned_ns + source_ns - self.pinned_source_ns
 
     def write(self, arena_dir: Path) -> None:
-        write_atomically(_path(arena_dir), _LAYOUT.pack(*astuple(self)))
+        """In place once the file is there: that needs no memory, which may be full."""
+        path, packed = _path(arena_dir), _LAYOUT.pack(*astuple(self))
+        if not path.exists():
+            write_atomically(path, packed)
+            return
+        with path.open("r+b", buffering=0) as file:
+            file.write(packed)
 
     @staticmethod
     def exists(arena_dir: Path) -> bool:

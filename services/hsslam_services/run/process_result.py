@@ -12,12 +12,14 @@ from hsslam_services.run.run_info import write_atomically
 class ProcessResult(msgspec.Struct, frozen=True):
     """Why a process failed, its sections of summary.json, and what it answers to a request.
 
-    `error`: one line for the user; empty if the process succeeded.
+    `error`: one line for the user; empty if the process succeeded. `lacks_memory`: what it needs may be free
+    later.
     """
 
     error: str = ""
     summary: dict[str, Any] = {}
     answer: dict[str, Any] = {}
+    lacks_memory: bool = False
 
 
 def write_result(run_dir: Path, name: str, result: ProcessResult) -> None:

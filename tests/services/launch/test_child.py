@@ -110,6 +110,16 @@ def test_bad_input_in_a_run_that_works_is_tried_again(watch, run_info: RunInfo):
     assert child.user_error == ""
 
 
+@pytest.mark.parametrize(("behaviour", "restarts"), [("no memory", 1), ("bad input", 0)])
+def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
+    watch, behaviour: str, restarts: int
+):
+    start, until = watch
+    child = start(behaviour, may_pass=True, reads_source=True)
+    until(lambda: child.restarts or child.state == "failed")
+    assert child.restarts == restarts
+
+
 def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
     start, until = watch
     bus = Bus(run_info.endpoint, run_info.robot, "reader")
@@ -146,8 +156,18 @@ def test_deaf_process_is_killed(watch):
     assert "did not end" in child.news[-1]
 
 
+def test_a_crash_after_it_was_told_to_end_is_told(watch):
+    start, until = watch
+    child = start("crash at its end")
+    until(lambda: child.state == "running")
+    child.wanted = False
+    until(lambda: child.state == "ended")
+    assert child.news == ["sample_worker was killed by SIGABRT, after it was told to end"]
+    assert child.exit_code == -signal.SIGABRT
+
+
 def test_ends_in_order_however_many_signals_come(watch, run_info: RunInfo):
-    """As when its parent's death, the watchdog and Ctrl-C tell it within a microsecond."""
+    """As when its parent's death and the watchdog tell it within a microsecond."""
     start, until = watch
     child = start("obedient")
     until((run_info.path / "at_work").exists)
