@@ -86,6 +86,6 @@ class Hold(Message, frozen=True, kw_only=True):
 
 
 class Stop(Message, frozen=True, kw_only=True):
-    """The run ends, and why; a note for the log. Processes end by SIGTERM, stage by stage."""
+    """The run ends, and why; a note for the log. Processes end by SIGUSR1, stage by stage."""
 
     reason: Text

@@ -10,6 +10,7 @@ from pathlib import Path
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 
 class _Remnant:
@@ -34,7 +35,7 @@ def _run(worker: Worker) -> None:
         os.dup2(os.open("/dev/full", os.O_WRONLY), 2)
         worker.event("warning", "a line that its log has no room for")
     if behaviour == "deaf":
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        signal.signal(END_SIGNAL, signal.SIG_IGN)
     if behaviour == "warm":
         from hsslam_node.warm_start import warm_start
 

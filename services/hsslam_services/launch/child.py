@@ -22,10 +22,11 @@ from hsslam_services.launch.spawn import (
     spawn,
 )
 from hsslam_services.run.process_result import clear_result, read_result
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 State = Literal["waiting", "starting", "running", "stalled", "ended", "failed"]
 _USER_ERROR = 2
-_AS_TOLD = (0, -signal.SIGTERM)  # the signal ends one that does not listen yet
+_AS_TOLD = (0, -END_SIGNAL)  # the signal ends one that does not listen yet
 _OWN_PAUSE_S = 2.0  # between two ticks: the whole run was frozen, as by `docker pause`
 _PATIENCE_S = 10.0  # after it, for all to come round
 _KILL_TIMEOUT_S = 10.0  # for the kernel to end a process, which may hang in a driver
@@ -222,7 +223,7 @@ class Child:
     def _stop(self, now: float) -> None:
         assert self._process is not None
         if not self._stop_sent_s:
-            self._process.terminate()
+            self._process.send_signal(END_SIGNAL)
             self._process.send_signal(signal.SIGCONT)  # one that is frozen can end, too
             self._stop_sent_s = now
         elif now - max(self._stop_sent_s, self._turned_s) > self.spec.stop_timeout_s:

@@ -22,6 +22,7 @@ from hsslam_services.launch.spawn import (
     open_log,
     spawn,
 )
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 _POLL_S = 0.01
 _PATIENCE_S = 120.0  # for a fork server that still imports
@@ -85,12 +86,9 @@ class ForkedProcess:
             return
         if self.pid is not None:
             os.kill(self.pid, sig)
-        elif sig in (signal.SIGTERM, signal.SIGKILL):
+        elif sig in (END_SIGNAL, signal.SIGKILL):
             self._part()
             self.returncode = -sig
-
-    def terminate(self) -> None:
-        self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
         self.send_signal(signal.SIGKILL)

@@ -23,6 +23,7 @@ import setproctitle
 from hsslam_services.launch.parent_death import die_with_parent
 from hsslam_services.launch.spawn import module_command
 from hsslam_services.run.memory import return_free_memory
+from hsslam_services.run.stop_signals import leave_stop_signals_to_supervisor
 
 _PROCESSES = "hsslam_services.processes"
 # The camera waits for no other process, so it is forked before the large imports.
@@ -66,8 +67,7 @@ class _Request(NamedTuple):
 def main() -> None:
     """Serve the supervisor at the other end of the socket until it closes it, or dies."""
     die_with_parent(signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as its forks do
+    leave_stop_signals_to_supervisor()  # as its forks do
     parser = argparse.ArgumentParser(prog="hsslam fork server")
     parser.add_argument("--run", required=True, metavar="DIR", help="the run folder")
     parser.add_argument("--socket-to-supervisor", type=int, required=True, metavar="FD")
@@ -167,7 +167,6 @@ def _become(request: _Request, run_dir: str) -> None:
     os.dup2(request.log, sys.stdout.fileno())
     os.dup2(request.log, sys.stderr.fileno())
     os.close(request.log)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.argv = command[3:]
     main = importlib.import_module(request.module).main
     gc.enable()

@@ -5,7 +5,6 @@ import atexit
 import contextlib
 import faulthandler
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.run.memory import return_large_arrays
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL, leave_stop_signals_to_supervisor
 
 
 def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
@@ -29,8 +29,8 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
     process's log) on anything else.
     """
     faulthandler.enable()
-    die_with_parent(signal.SIGTERM)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the supervisor hears it
+    die_with_parent(END_SIGNAL)
+    leave_stop_signals_to_supervisor()
     parser = argparse.ArgumentParser(prog=f"hsslam {name}")
     parser.add_argument("--run", type=Path, required=True, metavar="DIR", help="the run folder")
     run_dir = parser.parse_args().run

@@ -16,6 +16,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.arena.arena_folder import owned_after_death, pose_count, remove_arena
 from hsslam_services.arena.process_registry import living_processes
 from hsslam_services.arena.unsaved_marker import ARENA_ARTEFACTS, is_marked, mark_unsaved
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 _GRACE_S = 4.0  # for the processes to end; the recorder finishes its file
 _LONGEST_RECORDER_S = 30.0
@@ -42,7 +43,7 @@ def _save_and_remove(arena_dir: Path, run_dir: Path) -> None:
     ):  # the memory is full: no process removes the arena while this one owns it
         mark_unsaved(arena_dir, run_dir, ARENA_ARTEFACTS)
     for pid in living_processes(arena_dir):
-        _signal(pid, signal.SIGTERM)  # also one that was not yet listening when its parent died
+        _signal(pid, END_SIGNAL)  # also one that was not yet listening when its parent died
     from hsslam_services.artefacts.replaced_results import ReplacedResults  # a small process waits
 
     before = ReplacedResults(run_dir)
@@ -87,7 +88,7 @@ def _wait_for_end(arena_dir: Path) -> set[int]:
         if living.keys() == recorders:
             return recorders
         for pid in living.keys() - recorders:
-            _signal(pid, signal.SIGTERM)
+            _signal(pid, END_SIGNAL)
         time.sleep(_POLL_S)
     recorders = {pid for pid, name in living.items() if name == _RECORDER}
     _kill(living.keys() - recorders)

@@ -28,13 +28,13 @@ from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.memory import OwnMemory, return_free_memory
 from hsslam_services.run.process_result import ProcessResult, write_result
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 if TYPE_CHECKING:
     from hsslam_services.arena.arena import Arena
 
 _HEARTBEAT_S = 0.5
 _TRIM_EVERY_S = 10.0
-_STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 _EMA = 0.1  # weight of a new stage time
 _TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
 
@@ -71,8 +71,7 @@ class Worker:
         self._heartbeat = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
     def __enter__(self) -> "Worker":
-        for number in _STOP_SIGNALS:
-            signal.signal(number, self._signalled)
+        signal.signal(END_SIGNAL, self._signalled)
         self._heartbeat.start()
         return self
 
@@ -96,7 +95,7 @@ class Worker:
         self._publish_health()
 
     def should_stop(self) -> bool:
-        """Whether the loop must end: SIGTERM, SIGINT, or the supervisor is gone."""
+        """Whether the loop must end: the supervisor says so, or is gone."""
         self._turned_s = time.monotonic()
         return self._stop.is_set()
 
@@ -154,8 +153,7 @@ class Worker:
 
     def _signalled(self, _number: int, _frame: FrameType | None) -> None:
         """Once is enough: a second one within `set` would wait for ever for the first one's lock."""
-        for number in _STOP_SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        signal.signal(END_SIGNAL, signal.SIG_IGN)
         self._stop.set()
 
     def _beat(self) -> None:

@@ -1,9 +1,13 @@
-"""The signals that end a run in order; alone, as the service and the runs of a batch obey the same."""
+"""The signals that end a run in order, and the one that ends each of its processes; alone, as a batch hears
+them, too."""
 
 import signal
 from collections.abc import Callable, Mapping
 from types import FrameType
 from typing import Any
+
+# to one process of a run, when its supervisor says so or dies; others send SIGTERM to all processes at once
+END_SIGNAL = signal.SIGUSR1
 
 
 def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, Any]:
@@ -23,3 +27,11 @@ def hear_stop_signals(tell: Callable[[int], object]) -> Mapping[signal.Signals, 
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         heard.append(signal.SIGHUP)
     return {number: signal.signal(number, hear) for number in heard}
+
+
+def leave_stop_signals_to_supervisor() -> None:
+    """Take no notice of what systemd or the end of a session sends to all processes of a run: the supervisor
+    hears it, and ends them in order. Programs that this process starts end by SIGINT and SIGTERM."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -14,6 +14,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import ProcessSpec
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 _SPEC = ProcessSpec(
     "sample_worker",
@@ -166,12 +167,23 @@ def test_a_crash_after_it_was_told_to_end_is_told(watch):
     assert child.exit_code == -signal.SIGABRT
 
 
+def test_what_systemd_sends_to_all_processes_is_left_to_the_supervisor(watch):
+    start, until = watch
+    child = start("obedient")
+    until(lambda: child.state == "running")
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        os.kill(child.pid, number)
+    beats = {id(child.health): child.health}
+    until(lambda: beats.setdefault(id(child.health), child.health) and len(beats) > 2)
+    assert (child.state, child.restarts) == ("running", 0)
+
+
 def test_ends_in_order_however_many_signals_come(watch, run_info: RunInfo):
     """As when its parent's death and the watchdog tell it within a microsecond."""
     start, until = watch
     child = start("obedient")
     until((run_info.path / "at_work").exists)
-    for number in (signal.SIGTERM, signal.SIGINT) * 2000:
+    for number in (END_SIGNAL, signal.SIGTERM, signal.SIGINT) * 1500:
         os.kill(child.pid, number)
     until((run_info.path / "ended").exists)
 

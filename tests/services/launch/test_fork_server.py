@@ -14,6 +14,7 @@ from hsslam_node.presets import PRESETS
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.spawn import Process
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 _SAMPLE = "tests.services.sample_worker"
 
@@ -44,12 +45,12 @@ def _wait_for(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
 
 
 def _is_ready(process: Process) -> bool:
-    """Born, and in its loop: the sample catches SIGTERM then."""
+    """Born, and in its loop: the sample hears when it is to end then."""
     if process.poll() is not None or process.pid is None:
         return False
     status = Path(f"/proc/{process.pid}/status").read_text()
     caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
-    return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+    return bool(int(caught.split()[1], 16) >> (END_SIGNAL - 1) & 1)
 
 
 def test_a_forked_process_is_a_child_with_a_name_a_session_and_a_log(
@@ -64,7 +65,7 @@ def test_a_forked_process_is_a_child_with_a_name_a_session_and_a_log(
     assert seen.name() == "hsslam-sample_worker"[:15]
     assert os.getsid(process.pid) == process.pid
     assert fork_client.pid != process.pid
-    process.terminate()
+    process.send_signal(END_SIGNAL)
     assert process.wait(10) == 0
     assert (run.path / "ended").read_text() == "in order"
 
@@ -80,7 +81,7 @@ def test_a_forked_process_has_its_kernels_from_the_fork_server(
 ):
     process = _start(fork_client, run, "warm")
     _wait_for(lambda: process.poll() is not None or (run.path / "at_work").exists())
-    process.terminate()
+    process.send_signal(END_SIGNAL)
     assert process.wait(10) == 0
 
 
@@ -100,7 +101,7 @@ def test_when_the_fork_server_dies_its_forks_live_on_and_others_come(
     assert fork_client.pid != old
     assert first.poll() is None
     for process in (first, second):
-        process.terminate()
+        process.send_signal(END_SIGNAL)
         assert process.wait(10) == 0
 
 

@@ -4,6 +4,7 @@ import time
 
 from hsslam_services.launch.spawn import spawn
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL
 
 
 def test_threads_and_exit_handlers_finish_and_objects_are_not_freed(run_info: RunInfo):
@@ -13,7 +14,7 @@ def test_threads_and_exit_handlers_finish_and_objects_are_not_freed(run_info: Ru
     while not (run_info.path / "at_work").exists():
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    process.terminate()
+    process.send_signal(END_SIGNAL)
     assert process.wait(20) == 0
     assert (run_info.path / "thread_ended").exists()
     assert (run_info.path / "atexit_called").exists()

@@ -19,6 +19,7 @@ from hsslam_services.bus.bus import free_endpoint, open_router
 from hsslam_services.launch.one_shot import start_watchdog
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.run_info import RunInfo
+from hsslam_services.run.stop_signals import END_SIGNAL
 from hsslam_services.launch.spawn import spawn
 run_dir = Path(sys.argv[1])
 endpoint = free_endpoint()
@@ -33,7 +34,7 @@ child = spawn("tests.services.sample_worker", run_dir)
 print(watchdog.pid, child.pid, flush=True)
 time.sleep(float(sys.argv[2]))
 arena.remove()
-child.terminate()
+child.send_signal(END_SIGNAL)
 child.wait()
 """
 

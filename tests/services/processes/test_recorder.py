@@ -1,4 +1,3 @@
-import signal
 import subprocess
 import sys
 import threading
@@ -16,6 +15,7 @@ from hsslam_services.bus.publisher import Publisher
 from hsslam_services.log.parted_log import LogSettings
 from hsslam_services.processes.recorder import Recorder
 from hsslam_services.run.process_result import read_result
+from hsslam_services.run.stop_signals import END_SIGNAL
 from tests.services.recorded import read_log
 from tests.services.wire_samples import frame, keyframe, mesh, pose
 
@@ -117,7 +117,7 @@ def test_a_run_is_logged_whole(endpoint, tmp_path):
     assert events == []
 
 
-def test_the_process_ends_in_order_on_sigterm(run_info):
+def test_the_process_ends_in_order_when_it_is_told_to(run_info):
     command = [
         sys.executable,
         "-m",
@@ -132,7 +132,7 @@ def test_the_process_ends_in_order_on_sigterm(run_info):
             assert recorder.poll() is None, recorder.communicate()
         for index in range(10):
             poses.put(pose(index))
-        recorder.send_signal(signal.SIGTERM)
+        recorder.send_signal(END_SIGNAL)
         assert recorder.wait(timeout=20) == 0, recorder.communicate()
         beats = health.drain()
     assert beats[-1].counters["poses_logged"] == 10
