@@ -22,8 +22,7 @@ class Ros2Options:
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = ""
-    """Zenoh router of the ROS nodes (empty: of this run; with a --zenoh-port other than 7447, and
-    for hsslam-doctor, tcp/127.0.0.1:7447)."""
+    """Router of ROS nodes (empty: this run's, or rmw_zenohd)."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
     imu: str = ""
