@@ -43,8 +43,8 @@ class MemoryBudget:
             return None
         self._is_told = True
         return (
-            f"the run keeps {kept} keyframes, {most} fit ({self._limit}): from now on the mapper removes "
-            "keyframes that show little that others do not"
+            f"the run keeps {kept} keyframes; there is room for {most} ({self._limit}): from now on the "
+            "mapper removes keyframes that show little that others do not"
         )
 
     def _most(self, store: KeyframeStore) -> int:

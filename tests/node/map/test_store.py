@@ -125,7 +125,7 @@ def test_a_full_store_names_its_option():
 
 def test_another_depth_scale_is_refused():
     _, store = _filled(1)
-    with pytest.raises(UserError, match=r"depth_units_per_m = 1000\.0: expected 5000\.0"):
+    with pytest.raises(UserError, match=r"depth_units_per_m 1000\.0: expected 5000\.0"):
         store.append(replace(_frame(3), depth_units_per_m=1000.0), np.eye(4))
 
 

@@ -75,7 +75,7 @@ def test_scarcity_is_told_once(arena):
     store = _store(arena, 16)
     budget = MemoryBudget(arena.folder, 0.025)  # of which pose rows and table take a little
     told = budget.apply(store)
-    assert told is not None and "--memory-gb 0.025" in told and "16 of at most" in told
+    assert told is not None and "--memory-gb 0.025" in told and "keeps 16 keyframes" in told
     assert budget.apply(store) is None and store.most_kept <= 16
 
 

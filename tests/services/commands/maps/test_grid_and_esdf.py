@@ -132,7 +132,10 @@ def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
             ("esdf", "m", "--up", *"001", "--base-T-camera", *"0000001"),
             "--up, --base-T-camera: both say what is up: expected one of the two",
         ),
-        (("grid", "m", "--voxel", "0.4"), "--voxel 0.4 --from-height-m 0.15: expected a voxel no"),
+        (
+            ("grid", "m", "--voxel", "0.4"),
+            "--from-height-m 0.15: expected --voxel of at most 0.15",
+        ),
         (("esdf", "m", "--voxel", "0"), "--voxel 0.0: expected 0.01 to 0.5 m"),
         (("grid", "m", "--to-height-m", "0.1"), "--from-height-m 0.15 --to-height-m 0.1: expected"),
         (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected the second above"),
