@@ -67,11 +67,13 @@ class RerunView:
             thread.images_s = seconds
 
     def close(self) -> None:
-        """Draw what waits, write the end of the file; at most some seconds for a dead viewer."""
+        """Draw what waits, write the end of the file; wait some seconds at most, as for a full disk."""
         for thread in self._threads:
             thread.stop()
         for thread in self._threads:
             thread.join(_CLOSE_S)
+        if any(thread.is_alive() for thread in self._threads):
+            rr.unregister_shutdown()  # at exit the SDK would wait for ever for what it cannot write
         if self._process is not None:
             self._process.close()
 
