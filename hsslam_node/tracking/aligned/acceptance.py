@@ -24,9 +24,8 @@ def is_acceptable(
     """Whether the pose fits map or keyframe and is near `prediction` [4, 4] (camera to world).
 
     `after_gap`: the camera was lost or unseen for long, so the pose must also fit the reference
-    keyframe: in a place that the map says nothing of, few points contradict it. `localise_only`: the map
-    does not grow with what the camera sees, so some of that must be on a keyframe. A term that is switched
-    off is not asked.
+    keyframe: where the map knows nothing, few points contradict a wrong pose. `localise_only`: no keyframe
+    is added, so one that is there must show a part of the frame. A term that is switched off is not asked.
     """
     if alignment is None or not np.isfinite(alignment.T_world_cam).all():
         return False

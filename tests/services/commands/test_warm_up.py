@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.exit_code import ExitCode
 
@@ -69,6 +70,27 @@ def test_a_cache_that_cannot_be_written_is_one_line(
     assert line.startswith(f"error: kernel cache {folder}: ")
     assert "XDG_CACHE_HOME" in line
     assert not out.exists()
+
+
+def test_a_run_waits_for_no_more_kernels_than_its_poses_and_map_need(tmp_path: Path):
+    """The supervisor's warm-up finds its part of the cache; the command still has the rest to compile."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = [
+        sys.executable,
+        "-c",
+        "from hsslam_node.kernels.cache_folder import run_stamp as s; print(s())",
+    ]
+    stamp = Path(
+        subprocess.run(command, env=environment, capture_output=True, text=True).stdout[:-1]
+    )
+    stamp.parent.mkdir(parents=True)
+    stamp.touch()
+    served = [sys.executable, "-m", WARM_UP, "--run", str(tmp_path)]
+    done = subprocess.run(served, env=environment, capture_output=True, text=True, timeout=20)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    with subprocess.Popen(served[:-2], env=environment, stdout=subprocess.PIPE, text=True) as whole:
+        assert whole.stdout is not None and "the built-in room" in whole.stdout.readline()
+        whole.kill()
 
 
 def test_arguments_are_refused_and_help_is_given():
