@@ -1,6 +1,7 @@
 """`hsslam-serve`: runs the service; apart from the supervisor, so that an early Ctrl-C is quiet."""
 
 import os
+import signal
 import sys
 from typing import NoReturn
 
@@ -20,6 +21,8 @@ def main() -> None:
 def _serve() -> int:
     try:
         if sys.argv[1:2] == ["warm-up"]:
+            # not by an exception: the compiler catches some, and goes on
+            signal.signal(signal.SIGINT, lambda *_: _interrupted())
             from hsslam_services.commands.warm_up import warm_up_command
 
             return warm_up_command(sys.argv[2:])

@@ -98,6 +98,7 @@ def _compile_for_run(report: Report) -> _TinyRun:
 def _map_a_wall(parent_pid: int) -> None:
     """Mapping, bundle adjustment and tracking by rendering on three frames."""
     die_with_parent(signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it
     if os.getppid() != parent_pid:  # it died before that
         return
     from hsslam_node.presets import PRESETS
