@@ -10,6 +10,7 @@ Arena: reads keyframes, map, map_state, load_level
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,6 +116,14 @@ def _run(worker: Worker) -> None:
         worker.stop_event().wait(loop.pause_s())
 
 
+class _MeshState(NamedTuple):
+    """What all blocks of the mesh are of."""
+
+    revision: int
+    map_version: int
+    map_epoch: int
+
+
 class _MesherLoop:
     """Keeps the blocks of the mesh, and publishes those that change."""
 
@@ -214,31 +223,34 @@ class _MesherLoop:
         if not changed or self._worker.should_stop():
             return
         self._revision += 1
-        self._blocks.put(self._message(list(changed.items())))
+        self._blocks.put(self._message(list(changed.items()), self._state()))
         self._worker.count("meshes")
         self._worker.count("mesh_blocks_sent", len(changed))
 
     def _all_blocks(self) -> Iterator[MeshBlocks]:
-        """What a subscriber that comes late needs, in messages of some megabytes."""
+        """What a subscriber that comes late needs, in messages of some megabytes, made one by one."""
         with self._lock:
             known: list[tuple[Block, BlockMesh | None]] = [
                 (mesh.block, mesh) for mesh in self._mesh.meshes
             ]
-            messages = [
-                self._message(known[k : k + _BLOCKS_A_MESSAGE])
-                for k in range(0, len(known), _BLOCKS_A_MESSAGE)
-            ]
-        yield from messages
+            state = self._state()
+        for k in range(0, len(known), _BLOCKS_A_MESSAGE):
+            yield self._message(known[k : k + _BLOCKS_A_MESSAGE], state)
 
-    def _message(self, blocks: Sequence[tuple[Block, BlockMesh | None]]) -> MeshBlocks:
+    def _state(self) -> _MeshState:
+        return _MeshState(self._revision, self._version, self._mode.map_epoch)
+
+    def _message(
+        self, blocks: Sequence[tuple[Block, BlockMesh | None]], state: _MeshState
+    ) -> MeshBlocks:
         space = self._mesh.space
         return blocks_message(
             [(block, mesh and _triangles(mesh, space)) for block, mesh in blocks],
             BlockLattice(space.voxel_m, space.block_m),
             series=self._series,
-            revision=self._revision,
-            map_version=self._version,
-            map_epoch=self._mode.map_epoch,
+            revision=state.revision,
+            map_version=state.map_version,
+            map_epoch=state.map_epoch,
         )
 
 
