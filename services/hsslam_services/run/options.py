@@ -106,7 +106,7 @@ class ServeOptions:
     """Where the map is computed; auto: an NVIDIA GPU if one works."""
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
-    memory_gb: float = 1.1
+    memory_gb: float = 1.05
     """Limit of shared memory, GB; above 70 % redundant keyframes are removed."""
     viewer_memory_gb: float | None = None
     """Memory of a viewer started here, GB; then the oldest data goes (none: 0.5; server for web: 0.15)."""
