@@ -15,7 +15,7 @@ from typing import Any
 from hsslam_batch.results.costs import costs
 from hsslam_batch.results.runs_table import read_runs
 from hsslam_bench.batch.planned import batch_command, plan
-from hsslam_bench.runs.session import QUICK_FRAMES
+from hsslam_bench.runs.sequences import QUICK_FRAMES
 
 
 def main() -> None:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from hsslam_bench.runs.serve_run import RunFailedError
-from hsslam_bench.runs.session import NotMeasured, Session, Skipped
+from hsslam_bench.runs.sequences import Skipped
+from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.errors import UserError, did_you_mean
 
 Verdict = Literal["ok", "NOT MET", "measured", "skipped", "not measured"]

@@ -12,7 +12,8 @@ import msgspec
 import psutil
 
 from hsslam_bench.checks.check import Row
-from hsslam_bench.runs.session import QUICK_FRAMES, Session
+from hsslam_bench.runs.sequences import QUICK_FRAMES
+from hsslam_bench.runs.session import Session
 from hsslam_node.errors import UserError
 from hsslam_services.run.run_info import write_atomically
 from hsslam_services.run.summary import source_commit

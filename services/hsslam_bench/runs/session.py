@@ -10,21 +10,18 @@ from pathlib import Path
 from typing import Literal
 
 from hsslam_bench.runs.cpu_quota import NoQuotaError
-from hsslam_bench.runs.room_recordings import write_distorted_room, write_recorded_room
+from hsslam_bench.runs.sequences import QUICK_FRAMES, RoomCamera, Sequences
 from hsslam_bench.runs.serve_run import Outsider, RunFailedError, ServeRun, serve
 from hsslam_bench.runs.viewers import AttachedViewer
 from hsslam_node.kernels.cache_folder import warm_stamp
 from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 
-QUICK_FRAMES = 40
 _COLD_FRAMES = 60
-_LENS_FRAMES = 300
 _COVER_AT, _COVER_FRAMES = 150, 90
 _ODOMETRY_NOISE = "0.01"  # 1 % of each motion, and as much of scale
 Lens = Literal["free", "covered"]
 _GROWTH_LENGTH = 3000  # of which a run takes the first frames: the same motion in all
-_HALF, _HALF_ROOM = ("--downscale", "2"), ("--synth.width-px", "320", "--synth.height-px", "240")
 _POSES_ALONE = ("--slam.mapper.last-iterations", "0", "--slam.mesher.final-voxel-m", "0.1")
 _SEEDS = (0, 1, 2)
 Terms = Literal["both", "keyframe", "map"]  # of tracking: what moves a pose; all judge it
@@ -35,13 +32,6 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
 }
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
-_SCENES = ("room", "apartment", "corridor", "person", "chair", "lookalike")
-RECORDED_ROOM = "recordedroom"  # synth:room as files: nothing is rendered while it runs
-_SOURCES = {"livingroom": "tum", "kitchen": "tum", "house": "replica"}  # folders of --data
-
-
-class Skipped(Exception):  # noqa: N818 - not an error
-    """What a check needs is not on disk."""
 
 
 class NotMeasured(Exception):  # noqa: N818 - not an error
@@ -174,13 +164,9 @@ class Session:
         options = (*self._source(sequence), "--seed", "0", *options)
         return self._run(name, options, outsider=outsider, viewer=viewer)
 
-    def lens(self, kind: Literal["plain", "lens"], seed: int) -> ServeRun:
+    def lens(self, kind: RoomCamera, seed: int) -> ServeRun:
         """Poses of the built-in room with noise as files of a pinhole camera, or of one with a lens."""
-        folder = self.folder / "distorted-room"
-        if not (folder / "lens/groundtruth.txt").exists():
-            self.say("rendering a room through a lens")
-            write_distorted_room(folder, QUICK_FRAMES if self.quick else _LENS_FRAMES)
-        source = ("--source", f"tum:{folder / kind}", "--noise", "kinect")
+        source = ("--source", self._sequences.room_of_camera(kind), "--noise", "kinect")
         options = (*source, "--pace", "lockstep", "--seed", str(seed), *_POSES_ALONE)
         return self._run(f"poses-{kind}-seed{seed}", options)
 
@@ -234,26 +220,12 @@ class Session:
         return self.outputs[key]
 
     def source(self, sequence: str) -> str:
-        """The source of a sequence: a folder of the data, or a built-in scene.
+        """The source of a sequence.
 
         Raises:
-            Skipped: the folder is not there.
+            Skipped: its folder is not there.
         """
-        if sequence in _SCENES:
-            return f"synth:{sequence}"
-        if sequence == RECORDED_ROOM:
-            return f"tum:{self._recorded_room()}"
-        folder = (self.data / sequence).absolute()
-        if not folder.is_dir():
-            raise Skipped(f"{folder} is not on disk")
-        return f"{_SOURCES[sequence]}:{folder}"
-
-    def _recorded_room(self) -> Path:
-        folder = self.folder / "recorded-room"
-        if not (folder / "groundtruth.txt").exists():
-            self.say("recording the room")
-            write_recorded_room(folder)
-        return folder
+        return self._sequences.source(sequence)
 
     def _run(
         self,
@@ -286,13 +258,11 @@ class Session:
         return self.runs[name]
 
     def _source(self, sequence: str, *, half: bool = False) -> tuple[str, ...]:
-        """Options of a sequence, as "house", "house-kinect" or "house-kinect-exposure"."""
-        place, *changes = sequence.split("-")
-        noise = "kinect" if "kinect" in changes else "none"
-        exposure = ("--exposure", "drift") if "exposure" in changes else ()
-        size = () if not half else _HALF_ROOM if place == "room" else _HALF
-        frames = ("--frames", str(QUICK_FRAMES)) if self.quick else ()
-        return ("--source", self.source(place), "--noise", noise, *exposure, *size, *frames)
+        return self._sequences.options(sequence, half=half)
+
+    @property
+    def _sequences(self) -> Sequences:
+        return Sequences(self.data, self.folder, self.quick, self.say)
 
     def warm_up(self) -> None:
         """Compile the kernels if that has not been done: only a cold start may meet an empty cache."""
