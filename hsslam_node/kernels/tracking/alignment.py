@@ -108,12 +108,12 @@ def add_keyframe_surface_term(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_photometric_term(
-    grey, depth, K, key_world, key_grey, T_world_cam, bias, gain, sigma, huber, H, b
+    grey, depth, depth_step, K, key_world, key_grey, T_world_cam, bias, gain, sigma, huber, H, b
 ):  # fmt: skip
     """Keyframe pixels key_world [N, 3] (m, world) with grey level key_grey [N] against an image.
 
     grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown) to skip
-    what is hidden, K [4]. An image is gain times the keyframe plus bias; they are columns 7 and 6 of the
+    what is hidden: what differs by more than the share depth_step of its depth; K [4]. An image is gain times the keyframe plus bias; they are columns 7 and 6 of the
     system. Returns (weighted squared error,
     inliers, pixels in view).
     """
@@ -139,7 +139,7 @@ def add_photometric_term(
         i = int(u)
         j = int(v)
         measured = depth[j, i]
-        if measured > 0 and abs(measured - z) > 0.05 * z:
+        if measured > 0 and abs(measured - z) > depth_step * z:
             continue
         seen += 1
         fu = u - i

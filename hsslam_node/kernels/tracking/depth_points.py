@@ -51,8 +51,10 @@ def sample_points(
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def halve_depth(depth, out):
-    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0 or they lie apart.
+def halve_depth(depth, depth_step, out):
+    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0, or they differ by more.
+
+    depth_step float32: by what share of the depth the four may differ, as those of one surface do.
 
     Inverse depth is linear in the image of a plane, so the mean is the depth at the block's centre.
     """
@@ -64,7 +66,7 @@ def halve_depth(depth, out):
             d = depth[2 * v + 1, 2 * u + 1]
             low = min(min(a, b), min(c, d))
             high = max(max(a, b), max(c, d))
-            if low > 0 and high - low < np.float32(0.05) * high:
+            if low > 0 and high - low < depth_step * high:
                 out[v, u] = np.float32(4.0) / (
                     np.float32(1.0) / a
                     + np.float32(1.0) / b

@@ -121,7 +121,7 @@ class FrameTerms:
             image = self._levels[level]
             system.H_before_photo = system.H.copy()
             found = add_photometric_term(
-                image.grey, image.depth, image.K, self._key_world[level],
+                image.grey, image.depth, image.depth_step, image.K, self._key_world[level],
                 self._reference.grey[level], T, *self.exposure, c.photometric_sigma,
                 c.photometric_huber, system.H, system.b,
             )  # fmt: skip

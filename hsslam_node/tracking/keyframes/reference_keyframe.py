@@ -8,12 +8,15 @@ import numpy as np
 from hsslam_node.config import TrackerConfig
 from hsslam_node.depth_noise import EXACT_NOISE, depth_noise
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.tracking.depth_points import halve_depth, surface_of_depth
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.keyframes.other_views import OtherViews, views_near
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
+_DEPTH_STEP = 0.05  # neighbouring pixels of one surface differ by a smaller share of their depth,
+_DEPTH_STEP_FOCAL_PX = 240.0  # if the focal length is no shorter; else a pixel spans more of a slope
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,7 @@ class PyramidLevel:
     grey: np.ndarray  # [h, w] float32 0..255
     depth: np.ndarray  # [h, w] float32 m, 0 = unknown
     K: np.ndarray  # [4] float64 fx, fy, cx, cy
+    depth_step: float  # share of the depth; neighbours that differ by more lie on two surfaces
 
 
 @dataclass(frozen=True)
@@ -47,24 +51,30 @@ def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
         cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3), 0.7
     )
     depth = frame.depth_m()
+    depth_step = _depth_step(frame.camera)
     levels = []
     for factor in reversed(PYRAMID_LEVELS):
         camera = frame.camera.scaled(factor)
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         if factor < 1.0:
-            depth = _halved_depth(depth)
+            depth = _halved_depth(depth, depth_step)
             height, width = depth.shape  # an odd row or column is left out
             even = grey[: 2 * height, : 2 * width]
             grey = cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA)
-        levels.append(PyramidLevel(grey, depth, K))
+        levels.append(PyramidLevel(grey, depth, K, depth_step))
     return tuple(reversed(levels))
 
 
-def _halved_depth(depth: np.ndarray) -> np.ndarray:
+def _depth_step(camera: Camera) -> float:
+    """The share of its depth by which neighbours of a pixel on one surface may differ, at all levels."""
+    return _DEPTH_STEP * max(1.0, _DEPTH_STEP_FOCAL_PX / min(camera.fx, camera.fy))
+
+
+def _halved_depth(depth: np.ndarray, depth_step: float) -> np.ndarray:
     """Mean of each 2x2 block; unknown where one of the four is, or where they lie apart."""
     height, width = depth.shape[0] // 2, depth.shape[1] // 2
     out = np.empty((height, width), np.float32)
-    halve_depth(depth, out)
+    halve_depth(depth, np.float32(depth_step), out)
     return out
 
 
@@ -110,7 +120,7 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
     strength = gx * gx + gy * gy  # cv2.magnitude rounds by the address of its result
     low = cv2.erode(level.depth, np.ones((3, 3), np.uint8))
     high = cv2.dilate(level.depth, np.ones((3, 3), np.uint8))
-    strength[(low <= 0) | (high - low > 0.05 * high)] = 0
+    strength[(low <= 0) | (high - low > level.depth_step * high)] = 0
     strength[:2], strength[-2:], strength[:, :2], strength[:, -2:] = 0, 0, 0, 0
     cell = max(1, int(np.sqrt(height * width / max(wanted, 1))))
     rows, columns = height // cell, width // cell
@@ -137,14 +147,15 @@ def _surface(
     """Points and normals where the depth is continuous: of all pixels as they are if it is exact, else
     at half resolution, averaged over the views and smoothed, as inverse depth."""
     is_exact = noise < EXACT_NOISE
+    depth_step = _depth_step(frame.camera)
     camera = frame.camera if is_exact else frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-    depth = frame.depth_m() if is_exact else _halved_depth(frame.depth_m())
+    depth = frame.depth_m() if is_exact else _halved_depth(frame.depth_m(), depth_step)
     low = cv2.erode(  # nor is the image continuous at its border
         depth, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)
     )
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
-    continuous = (low > 0) & (high - low < 0.05 * high)
+    continuous = (low > 0) & (high - low < depth_step * high)
     if views:
         depth = _averaged(depth, K, views)
     if not is_exact:

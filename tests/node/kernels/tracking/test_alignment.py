@@ -194,6 +194,7 @@ def _photometric_cost(points: np.ndarray, huber: float) -> Cost:
         value, _, seen = add_photometric_term(
             grey,
             depth,
+            0.05,
             K,
             world,
             key_grey,
@@ -226,6 +227,6 @@ def test_photometric_term_passes_over_what_is_hidden_or_out_of_view():
     H, b = _system()
     key_grey = np.full(5, 100, np.float32)
     _, inliers, seen = add_photometric_term(
-        grey, depth, K, key, key_grey, np.eye(4), 0.0, 1.0, 8.0, 10.0, H, b
+        grey, depth, 0.05, K, key, key_grey, np.eye(4), 0.0, 1.0, 8.0, 10.0, H, b
     )
     assert (inliers, seen) == (1, 1)

@@ -6,6 +6,7 @@ from hsslam_node.kernels.tracking.depth_points import halve_depth, sample_points
 
 HEIGHT, WIDTH = 60, 80
 K = np.array([70.0, 72.0, 39.0, 30.5])
+STEP = np.float32(0.05)
 
 
 def _sampled(
@@ -79,7 +80,7 @@ def test_halved_depth_of_a_plane_is_the_plane():
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
     inverse_depth = 0.4 + 0.003 * u - 0.002 * v
     half = np.empty((HEIGHT // 2, WIDTH // 2), np.float32)
-    halve_depth((1 / inverse_depth).astype(np.float32), half)
+    halve_depth((1 / inverse_depth).astype(np.float32), STEP, half)
     centres = inverse_depth[::2, ::2] + 0.5 * (0.003 - 0.002)
     np.testing.assert_allclose(half, 1 / centres, rtol=1e-6)
 
@@ -89,5 +90,5 @@ def test_halved_depth_does_not_mix_surfaces():
     depth[0, 1] = 0.0
     depth[2:, 3:] = 1.0
     half = np.empty((2, 3), np.float32)
-    halve_depth(depth, half)
+    halve_depth(depth, STEP, half)
     np.testing.assert_array_equal(half, [[0, 2, 2], [2, 0, 1]])
