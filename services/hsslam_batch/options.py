@@ -44,13 +44,15 @@ class WorkOptions:
     """
 
     POSITIONALS: ClassVar = ("out",)
-    VALUES: ClassVar = {"out": "FOLDER", "scratch": "FOLDER"}
+    VALUES: ClassVar = {"out": "FOLDER", "id": "ID", "scratch": "FOLDER"}
     ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
 
     out: str = "."
     """Folder of the batch, or URL as s3://BUCKET/BATCH."""
     index: int = 0
     """Row of the log in the manifest, from 0."""
+    id: str = ""
+    """Id of the log; no run is made if the row has another (empty: any)."""
     attempt: int = 1
     """Number of this attempt at the log."""
     retries: int = 0

@@ -12,8 +12,8 @@ from hsslam_batch.attempt.outcome import ENDS, Ended, Frames, Outcome, Refused
 from hsslam_batch.attempt.serve_log import CancelledError, Terms, serve_log
 from hsslam_batch.attempt.watched_process import Limits
 from hsslam_batch.options import WorkOptions
-from hsslam_batch.plan.batch import OtherCodeError, UnavailableError, folder_of, read_batch
-from hsslam_batch.plan.log import read_manifest
+from hsslam_batch.plan.batch import Batch, OtherPlanError, UnavailableError, folder_of, read_batch
+from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.stop_signals import hear_stop_signals
@@ -25,7 +25,7 @@ def work_command(args: Sequence[str]) -> int:
     """Make one attempt at a log and commit it; its exit code.
 
     Raises:
-        UserError: no batch there, no such log, or other code than it was planned with.
+        UserError: no batch there, no such log, or other code or another log than planned.
     """
     options = parse_options(WorkOptions, "hsslam-batch work", args)
     try:
@@ -33,7 +33,7 @@ def work_command(args: Sequence[str]) -> int:
     except UnavailableError as error:  # not bad input: another attempt may work
         print(f"error: {error}", file=sys.stderr)
         return _FAILED
-    except OtherCodeError as error:  # no failure of the log
+    except OtherPlanError as error:  # no failure of the log
         if options.json:
             print(msgspec.json.encode(Refused(str(error))).decode(), flush=True)
         raise
@@ -46,10 +46,7 @@ def _work(options: WorkOptions) -> int:
     else:
         batch = read_batch(options.out)
     batch.expect_same_code()
-    logs = read_manifest(batch.out)
-    if options.index >= len(logs):
-        raise UserError(f"--index {options.index}: expected 0 to {len(logs) - 1}")
-    log = logs[options.index]
+    log = _planned(batch, options)
     if not is_remote:
         before = settled(batch, log.id)
     if before is not None and before.is_done:
@@ -73,6 +70,20 @@ def _work(options: WorkOptions) -> int:
         raise KeyboardInterrupt from None
     _tell(options.json, outcome)
     return ENDS.get(outcome.kind, _FAILED)
+
+
+def _planned(batch: Batch, options: WorkOptions) -> Log:
+    """The log that the options name."""
+    logs = read_manifest(batch.out)
+    row = logs[options.index : options.index + 1]
+    if options.id and [log.id for log in row] != [options.id]:
+        raise OtherPlanError(
+            f"--id {options.id}: {batch.place} has another log in row {options.index}: expected the "
+            "plan with which the run began"
+        )
+    if not row:
+        raise UserError(f"--index {options.index}: expected 0 to {len(logs) - 1}")
+    return row[0]
 
 
 def _signalled() -> int:

@@ -58,7 +58,7 @@ class Ended(msgspec.Struct, frozen=True, tag="ended"):
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
-    """No attempt was made, as the code is not that of the plan; a line of JSON."""
+    """No attempt was made, as the code or the log is not that of the plan; a line of JSON."""
 
     reason: str
 

@@ -11,7 +11,7 @@ from hsslam_batch.cluster.board import Running
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch, OtherCodeError
+from hsslam_batch.plan.batch import Batch, OtherPlanError
 from hsslam_batch.plan.log import Log
 from hsslam_batch.results.progress import BatchProgress
 
@@ -87,7 +87,7 @@ class BatchRun:
         if result.outcome is None and not result.is_lost:
             try:
                 self.batch.expect_same_code()
-            except OtherCodeError as error:
+            except OtherPlanError as error:
                 return str(error)
         return ""
 
@@ -108,9 +108,10 @@ class BatchRun:
         return settled(self.batch, log.id) or outcome  # it may have committed just before it died
 
 
-def work_words(batch: Batch, options: RunOptions, one: Try) -> list[str]:
+def work_words(batch: Batch, logs: Sequence[Log], options: RunOptions, one: Try) -> list[str]:
     """The arguments of `hsslam-batch work` for an attempt."""
-    words = [batch.place, "--index", str(one.index), "--attempt", str(one.attempt)]
+    words = [batch.place, "--index", str(one.index), "--id", logs[one.index].id]
+    words += ["--attempt", str(one.attempt)]
     given = {
         "--retries": options.retries,
         "--memory": options.memory_gb,

@@ -1,13 +1,11 @@
 """`hsslam-batch run`: all logs that are left, as tasks of Ray."""
 
 import contextlib
-import fcntl
 import shutil
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 
 from hsslam_batch.attempt.commit import all_settled
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
@@ -15,17 +13,16 @@ from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
 from hsslam_batch.cluster.task import perform
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch, read_batch
+from hsslam_batch.plan.batch import Batch, OtherPlanError, read_batch
+from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import Log, read_manifest
 from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.runs_table import is_current, write_runs
 from hsslam_batch.results.tally import Tally
-from hsslam_node.errors import UserError
 from hsslam_services.commands.cli import parse_options
 from hsslam_services.run.stop_signals import hear_stop_signals
 
 _RAY_MESSAGES = "ray.log"
-_LOCK = ".lock"
 _INTERRUPTED, _FAILED = 1, 3
 
 
@@ -33,8 +30,8 @@ def run_command(args: Sequence[str]) -> int:
     """Run what is left; its exit code.
 
     Raises:
-        UserError: no batch there, other code than it was planned with, no Ray at the address, another run
-            of this batch goes on, or the folder cannot be written.
+        UserError: no batch there, other code than it was planned with, no Ray at the address, another run or
+            a plan of this batch goes on, or the folder cannot be written.
     """
     options = parse_options(RunOptions, "hsslam-batch run", args)
     batch = read_batch(options.out)
@@ -44,7 +41,7 @@ def run_command(args: Sequence[str]) -> int:
     waiting = list(waiting_tries(found, options))
     if not waiting:
         if batch.url or not is_current(batch):  # `work` may have mended a log since
-            with batch.expect_writable(), _alone(batch):
+            with _owned(batch, logs):
                 write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
@@ -52,7 +49,7 @@ def run_command(args: Sequence[str]) -> int:
     open_logs = {one.index for one in waiting}
     over = [outcome for index, outcome in found.items() if outcome and index not in open_logs]
     tally = Tally(logs, over)
-    with batch.expect_writable(), _alone(batch):
+    with _owned(batch, logs):
         shutil.rmtree(batch.work, ignore_errors=True)  # of a run that was killed
         stopped = _run(batch, logs, waiting, tally, options)
         write_runs(batch, logs)
@@ -87,7 +84,7 @@ def _run(
         BatchProgress(batch, tally, options.metrics_file) as progress,
     ):
         share = Share(options.cpus, options.memory_gb)
-        words = partial(work_words, batch, options)
+        words = partial(work_words, batch, logs, options)
         pool = RayPool(perform, words, share, options.parallel)
         with _stopping() as stop:
             run = BatchRun(batch, logs, options.retries, pool, progress, stop)
@@ -114,17 +111,16 @@ def _stopping() -> Iterator[Stop]:
 
 
 @contextlib.contextmanager
-def _alone(batch: Batch) -> Iterator[None]:
-    """Own the batch in the block.
+def _owned(batch: Batch, logs: list[Log]) -> Iterator[None]:
+    """Own the batch in the block: its plan is still the one that was read.
 
     Raises:
-        UserError: another process does.
+        UserError: another process owns it, it was planned anew meanwhile, or its folder cannot be
+            written.
     """
-    with Path(batch.out / _LOCK).open("wb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UserError(f"{batch.place}: another hsslam-batch run is at work on it") from None
-        except OSError:
-            pass  # a file system without locks
+    with batch.expect_writable(), alone(batch.out, batch.place):
+        if (read_batch(batch.place), read_manifest(batch.out)) != (batch, logs):
+            raise OtherPlanError(
+                f"{batch.place}: was planned anew just now: expected the same command once more"
+            )
         yield

@@ -43,8 +43,8 @@ class UnavailableError(UserError):
     """The folder or the store of a batch fails now; the same command may work later."""
 
 
-class OtherCodeError(UserError):
-    """A batch was planned with other code than this."""
+class OtherPlanError(UserError):
+    """A batch was planned with other code than this, or has another plan than that of the run."""
 
 
 class BatchFile(msgspec.Struct, frozen=True):
@@ -138,10 +138,10 @@ class Batch:
 
     def expect_same_code(self) -> None:
         """Raises:
-        OtherCodeError: the batch was planned with other code than this.
+        OtherPlanError: the batch was planned with other code than this.
         """
         if self.about.code != code():
-            raise OtherCodeError(
+            raise OtherPlanError(
                 f"{self.place}: was planned with {self.about.code}, this is {code()}: expected the same "
                 "code, or a new plan"
             )

@@ -11,6 +11,7 @@ from hsslam_batch.options import PlanOptions
 from hsslam_batch.plan.batch import folder_of, write_batch
 from hsslam_batch.plan.find_logs import find_logs, is_utf8, with_frames
 from hsslam_batch.plan.listing import Listing, list_folder
+from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import write_manifest
 from hsslam_batch.plan.remote_listing import is_url, list_url
 from hsslam_node.errors import UserError
@@ -29,8 +30,8 @@ def plan_command(args: Sequence[str]) -> None:
     """Write manifest and configuration; print what was found.
 
     Raises:
-        UserError: no logs, an option of hsslam-serve that is wrong or that each run decides, or a folder
-            that cannot be written.
+        UserError: no logs, an option of hsslam-serve that is wrong or that each run decides, a folder that
+            cannot be written, or a run of the batch that goes on.
     """
     own, of_serve = _split(args)
     options = parse_options(PlanOptions, _PROG, own)
@@ -49,8 +50,9 @@ def plan_command(args: Sequence[str]) -> None:
         logs = list(progress.track(counting, total=len(found)))
     try:
         out.mkdir(parents=True, exist_ok=True)
-        write_manifest(out, logs)
-        batch = write_batch(out, serve, options.logs, url)
+        with alone(out, place):
+            write_manifest(out, logs)
+            batch = write_batch(out, serve, options.logs, url)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"--out {place}: {reason}: expected a folder that can be written") from None

@@ -110,9 +110,10 @@ def test_work_gets_the_limits_of_run(tmp_path: Path):
     options = RunOptions(
         out=str(batch.out), memory_gb=3.5, timeout_s=60.0, scratch=Path("/scratch"), retries=1
     )
-    words = work_words(batch, options, Try(2, 3))
+    logs = read_manifest(batch.out)
+    words = work_words(batch, logs, options, Try(2, 3))
     work = parse_options(WorkOptions, "hsslam-batch work", words)
-    assert (work.out, work.index, work.attempt) == (str(batch.out), 2, 3)
+    assert (work.out, work.index, work.id, work.attempt) == (str(batch.out), 2, "id2", 3)
     assert work.retries == 1
     assert (work.memory_gb, work.timeout_s, work.scratch) == (3.5, 60.0, Path("/scratch"))
-    assert "--timeout" not in work_words(batch, RunOptions(out=str(batch.out)), Try(0))
+    assert "--timeout" not in work_words(batch, logs, RunOptions(out=str(batch.out)), Try(0))

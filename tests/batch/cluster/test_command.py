@@ -1,8 +1,8 @@
 """What `hsslam-batch run` decides before it starts Ray."""
 
-import fcntl
 import os
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -15,7 +15,8 @@ from hsslam_batch.attempt.outcome import Line, Refused
 from hsslam_batch.cluster.command import run_command, waiting_tries
 from hsslam_batch.cluster.drive import Try
 from hsslam_batch.options import RunOptions
-from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.batch import Batch, OtherPlanError
+from hsslam_batch.plan.lock import alone
 from hsslam_node.errors import UserError
 from tests.batch.outcomes import outcome, planned, run_folder
 
@@ -65,10 +66,38 @@ def test_what_waits_and_with_which_attempt(batch: Batch):
 
 def test_two_runs_of_one_batch_do_not_meet(batch: Batch):
     batch.failed_file("id1").unlink()
-    with (batch.out / ".lock").open("wb") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        with pytest.raises(UserError, match="another hsslam-batch run is at work on it"):
-            run_command([str(batch.out)])
+    with (
+        alone(batch.out, batch.place),
+        pytest.raises(UserError, match="hsslam-batch run or plan is at work on it"),
+    ):
+        run_command([str(batch.out)])
+
+
+def test_a_plan_that_is_made_anew_before_the_run_owns_the_batch_is_refused(batch: Batch):
+    row = batch.failed_file("id1")
+    row.unlink()
+    os.mkfifo(row)  # the run waits for it once it has read the plan
+    with ThreadPoolExecutor(1) as pool:
+        run = pool.submit(run_command, [str(batch.out)])
+        with row.open("wb"):
+            planned(batch.out, frames=(100,))
+        with pytest.raises(OtherPlanError, match=r"out: was planned anew just now: expected"):
+            run.result()
+
+
+@pytest.mark.parametrize(("index", "wanted"), [("1", "id0"), ("2", "id2")])
+def test_no_run_is_made_of_another_log_than_planned(
+    batch: Batch, capsys: pytest.CaptureFixture[str], index: str, wanted: str
+):
+    """The batch was planned anew where no lock is seen, and the row holds another log, or none."""
+    words = [str(batch.out), "--index", index, "--id", wanted, "--json"]
+    with pytest.raises(
+        OtherPlanError, match=rf"^--id {wanted}: .* has another log in row {index}: expected"
+    ) as raised:
+        work_command(words)
+    said = msgspec.json.decode(capsys.readouterr().out, type=Line)
+    assert said == Refused(str(raised.value))
+    assert work_command([str(batch.out), "--index", "0", "--id", "id0"]) == 0  # is done
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
+from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import UserError
@@ -48,6 +49,17 @@ def test_the_hash_follows_the_options_and_not_the_folder(logs: Path, tmp_path: P
     assert _plan(logs, tmp_path / "a", "--seed", "1").about.configuration != (
         first.about.configuration
     )
+
+
+def test_a_batch_that_runs_keeps_its_plan(logs: Path, tmp_path: Path):
+    batch = _plan(logs, tmp_path / "out")
+    before = {path: path.read_bytes() for path in batch.out.iterdir()}
+    with (
+        alone(batch.out, batch.place),
+        pytest.raises(UserError, match=r"out: hsslam-batch run or plan is at work on it: expected"),
+    ):
+        _plan(logs / "log1", batch.out, "--seed", "1")
+    assert before == {path: path.read_bytes() for path in batch.out.iterdir()}
 
 
 def test_results_of_the_batch_are_no_logs_whatever_path_leads_to_them(logs: Path, tmp_path: Path):
