@@ -1,6 +1,6 @@
 """The configuration of a batch, and where everything lies below its folder.
 
-OUT/batch.json          hash of the configuration, code, folder of the logs
+OUT/batch.json          hash of the configuration, code and its digest, folder of the logs
 OUT/config.toml         options of every run, as `hsslam-serve --config` reads them
 OUT/manifest.parquet    a row a log
 OUT/runs/ID/            the run folder of a log; `_DONE.json`, its row, was written last
@@ -22,16 +22,15 @@ from urllib.parse import unquote, urlsplit
 
 import msgspec
 
+from hsslam_batch.plan.code import code_digest, code_name
 from hsslam_batch.plan.remote_listing import is_url
 from hsslam_batch.plan.store import Store
-from hsslam_node import __version__
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import cache_root
 from hsslam_node.user_path import user_path
 from hsslam_services.run.config_file import CONFIG_FILE, config_text
 from hsslam_services.run.options import ServeOptions
-from hsslam_services.run.summary import source_commit
 
 DONE = "_DONE.json"
 MANIFEST = "manifest.parquet"
@@ -51,8 +50,9 @@ class BatchFile(msgspec.Struct, frozen=True):
     """`batch.json`."""
 
     configuration: str  # hash of options and code
-    code: str
+    code: str  # version and commit
     logs: str  # the folder that was searched
+    digest: str = ""  # of the code, which it identifies; earlier versions wrote none
 
 
 @dataclass(frozen=True)
@@ -140,16 +140,11 @@ class Batch:
         """Raises:
         OtherPlanError: the batch was planned with other code than this.
         """
-        if self.about.code != code():
+        if (digest := code_digest()) != self.about.digest:
             raise OtherPlanError(
-                f"{self.place}: was planned with {self.about.code}, this is {code()}: expected the same "
-                "code, or a new plan"
+                f"{self.place}: was planned with {self.about.code} ({self.about.digest}), this is "
+                f"{code_name()} ({digest}): expected the same code, or a new plan"
             )
-
-
-def code() -> str:
-    """Version and commit of this code."""
-    return " ".join(part for part in (__version__, source_commit()) if part)
 
 
 def _digest(text: str) -> str:
@@ -180,8 +175,8 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
     Raises:
         OSError: the folder or the store cannot be written.
     """
-    text = config_text(options)
-    batch = Batch(out, BatchFile(_digest(f"{code()}\n{text}"), code(), logs), url)
+    text, code = config_text(options), code_digest()
+    batch = Batch(out, BatchFile(_digest(f"{code}\n{text}"), code_name(), logs, code), url)
     write_durably(batch.config, text.encode())
     write_durably(out / _FILE, msgspec.json.format(msgspec.json.encode(batch.about)))
     for name in (MANIFEST, CONFIG_FILE, _FILE):

@@ -60,7 +60,8 @@ def plan_command(args: Sequence[str]) -> None:
     print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
     if unknown := sum(not log.frames for log in logs):
         print(f"{unknown} of them have frames that only their run can count")
-    print(f"configuration {batch.about.configuration}, code {batch.about.code}")
+    about = batch.about
+    print(f"configuration {about.configuration}, code {about.code} ({about.digest})")
     print(f"next: hsslam-batch run {options.out}")
 
 

@@ -96,13 +96,13 @@ def test_an_edit_that_breaks_the_command_itself_fails_no_log(
     broken = TaskResult(trouble="hsslam-batch work ended with exit code 1: ImportError: no module")
     assert _run(batch, Board()).judge(Try(0), broken) == Try(0, 2)  # a crash, with the same code
     file = batch.out / "batch.json"
-    file.write_text(file.read_text().replace(batch.about.code, "0.0.9 abcdef"))
+    file.write_text(file.read_text().replace(batch.about.digest, "0123"))
     run = _run(read_batch(str(batch.out)), Board())
     assert run.judge(Try(1), broken) is run.judge(Try(2), broken) is None
     assert run.stop.is_asked() and settled(batch, "id1") is None
     said = capsys.readouterr().err
-    assert said.startswith(f"error: {batch.out}: was planned with 0.0.9 abcdef, this is ")
-    assert said.count("\n") == 1
+    assert said.startswith(f"error: {batch.out}: was planned with ")
+    assert " (0123), this is " in said and said.count("\n") == 1
 
 
 def test_work_gets_the_limits_of_run(tmp_path: Path):

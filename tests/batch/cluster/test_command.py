@@ -119,8 +119,8 @@ def test_a_wrong_value_is_one_line(batch: Batch, words: list[str]):
 def test_other_code_than_planned_is_refused(batch: Batch, capsys: pytest.CaptureFixture[str]):
     batch.failed_file("id1").unlink()
     file = batch.out / "batch.json"
-    file.write_text(file.read_text().replace(batch.about.code, "0.0.9 abcdef"))
-    with pytest.raises(UserError, match=r"was planned with 0.0.9 abcdef, this is .*: expected"):
+    file.write_text(file.read_text().replace(batch.about.digest, "0123"))
+    with pytest.raises(UserError, match=r"was planned with .* \(0123\), this is .*: expected"):
         run_command([str(batch.out)])
     with pytest.raises(UserError, match="was planned with") as raised:
         work_command([str(batch.out), "--index", "1", "--json"])

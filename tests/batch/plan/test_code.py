@@ -1,0 +1,52 @@
+"""Other code has another digest, without any commit, and the same code has the same wherever it lies."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hsslam_batch
+from hsslam_batch.plan.batch import OtherPlanError, read_batch
+from hsslam_batch.plan.code import sources_digest
+from tests.batch.outcomes import planned
+from tests.repository import ROOT
+
+
+def test_the_digest_follows_the_python_files_and_not_their_place(tmp_path: Path):
+    package = tmp_path / "here" / "package"
+    (package / "folder").mkdir(parents=True)
+    for name in ("one.py", "folder/two.py"):
+        (package / name).write_text("x = 1\n")
+    before = sources_digest([package])
+    (package / "notes.txt").write_text("no code")
+    (package / ".#one.py").symlink_to("nowhere")
+    copy = shutil.copytree(package, tmp_path / "there" / "package", symlinks=True)
+    assert before == sources_digest([package]) == sources_digest([copy])
+    (copy / "one.py").write_text("x = 2\n")
+    (package / "one.py").rename(package / "three.py")
+    assert len({before, sources_digest([package]), sources_digest([copy])}) == 3
+
+
+def test_results_of_other_code_of_the_same_version_do_not_count(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    here = Path(hsslam_batch.__path__[0])
+    edited = shutil.copytree(here, tmp_path / "site" / here.name) / "options.py"
+    edited.write_text(f"{edited.read_text()}\n# edited\n")
+    plan = "import sys, pathlib, tests.batch.outcomes as o; o.planned(pathlib.Path(sys.argv[1]))"
+    subprocess.run(
+        [sys.executable, "-c", plan, str(batch.out)],
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
+        cwd=ROOT,
+        check=True,
+    )
+    other = read_batch(str(batch.out))
+    assert other.about.code == batch.about.code
+    assert other.about.configuration != batch.about.configuration
+    name = re.escape(batch.about.code)
+    said = rf"was planned with {name} \({other.about.digest}\), this is {name} \({batch.about.digest}\): exp"
+    with pytest.raises(OtherPlanError, match=said):
+        other.expect_same_code()
