@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
@@ -17,6 +17,7 @@ from hsslam_batch.plan.remote_listing import is_url, list_url
 from hsslam_node.errors import UserError
 from hsslam_node.user_path import user_path
 from hsslam_services.commands.cli import QUESTIONS, parse_options, terminal_progress
+from hsslam_services.commands.options.parser import parsed
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.maps_folder import find_map
 from hsslam_services.run.options import ServeOptions
@@ -68,25 +69,28 @@ def plan_command(args: Sequence[str]) -> None:
 def run_options(of_serve: Sequence[str]) -> ServeOptions:
     """The options of every run, from those of the command line.
 
+    What each run decides is left out of files, as that of a run that is to be repeated on all logs.
+
     Raises:
-        UserError: one that is wrong, or that each run decides.
+        UserError: one that is wrong, or that the command line gives though each run decides it.
     """
     given = parse_command_line(of_serve)
-    usual = ServeOptions(preset=given.preset, slam=given.slam)
+    named = parsed(ServeOptions, _PROG, of_serve)
     for name in _OF_EACH_RUN:
-        flag = f"--{name.replace('_', '-')}"
-        if getattr(given, name) != getattr(usual, name) or _names(of_serve, flag):
-            raise UserError(f"{flag} {getattr(given, name)}: expected no such option: runs of a "
+        if name in named:
+            flag = f"--{name.replace('_', '-')}"
+            raise UserError(f"{flag} {named[name]}: expected no such option: runs of a "
                             "batch have their own sources and folders and no ports")  # fmt: skip
-    if given.pace == "realtime" and _names(of_serve, "--pace"):
+    if named.get("pace") == "realtime":
         raise UserError("--pace realtime: expected lockstep, which uses every frame")
-    if given.viewer not in ("auto", "none"):
-        raise UserError(f"--viewer {given.viewer}: expected none: a batch shows no run")
+    if (viewer := named.get("viewer", "none")) not in ("auto", "none"):
+        raise UserError(f"--viewer {viewer}: expected none: a batch shows no run")
     saved = str(find_map(given.maps, given.map)) if given.map else ""
     mask = str(user_path(given.mask).absolute()) if given.mask else ""
     if mask and not Path(mask).exists():
         raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
-    return replace(given, pace="lockstep", viewer="none", map=saved, mask=mask)
+    usual = {field.name: field.default for field in fields(given) if field.name in _OF_EACH_RUN}
+    return replace(given, **usual, pace="lockstep", viewer="none", map=saved, mask=mask)
 
 
 def _listing(logs: str, place: str) -> Listing:
@@ -102,10 +106,6 @@ def _listing(logs: str, place: str) -> Listing:
             f"--out {place}: its results would be among the logs of {logs}: expected another folder"
         )
     return list_url(url, without=place) if url else list_folder(folder, without=place)
-
-
-def _names(args: Sequence[str], flag: str) -> bool:
-    return any(arg.partition("=")[0].replace("_", "-") == flag for arg in args)
 
 
 def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -1,6 +1,7 @@
 """`hsslam-batch plan` checks everything that can be checked before the first run."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
 from hsslam_node.errors import UserError
 from hsslam_services.commands.serve_command_line import parse_command_line
+from hsslam_services.run.config_file import CONFIG_FILE, config_text
+from hsslam_services.run.options import ServeOptions
 
 
 @pytest.fixture
@@ -120,6 +123,28 @@ def test_a_wrong_option_ends_the_plan(logs: Path, tmp_path: Path, options: list[
     with pytest.raises(UserError, match=line):
         _plan(logs, tmp_path / "out", *options)
     assert not (tmp_path / "out").exists()
+
+
+def test_the_options_of_a_run_serve_but_for_those_that_each_run_decides(logs: Path, tmp_path: Path):
+    run = ServeOptions(
+        source="ros2:",
+        seed=3,
+        downscale=2,
+        viewer="web",
+        zenoh_port=7448,
+        bind="0.0.0.0",
+        security="certs",
+        metrics_port=9000,
+        ros2_out="/hsslam",
+    )
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / CONFIG_FILE).write_text(config_text(run))
+    batch = _plan(logs, tmp_path / "a", "--config", str(tmp_path / "run"))
+    options = parse_command_line(["--config", str(batch.config)])
+    usual = ServeOptions(config=options.config, slam=options.slam)
+    assert options == replace(usual, seed=3, downscale=2, pace="lockstep", viewer="none")
+    with pytest.raises(UserError, match=r"^--metrics-port 9000: expected no such option"):
+        _plan(logs, tmp_path / "a", "--config", str(tmp_path / "run"), "--metrics-port", "9000")
 
 
 def test_a_mask_is_found_from_any_folder_and_looked_for_at_once(
