@@ -48,9 +48,28 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
     if _is_done(batch, outcome):
         return
     _remove(batch.run_dir(outcome.id))
+    _unlink_recordings(batch.rrd_file(outcome.id))
     path = batch.failed_file(outcome.id)
     path.parent.mkdir(exist_ok=True)
     write_durably(path, encoded(outcome))
+
+
+def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
+    """Let the folder of all recordings have those of the logs that are done, and no others.
+
+    No attempt at any log may go on meanwhile.
+
+    Raises:
+        OSError: the folder of the batch cannot be written.
+    """
+    if batch.store is not None:
+        return
+    done = {log_id for log_id, row in all_settled(batch, logs).items() if row.is_done}
+    linked = {path.name.partition(".")[0] for path in batch.rrd_file("any").parent.glob("*.rrd")}
+    for log_id in linked - done:
+        _unlink_recordings(batch.rrd_file(log_id))
+    for log_id in done - linked:
+        _link_recordings(batch.run_dir(log_id), batch.rrd_file(log_id))
 
 
 def settled(batch: Batch, log_id: str) -> Outcome | None:
@@ -93,12 +112,16 @@ def _remove(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def _unlink_recordings(first: Path) -> None:
+    for stale in first.parent.glob(f"{first.stem}.*"):
+        stale.unlink()
+
+
 def _link_recordings(run_dir: Path, first: Path) -> None:
     """The recordings once more, in the folder of all: run.1.rrd as ID.1.rrd; copies if the disk knows no
     links."""
     first.parent.mkdir(exist_ok=True)
-    for stale in first.parent.glob(f"{first.stem}.*"):
-        stale.unlink()
+    _unlink_recordings(first)
     for recording in run_dir.glob("run*.rrd"):
         link = first.with_name(first.stem + recording.name.removeprefix("run"))
         try:

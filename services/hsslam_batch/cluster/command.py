@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from hsslam_batch.attempt.commit import all_settled
+from hsslam_batch.attempt.commit import all_settled, settle_recordings
 from hsslam_batch.attempt.outcome import Outcome, may_try_again
 from hsslam_batch.cluster.batch_run import BatchRun, Stop, work_words
 from hsslam_batch.cluster.drive import Try, drive
@@ -42,6 +42,7 @@ def run_command(args: Sequence[str]) -> int:
     if not waiting:
         if batch.url or not is_current(batch):  # `work` may have mended a log since
             with _owned(batch, logs):
+                settle_recordings(batch, logs)
                 write_runs(batch, logs)
         print(Tally(logs, filter(None, found.values())).line())
         return _FAILED if any(o and not o.is_done for o in found.values()) else 0
@@ -52,6 +53,7 @@ def run_command(args: Sequence[str]) -> int:
     with _owned(batch, logs):
         shutil.rmtree(batch.work, ignore_errors=True)  # of a run that was killed
         stopped = _run(batch, logs, waiting, tally, options)
+        settle_recordings(batch, logs)
         write_runs(batch, logs)
         if not tally.left:
             shutil.rmtree(batch.work, ignore_errors=True)

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from hsslam_batch.attempt.commit import commit, settle_failed, settled
+from hsslam_batch.attempt.commit import commit, settle_failed, settle_recordings, settled
 from hsslam_batch.plan.batch import Batch
+from hsslam_batch.plan.log import read_manifest
 from tests.batch.outcomes import outcome, planned, run_folder
 
 
@@ -14,8 +15,7 @@ def test_a_run_counts_once_it_has_its_row(tmp_path: Path):
     commit(batch, good, run_folder(batch, 0))
     assert settled(batch, "id0") == good
     assert (batch.run_dir("id0") / "trajectory.txt").read_text() == "a pose"
-    recordings = sorted(path.name for path in batch.rrd_file("id0").parent.iterdir())
-    assert recordings == ["id0.1.rrd", "id0.rrd"]
+    assert _recordings(batch) == ["id0.1.rrd", "id0.rrd"]
     batch.done_file("id0").unlink()  # as if the power had failed just before
     assert settled(batch, "id0") is None
     again = outcome(batch, 0, attempt=2)
@@ -54,6 +54,26 @@ def test_results_of_another_configuration_do_not_count(tmp_path: Path):
     assert settled(other, "id0") is settled(other, "id1") is None
     settle_failed(other, outcome(other, 0, "bad input"))
     assert not other.run_dir("id0").exists()  # what the other configuration had made
+    assert _recordings(other) == []
+
+
+def test_recordings_are_those_of_logs_that_are_done(tmp_path: Path):
+    batch = planned(tmp_path / "out")
+    for index in range(3):
+        commit(batch, outcome(batch, index), run_folder(batch, index))
+    batch.done_file("id1").unlink()
+    fewer = planned(tmp_path / "out", frames=(100, 200))
+    settle_recordings(fewer, read_manifest(fewer.out))
+    assert _recordings(fewer) == ["id0.1.rrd", "id0.rrd"]
+    again = planned(tmp_path / "out")
+    settle_recordings(again, read_manifest(again.out))
+    assert _recordings(again) == ["id0.1.rrd", "id0.rrd", "id2.1.rrd", "id2.rrd"]
+    assert again.rrd_file("id2").samefile(again.run_dir("id2") / "run.rrd")
+
+
+def _recordings(batch: Batch) -> list[str]:
+    """The names in the folder of all recordings."""
+    return sorted(path.name for path in batch.rrd_file("any").parent.iterdir())
 
 
 def _second_run_folder(batch: Batch) -> Path:

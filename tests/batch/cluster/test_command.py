@@ -50,6 +50,15 @@ def test_the_table_has_what_work_has_mended_since(batch: Batch):
     assert [row["kind"] for row in rows] == ["done", "done"]
 
 
+def test_recordings_of_logs_that_are_no_more_planned_go(batch: Batch):
+    commit(batch, outcome(batch, 1), run_folder(batch, 1))
+    assert run_command([str(batch.out)]) == 0 and batch.rrd_file("id1").exists()
+    os.utime(batch.out / "runs.parquet", ns=(0, 0))  # a moment before
+    planned(batch.out, frames=(100,))
+    assert run_command([str(batch.out)]) == 0
+    assert batch.rrd_file("id0").exists() and not batch.rrd_file("id1").exists()
+
+
 def test_what_waits_and_with_which_attempt(batch: Batch):
     found = {
         0: outcome(batch, 0),
