@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from hsslam_node.durable_file import durable_file
 
@@ -23,7 +23,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], columns: Mapping[s
         pq.write_table(table, partial, compression="zstd")
 
 
-def read_rows(path: Path) -> list[dict[str, Any]]:
+def read_rows(source: Path | BinaryIO) -> list[dict[str, Any]]:
     """All rows of a file.
 
     Raises:
@@ -32,5 +32,5 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     """
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:  # pq.read_table imports pandas if it is there: a second
+    with pq.ParquetFile(source) as file:  # pq.read_table imports pandas if it is there: a second
         return file.read().to_pylist()

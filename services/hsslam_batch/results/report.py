@@ -11,7 +11,7 @@ from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.comparison import FIGURES, Change, Row, compare, newly_failed, worst
 from hsslam_batch.results.costs import cost_table, costs
-from hsslam_batch.results.runs_table import read_runs, write_runs
+from hsslam_batch.results.runs_table import known_rows, read_runs, write_runs
 from hsslam_batch.results.tally import duration
 from hsslam_services.commands.cli import parse_options
 
@@ -26,7 +26,7 @@ def report_command(args: Sequence[str]) -> int:
     """
     options = parse_options(ReportOptions, "hsslam-batch report", args)
     rows = _rows(options.out)
-    before = [] if options.against is None else _rows(options.against)
+    before = [] if options.against is None else _rows_before(options.against)
     console = Console(emoji=False, highlight=False, markup=False)
     for line in _sums(rows):
         console.print(line, soft_wrap=True)
@@ -46,6 +46,12 @@ def _rows(out: str) -> list[Row]:
     with batch.expect_writable():
         write_runs(batch, read_manifest(batch.out))
     return list(read_runs(batch.out))
+
+
+def _rows_before(against: str) -> list[Row]:
+    """Of the earlier batch, which stays as it is."""
+    batch = read_batch(against)
+    return list(known_rows(batch, read_manifest(batch.out)))
 
 
 def _sums(rows: Sequence[Row]) -> list[str]:

@@ -1,5 +1,6 @@
 """`runs.parquet`: a row a log, what came of it and where its results lie, for pandas, DuckDB and Polars."""
 
+import io
 import typing
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,12 +33,24 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
         OSError: the folder or the store cannot be written.
         UserError: the store cannot be read.
     """
-    settled = all_settled(batch, logs)
-    rows = [_row(batch, log, settled[log.id]) for log in logs if log.id in settled]
     path = batch.out / RUNS
-    write_rows(path, rows, _columns())
+    write_rows(path, _rows(batch, logs), _columns())
     batch.publish(RUNS)
     return path
+
+
+def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
+    """The rows of all logs that are done or failed; nothing is written.
+
+    A log whose results were removed keeps the row that the table has.
+
+    Raises:
+        UserError: the table or the store cannot be read.
+    """
+    hash_of_now = batch.about.configuration
+    rows = {row["id"]: row for row in _written(batch) if row["configuration"] == hash_of_now}
+    rows |= {row["id"]: row for row in _rows(batch, logs)}
+    return [rows[log.id] for log in logs if log.id in rows]
 
 
 def is_current(batch: Batch) -> bool:
@@ -57,12 +70,29 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
     Raises:
         UserError: no table there, or one that cannot be read.
     """
-    path = out / RUNS
+    return _read(out / RUNS, out / RUNS)
+
+
+def _read(source: Path | io.BytesIO, name: object) -> list[dict[str, Any]]:
     try:
-        return read_rows(path)
+        return read_rows(source)
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
-        raise UserError(f"{path}: {reason}: expected the table of a batch") from None
+        raise UserError(f"{name}: {reason}: expected the table of a batch") from None
+
+
+def _written(batch: Batch) -> list[dict[str, Any]]:
+    """The rows of the table as it is; none without a table."""
+    if batch.store is None:
+        return read_runs(batch.out) if (batch.out / RUNS).exists() else []
+    with batch.expect_writable():
+        found = batch.store.read_all([RUNS])
+    return _read(io.BytesIO(found[RUNS]), f"{batch.url}/{RUNS}") if found else []
+
+
+def _rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
+    settled = all_settled(batch, logs)
+    return [_row(batch, log, settled[log.id]) for log in logs if log.id in settled]
 
 
 def _row(batch: Batch, log: Log, outcome: Outcome) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from hsslam_batch.plan import tried
 from hsslam_batch.plan.batch import Batch, read_batch
 from hsslam_batch.plan.log import read_manifest
 from hsslam_batch.results.report import report_command
-from hsslam_batch.results.runs_table import read_runs
+from hsslam_batch.results.runs_table import known_rows, read_runs
 from hsslam_batch.results.status import status_command
 from hsslam_node.errors import UserError
 from tests.batch.object_store import BUCKET, Faults, faulty, object_store, reach
@@ -71,6 +71,10 @@ def test_rows_and_files_are_those_of_a_folder(plan, server, tmp_path: Path, monk
     runs = read_runs(read_batch(remote.url).out)
     (tmp_path / "runs.parquet").write_bytes(there["runs.parquet"])
     assert read_runs(tmp_path) == runs
+    emptied = read_batch(remote.url)
+    assert emptied.store
+    emptied.store.remove(name for name in there if name.startswith("runs/"))
+    assert known_rows(emptied, read_manifest(emptied.out)) == runs
     report_command([str(local.out)])
     for mine, other in zip(runs, read_runs(local.out), strict=True):
         for name in ("trajectory", "mesh", "rrd", "map"):

@@ -1,5 +1,6 @@
 """The report shows sums, the worst logs, and what changed against another batch beyond noise."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -122,6 +123,20 @@ def test_a_log_that_got_worse_ends_with_1(tmp_path: Path, capsys: pytest.Capture
     assert "log3: was done, now crash: killed by SIGSEGV" in shown
     with pytest.raises(UserError, match="--noise -1: expected a fraction"):
         report_command([str(worse.out), "--noise", "-1"])
+
+
+def test_the_earlier_batch_is_only_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    before = _batch(tmp_path / "a", (0.01, 0.02))
+    worse = _batch(tmp_path / "b", (0.01, 0.05))
+    command = [str(worse.out), "--against", str(before.out)]
+    assert report_command(command) == 1
+    table = before.out / "runs.parquet"
+    assert not table.exists()
+    assert report_command([str(before.out)]) == 0
+    written = table.read_bytes()
+    shutil.rmtree(before.run_dir("id1"))  # its figures are in the table
+    assert report_command(command) == 1 and table.read_bytes() == written
+    assert capsys.readouterr().out.count("log1 2 -> 5") == 2
 
 
 def test_a_figure_that_is_gone_ends_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
