@@ -58,7 +58,7 @@ class WorkOptions:
     retries: int = 0
     """Attempts that may follow the first: what a failed fetch has brought stays for the next."""
     timeout_s: float | None = None
-    """Seconds that the run may take (none: no limit)."""
+    """Seconds that fetch and run of the log may take together (none: no limit)."""
     memory_gb: float | None = None
     """Memory that its processes may take together, GB (none: no limit)."""
     scratch: Path | None = None
@@ -136,7 +136,7 @@ class RunOptions:
     memory_gb: float = 4.0
     """Memory that a log takes, GB; a run that takes more is ended."""
     timeout_s: float | None = None
-    """Seconds that a log may take (none: no limit)."""
+    """Seconds that fetch and run of a log may take together (none: no limit)."""
     retries: int = 2
     """Attempts at a log after the first that failed."""
     scratch: Path | None = None

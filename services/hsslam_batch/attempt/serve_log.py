@@ -40,7 +40,8 @@ class CancelledError(Exception):
 class Terms:
     """On which terms an attempt is made. `scratch`: where logs are fetched to (None: into the batch).
 
-    `retries`: how many attempts may follow the first; a fetch that failed is kept for them.
+    `retries`: how many attempts may follow the first; a fetch that failed is kept for them. `limits`: fetch
+    and run share the time.
     """
 
     attempt: int = 1
@@ -128,9 +129,8 @@ def _attempt(
     run_dir = place.run_dir
     at_end.callback(_remove_arena, run_dir)
     command = serve_command(batch, here, run_dir)
-    end = _watched(
-        command, place, terms.limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir))
-    )
+    limits = terms.limits.after(fetch_s)
+    end = _watched(command, place, limits, cancel_fds, lambda: on_frames(_frames_so_far(run_dir)))
     kind, reason = judged(end, terms.limits, last_words(place.output))
     if kind == "done":
         expected = selected_frames(batch, here.source)

@@ -13,7 +13,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -37,6 +37,12 @@ class Limits:
 
     timeout_s: float | None = None
     memory_gb: float | None = None  # of all processes together (PSS)
+
+    def after(self, wall_s: float) -> "Limits":
+        """What a second command may take, once the first has taken `wall_s` of the time."""
+        if self.timeout_s is None:
+            return self
+        return replace(self, timeout_s=self.timeout_s - wall_s)
 
 
 @dataclass(frozen=True)

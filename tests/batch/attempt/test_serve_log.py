@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,17 @@ def test_bad_input_leaves_nothing_and_no_batch_takes_the_fetch_of_another(tmp_pa
     outcome = serve_log(batch, log, terms)
     assert outcome.kind == "bad input" and "(--fetch-gb)" in outcome.reason
     assert list(scratch.iterdir()) == [of_other] != [folder]
+
+
+def test_a_run_has_the_time_that_the_fetch_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A script in the place of Python: the fetch takes 0.8 s, the run would take a minute."""
+    slow = tmp_path / "python"
+    slow.write_text(
+        '#!/bin/sh\ncase "$*" in *attempt.fetch*) exec sleep 0.8;; esac\nexec sleep 60\n'
+    )
+    slow.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(slow))
+    batch, log = _in_store(tmp_path / "out")
+    outcome = serve_log(batch, log, Terms(limits=Limits(timeout_s=1.7)))
+    assert outcome.reason == "not done after 1.7 s: ended (--timeout)"
+    assert outcome.fetch_s > 0.8 and outcome.wall_s < 1.7
