@@ -12,7 +12,6 @@ import numpy as np
 
 from hsslam_node.dense_map.shapes import Boxes, Spheres
 from hsslam_node.errors import UserError
-from hsslam_node.frame import Frame
 from hsslam_node.presets import PRESETS
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
@@ -24,9 +23,8 @@ def main(spec: str = "synth:room", frames: str = "60", out: str = "") -> None:
     if not (frames.isdecimal() and int(frames)):
         raise UserError(f"{frames}: expected a number of frames, 1 or more")
     slam = Slam(PRESETS["realtime"])
-    for frame in open_source(spec, SourceOptions(frames=int(frames))).frames():
-        if isinstance(frame, Frame):
-            slam.process(frame)
+    for _ in slam.run(open_source(spec, SourceOptions(frames=int(frames))).frames()):
+        pass
     slam.finish()
     ask(slam)
     if out:

@@ -36,7 +36,8 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound
 from hsslam_node.mapping.mapper import Mapper
 from hsslam_node.smooth_path import SmoothPath
-from hsslam_node.tracking.map_view import MapView, MapViews
+from hsslam_node.sources.source import BadFrame
+from hsslam_node.tracking.map_view import MapViews
 from hsslam_node.tracking.open_tracker import FrameTracker
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 class Slam:
     """Tracks and maps frames in lockstep; the map so far can be asked as a `SavedMap` can.
 
-    What asks the map raises `UserError` if there is none yet.
+    What asks the map raises `UserError` if there is none yet. `bad_frames`: those that `run` left out.
 
     Examples:
         >>> slam = Slam(PRESETS["realtime"], seed=0)
@@ -88,6 +89,7 @@ class Slam:
         self._mapper: Mapper | None = None
         self._ba: BundleAdjustment | None = None
         self._views: MapViews | None = None
+        self.bad_frames: list[BadFrame] = []
         self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
         self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
         self._maps = GrowingMap(config, device)
@@ -99,10 +101,13 @@ class Slam:
         elif localise_only:
             raise UserError("localise_only: expected a saved map")
 
-    def run(self, frames: Iterable[Frame]) -> Iterator[TrackResult]:
-        """Process all frames, yielding the pose of each."""
+    def run(self, frames: Iterable[Frame | BadFrame]) -> Iterator[TrackResult]:
+        """Process the frames, yielding the pose of each; one that could not be read goes to `bad_frames`."""
         for frame in frames:
-            yield self.process(frame)
+            if isinstance(frame, BadFrame):
+                self.bad_frames.append(frame)
+            else:
+                yield self.process(frame)
 
     def finish(self) -> None:
         """The last iterations, when no more frames come; a fragment that is about to join the map does."""
@@ -188,7 +193,8 @@ class Slam:
             self._tracker = self._open_tracker(self.store)
         assert self.store
         before = self.store.count
-        result = self._tracker.track(frame, self._view(), localise_only=self.localise_only)
+        view = self._views.newest() if self._views else None
+        result = self._tracker.track(frame, view, localise_only=self.localise_only)
         if result.status == "initial":
             self._open_map(frame)
         if self.parameters is None or self._mapper is None:
@@ -227,8 +233,7 @@ class Slam:
 
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(
-            self.config, store, self.seed, self._device.threads,
-            new_map_after_s=self._new_map_after_s,
+            self.config, store, self.seed, self._device.threads, new_map_after_s=self._new_map_after_s
         )  # fmt: skip
 
     def _open_map(self, frame: Frame) -> None:
@@ -243,8 +248,3 @@ class Slam:
         self._views = MapViews(parameters, self._device, with_color=c.tracker.method == "rendering")
         if c.ba.enabled:
             self._ba = open_adjustment(c, parameters, self.seed, self._device)
-
-    def _view(self) -> MapView | None:
-        if self._views is None:
-            return None
-        return self._views.newest()

@@ -22,6 +22,7 @@ from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.presets import REALTIME
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
+from hsslam_node.sources.source import BadFrame
 from hsslam_node.tracking.tracked_frame import TrackResult
 from tests.small_room import (
     OPTIONS,
@@ -161,6 +162,14 @@ def test_without_a_frame_there_is_no_map():
     with pytest.raises(UserError, match="there is no map yet: expected a first keyframe"):
         slam.query(np.zeros((1, 3)))
     assert len(slam.trajectory()) == 0
+
+
+def test_frames_that_cannot_be_read_are_left_out_and_listed():
+    frames, slam = room_frames(), Slam(SMALL)
+    bad = BadFrame(1, frames[1].stamp_ns, "rgb/1.png: truncated at 50 bytes")
+    results = list(slam.run([frames[0], bad, frames[2]]))
+    assert [(r.frame_index, r.status) for r in results] == [(0, "initial"), (2, "tracked")]
+    assert slam.bad_frames == [bad]
 
 
 def test_frames_without_depth_at_the_start_are_waited_out():
