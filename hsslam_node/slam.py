@@ -65,7 +65,7 @@ class Slam:
         arrays: ArrayAllocator | None = None,
         device: Device = CPU,
         *,
-        saved_map: Path | None = None,
+        saved_map: Path | str | None = None,
         localise_only: bool = False,
         new_map_after_s: float = NEW_MAP_AFTER_S,
     ) -> None:
@@ -94,7 +94,7 @@ class Slam:
         self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
         self._maps = GrowingMap(config, device)
         if saved_map is not None:
-            self.store, self.parameters = restore_map(self._arrays, saved_map, config)
+            self.store, self.parameters = restore_map(self._arrays, Path(saved_map), config)
             self._attach(self.parameters)
             self._tracker = self._open_tracker(self.store)
             self._tracker.resume(anywhere=True)

@@ -49,7 +49,7 @@ def test_localising_finds_the_place_and_changes_nothing(path):
 
 
 def test_mapping_goes_on_in_it(path):
-    slam = Slam(SMALL, saved_map=path)
+    slam = Slam(SMALL, saved_map=str(path))
     assert slam.parameters and slam.store
     inherited, steps = slam.store.count, slam.parameters.step
     for k in range(1, 11):
