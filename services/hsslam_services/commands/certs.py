@@ -32,10 +32,14 @@ class CertsOptions:
       hsslam-certs certs --host 10.0.0.7 robot.local
       hsslam-serve --bind 0.0.0.0 --security certs/router
       hsslam-ctl status --connect tls/10.0.0.7:7447 --security certs/operator
+      hsslam-certs certs/next --ca certs/ca --host 10.0.0.7 robot.local
 
     DIR gets one folder each for the certificate authority (CA), the router and the roles camera, viewer and
     operator. Each folder is complete: copy it to the machine that needs it and to no other. Only the owner
     of the files can read the keys.
+
+    --ca renews: the CA that is there issues the new certificates. Old and new ones accept each other, so each
+    machine may change when it suits. DIR gets no folder of a CA then.
 
     Exit codes: 0 if the certificates are made, 2 if the input is bad.
 
@@ -44,14 +48,16 @@ class CertsOptions:
     """
 
     POSITIONALS: ClassVar = ("folder",)
-    VALUES: ClassVar = {"folder": "DIR", "host": "HOST..."}
+    VALUES: ClassVar = {"folder": "DIR", "host": "HOST...", "ca": "FOLDER"}
 
     folder: str = ""
     """New folder for the certificates."""
     host: tuple[str, ...] = ()
     """Names and addresses that clients use for the router, besides this machine's name and loopback."""
     days: int = 90
-    """Validity of all certificates, days."""
+    """Validity of the certificates, days; a new CA is valid ten times as long."""
+    ca: Path | None = None
+    """The folder ca of earlier certificates, whose CA issues the new ones (none: a new CA)."""
 
     def __post_init__(self) -> None:
         for host in self.host:
@@ -68,19 +74,24 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(code)
 
 
-def make_certificates(folder: Path, hosts: Sequence[str], days: int) -> list[str]:
+def make_certificates(
+    folder: Path, hosts: Sequence[str], days: int, ca: Path | None = None
+) -> list[str]:
     """Make all certificates in a new or empty folder; returns the hosts of the router's certificate.
 
+    `ca`: folder of the CA that issues them; else a new one does, in the folder `ca`.
+
     Raises:
-        UserError: the folder is not empty, or cannot be written.
+        UserError: the folder is not empty, or cannot be written; the CA cannot issue them.
     """
-    authority = CertificateAuthority(days)
+    authority = CertificateAuthority.read(ca, days) if ca else CertificateAuthority.new(days)
     every = list(dict.fromkeys((*_LOOPBACK, socket.gethostname(), *hosts)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise UserError(f"{folder}: is not empty: expected a new folder")
-        _write(folder / "ca", {CA_FILE: authority.certificate_pem, KEY_FILE: authority.key_pem})
+        if ca is None:
+            _write(folder / "ca", {CA_FILE: authority.certificate_pem, KEY_FILE: authority.key_pem})
         for name in (ROUTER, *(role.name for role in ROLES)):
             certificate, key = authority.issue(name, every if name == ROUTER else ())
             files = {
@@ -100,9 +111,10 @@ def _certs(options: CertsOptions) -> None:
     if not options.folder:
         raise UserError(f"no folder: expected {_PROG} DIR")
     folder = user_path(options.folder)
-    hosts = make_certificates(folder, options.host, options.days)
+    hosts = make_certificates(folder, options.host, options.days, options.ca)
     table = Table("folder", "for")
-    table.add_row(f"{folder}/ca", "no machine: keep it safe, its key makes more certificates")
+    if options.ca is None:
+        table.add_row(f"{folder}/ca", "no machine: keep it safe for the next certificates (--ca)")
     table.add_row(f"{folder}/{ROUTER}", "hsslam-serve --security")
     for role in ROLES:
         table.add_row(f"{folder}/{role.name}", role.purpose)

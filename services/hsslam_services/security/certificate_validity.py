@@ -33,7 +33,9 @@ class CertificateValidity:
         days = self.days_left(now)
         when = "has ended" if days < 0 else "ends"
         left = "" if days < 0 else f", in {days:.0f} days"
-        return f"{of} {when} on {self.ends.date()}{left}: hsslam-certs makes new ones"
+        return (
+            f"{of} {when} on {self.ends.date()}{left}: hsslam-certs DIR --ca FOLDER makes new ones"
+        )
 
 
 class CertificateWarnings:

@@ -31,7 +31,7 @@ def test_the_warning_comes_once_a_day():
     assert "ends on 2026-05-04, in 3 days" in warnings.take(_NOW)
     assert warnings.take(_NOW + 0.9 * _DAY) == ""
     assert "in 2 days" in warnings.take(_NOW + _DAY)
-    assert "has ended on 2026-05-04: hsslam-certs" in warnings.take(_NOW + 4 * _DAY)
+    assert "has ended on 2026-05-04: hsslam-certs DIR --ca" in warnings.take(_NOW + 4 * _DAY)
     assert CertificateWarnings(None).take(_NOW) == ""
 
 

@@ -1,5 +1,7 @@
 """`hsslam-certs`: what it makes, and what it refuses."""
 
+import datetime
+import shutil
 from pathlib import Path
 
 import pytest
@@ -33,7 +35,8 @@ def test_keys_are_for_their_owner_alone_and_certificates_say_what_they_are_for(
             is_router = name == "router"
             assert ("robot.local" in names.value.get_values_for_type(x509.DNSName)) == is_router
             assert bool(names.value.get_values_for_type(x509.IPAddress)) == is_router
-            assert (certificate.not_valid_after_utc - ca.not_valid_after_utc).total_seconds() < 60
+            longer = ca.not_valid_after_utc - certificate.not_valid_after_utc
+            assert round(longer / datetime.timedelta(days=3), 3) == 9  # the CA: ten times as long
     assert len(keys) == len(_FOLDERS)
 
 
@@ -62,3 +65,42 @@ def test_nothing_is_overwritten(tmp_path, capsys):
         main([str(tmp_path / "certs")])
     assert "is not empty: expected a new folder" in capsys.readouterr().err
     assert (tmp_path / "certs" / "ca" / "key.pem").read_bytes() == before
+
+
+def test_a_ca_that_is_there_issues_the_next_certificates(certs, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    before = (certs / "ca" / "key.pem").read_bytes()
+    main(["next", "--days", "7", "--ca", str(certs / "ca")])
+    told = capsys.readouterr().out
+    assert "next/camera" in told and "keep it safe" not in told
+    assert {path.name for path in Path("next").iterdir()} == {*_FOLDERS} - {"ca"}
+    for folder in Path("next").iterdir():
+        key = folder / "key.pem"
+        assert key.stat().st_mode & 0o777 == 0o600
+        assert key.read_bytes() != (certs / folder.name / "key.pem").read_bytes()
+        assert (folder / "ca.pem").read_bytes() == (certs / "ca" / "ca.pem").read_bytes()
+    assert (certs / "ca" / "key.pem").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("spoil", "days", "expected"),
+    [
+        (lambda ca: (ca / "ca.pem").unlink(), "7", "ca.pem: No such file or directory: expected"),
+        (lambda ca: (ca / "key.pem").unlink(), "7", "key.pem: No such file or directory: expected"),
+        (lambda ca: (ca / "ca.pem").write_text("x"), "7", "cannot be read: expected ca.pem"),
+        (lambda ca: shutil.copy(ca.parent / "key.pem", ca), "7", "key.pem is not the key of ca"),
+        (lambda _: None, "71", "or later, for --days 71; without --ca a new CA is made"),
+    ],
+)
+def test_a_ca_that_cannot_issue_them_is_refused_in_one_line(
+    certs, tmp_path, capsys, spoil, days, expected
+):
+    ca = shutil.copytree(certs / "ca", tmp_path / "ca")
+    shutil.copy(certs / "camera" / "key.pem", tmp_path)
+    spoil(ca)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path / "next"), "--days", days, "--ca", str(ca)])
+    told = capsys.readouterr().err
+    assert ended.value.code == 2 and told.count("\n") == 1
+    assert f"--ca {ca}: " in told and expected in told
+    assert not (tmp_path / "next").exists()

@@ -15,11 +15,13 @@ from hsslam_proto.point_codec import question_message
 from hsslam_proto.request_messages import Ask, QueryMap, Refusal
 from hsslam_proto.requests import PAUSE, QUERY, REQUESTS
 from hsslam_services.bus.ask import NoServiceError, ask
-from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.bus import Bus, free_endpoint
 from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.commands.certs import make_certificates
+from hsslam_services.run.options import ServeOptions
 from hsslam_services.security.access import ROLES
 from hsslam_services.security.credentials import client_settings
-from hsslam_services.supervisor.router import exposure
+from hsslam_services.supervisor.router import exposure, open_run_router
 from tests.services.wire_samples import frame, keyframe, pose
 
 _REFUSED = "expected a router that accepts this certificate"
@@ -29,6 +31,18 @@ _REFUSED = "expected a router that accepts this certificate"
 def test_a_certificate_of_our_ca_is_let_in(secure_router, role):
     with Bus(secure_router.outside, "r", "outside", str(secure_router.certs / role)) as bus:
         assert bus.is_connected()
+
+
+def test_old_and_renewed_certificates_accept_each_other(secure_router, tmp_path):
+    old, renewed = secure_router.certs, tmp_path / "renewed"
+    make_certificates(renewed, (), 7, old / "ca")
+    port = int(free_endpoint().rpartition(":")[2])
+    options = ServeOptions(zenoh_port=port, robot="r", security=str(renewed / "router"))
+    with open_run_router(options, renewed).session:
+        for outside in (f"tls/127.0.0.1:{port}", secure_router.outside):
+            for certs in (old, renewed):
+                with Bus(outside, "r", "outside", str(certs / "operator")) as bus:
+                    assert bus.is_connected()
 
 
 def test_strangers_are_not_let_in(secure_router, other_certs):
