@@ -10,6 +10,7 @@ import numpy as np
 from hsslam_node.errors import UserError
 
 _SAME_PX = 1.0  # focal lengths and centres of one camera
+_SAME_SCALE = 1e-6  # share: some cameras tell a depth scale with seven digits
 LensModel = Literal["opencv", "equidistant"]
 _LENSES: dict[str, tuple[tuple[int, ...], str]] = {  # numbers of coefficients, and their names
     "opencv": ((0, 4, 5, 8, 12, 14), "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty"),
@@ -118,9 +119,14 @@ class HasCamera(Protocol):
     def depth_units_per_m(self) -> float: ...
 
 
+def same_depth_scale(one: float, other: float) -> bool:
+    """Whether two depth scales, units per metre, are one and the same."""
+    return math.isclose(one, other, rel_tol=_SAME_SCALE)
+
+
 def camera_difference(here: HasCamera, expected: HasCamera) -> str:
     """What tells their cameras or depth scales apart first, both values named; "": nothing."""
-    if here.depth_units_per_m != expected.depth_units_per_m:
+    if not same_depth_scale(here.depth_units_per_m, expected.depth_units_per_m):
         return f"depth_units_per_m {here.depth_units_per_m}: expected {expected.depth_units_per_m}"
     if differs := here.camera.differs_in(expected.camera):
         name, value, wanted = differs

@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import same_depth_scale
 from hsslam_node.geometry.pose_covariance import UNTRACKED
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
@@ -142,7 +143,7 @@ def _expect_same_camera(
         what = value if name == "size" else f"{name} is {value} px"
         raise UserError(f"{second}: {what}: expected {expected}, as in {first}")
     expected, value = (s.images.depth_units_per_m for s in (saved, other) if s.images)
-    if value != expected:
+    if not same_depth_scale(value, expected):
         raise UserError(
-            f"{second}: {value:g} depth units per metre: expected {expected:g}, as in {first}"
+            f"{second}: {value:.9g} depth units per metre: expected {expected:.9g}, as in {first}"
         )

@@ -6,6 +6,7 @@ Arena: writes keyframes, map
 from dataclasses import replace
 
 from hsslam_node.errors import UserError
+from hsslam_node.geometry.camera import same_depth_scale
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_services.camera.open_source import open_any_source
@@ -40,10 +41,10 @@ def _expect_camera(run: RunInfo, store: KeyframeStore) -> None:
         if name != "size":
             what = f"{name} of source {options.source} is {value} px"
         raise UserError(f"--map {options.map}: {what}: expected {expected}, as in the map")
-    if source.depth_units_per_m != store.depth_units_per_m:
+    if not same_depth_scale(source.depth_units_per_m, store.depth_units_per_m):
         raise UserError(
-            f"--map {options.map}: source {options.source} has {source.depth_units_per_m:g} depth "
-            f"units per metre: expected {store.depth_units_per_m:g}, as in the map"
+            f"--map {options.map}: source {options.source} has {source.depth_units_per_m:.9g} depth "
+            f"units per metre: expected {store.depth_units_per_m:.9g}, as in the map"
         )
 
 

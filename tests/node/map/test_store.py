@@ -129,6 +129,13 @@ def test_another_depth_scale_is_refused():
         store.append(replace(_frame(3), depth_units_per_m=1000.0), np.eye(4))
 
 
+def test_a_depth_scale_that_a_driver_tells_with_seven_digits_is_the_same():
+    _, store = _filled(1)
+    told = 1.0 / float(np.float32(1 / 5000.0))
+    assert told != 5000.0
+    assert store.append(replace(_frame(3), depth_units_per_m=told), np.eye(4)) == 1
+
+
 def test_another_camera_is_refused():
     _, store = _filled(1)
     camera = Camera(4, 6, 7.0, 7.5, 3.5, 2.5)
