@@ -127,11 +127,12 @@ class ReplicaSource(ImagePairSource):
         UserError: the folder, its images or its camera are missing or wrong.
     """
 
+    numbered_hz = RATE_HZ
+
     def __init__(self, name: str, options: SourceOptions) -> None:
         folder = ReplicaFolder.find(name)
         camera, units_per_m = folder.camera()
         super().__init__(f"replica:{name}", folder.pairs, camera, units_per_m, options)
-        self.rate_hz = RATE_HZ / options.stride
 
 
 def replica_truth(name: str, options: SourceOptions) -> Truth | None:

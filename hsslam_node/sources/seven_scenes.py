@@ -35,6 +35,8 @@ class SevenScenesSource(ImagePairSource):
         UserError: the folder or its images are missing, or the camera is wrong.
     """
 
+    numbered_hz = RATE_HZ
+
     def __init__(self, name: str, options: SourceOptions) -> None:
         folder = _find(name)
         own = folder / "camera.json"
@@ -42,7 +44,6 @@ class SevenScenesSource(ImagePairSource):
         fields = given if own.exists() else _DEPTH_CAMERA | given
         camera, units_per_m = read_record_camera(own, fields, _SIZE_PX)
         super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
-        self.rate_hz = RATE_HZ / options.stride
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """Every frame that is not late; a pixel of 65535, which means no depth here, becomes 0."""

@@ -24,6 +24,8 @@ class ImagePairSource(ReadsInTime):
     """
 
     reads_masks = True
+    numbered_hz: float | None = None
+    """Frame n is stamped n / `numbered_hz`, as the layout has no stamps; None: it has some."""
 
     def __init__(
         self,
@@ -42,7 +44,11 @@ class ImagePairSource(ReadsInTime):
         self.camera = camera.undistorted()
         self.depth_units_per_m = depth_units_per_m
         self.frame_count: int | None = len(self._pairs)
-        self.rate_hz = median_rate_hz([stamp for stamp, _, _ in self._pairs])
+        stamps_ns = [pairs[i][0] for i in options.recorded(len(pairs))]
+        by_number = self.numbered_hz
+        self.rate_hz = (
+            numbered_rate_hz(stamps_ns, by_number) if by_number else median_rate_hz(stamps_ns)
+        )
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
         """Every pair of images that is not late; one that cannot be read comes as a `BadFrame`."""
@@ -74,3 +80,9 @@ def median_rate_hz(stamps_ns: Sequence[int]) -> float:
     """The rate of stamps at their median interval; 30 Hz if there is none."""
     period_ns = float(np.median(np.abs(np.diff(stamps_ns)))) if len(stamps_ns) > 1 else 0.0
     return 1e9 / period_ns if period_ns > 0 else 30.0
+
+
+def numbered_rate_hz(stamps_ns: Sequence[int] | np.ndarray, numbered_hz: float) -> float:
+    """The rate of frames n stamped n / `numbered_hz`, rounded to ns: that at the median step of n."""
+    steps = np.diff(np.round(np.array(stamps_ns) * numbered_hz / 1e9))
+    return numbered_hz / float(np.median(steps)) if len(steps) else numbered_hz

@@ -102,9 +102,13 @@ class SourceOptions:
         """Whether frames come more than once: stamps then run on, see `Restamped`."""
         return self.to_and_fro > 1 or self.hold_frames > 0
 
+    def recorded(self, count: int) -> range:
+        """What `--start` and `--stride` leave of `count` frames: each once, however many are used."""
+        return range(self.start, count, self.stride)
+
     def selected(self, count: int) -> Sequence[int]:
         """Which of `count` frames are used, in this order; ground truth and source select alike."""
-        chosen: Sequence[int] = range(self.start, count, self.stride)
+        chosen: Sequence[int] = self.recorded(count)
         if self.reorders:
             chosen = self._held(_to_and_fro(chosen, self.to_and_fro))
         return chosen if self.frames is None else chosen[: self.frames]

@@ -94,6 +94,18 @@ def test_truth_of_image_files_follows_if_every_frame_has_it(tum_folder, poses_pe
     assert open_ground_truth(spec, again) is None
 
 
+def test_an_interrupted_run_has_the_stamps_of_the_whole(tum_folder):
+    """At 15 Hz; more than half of the steps are those of the held frame."""
+    spec, held = f"tum:{tum_folder}", SourceOptions(stride=2, hold_at=1, hold_frames=9)
+    rate_hz = open_source(spec, SourceOptions(stride=2)).rate_hz
+    assert rate_hz == pytest.approx(15, rel=1e-3)
+    whole = [frame.stamp_ns for frame in open_source(spec, held).frames()]
+    for options in (held, replace(held, frames=2), replace(held, frames=7)):
+        assert open_source(spec, options).rate_hz == rate_hz
+        truth = open_ground_truth(spec, options)
+        assert truth is not None and list(truth.stamps_ns) == whole[: options.frames]
+
+
 @pytest.mark.parametrize("source", ["realsense"])
 def test_what_plays_forwards_only_is_refused(source: str):
     with pytest.raises(UserError, match=r"--to-and-fro, --hold-frames: source \S+ plays forwards"):

@@ -34,6 +34,7 @@ def test_a_part_of_a_sequence_has_the_poses_of_its_numbers(replica_folder):
     assert part is not None and whole is not None
     np.testing.assert_array_equal(part.T_world_cam, whole.T_world_cam[[1, 3]])
     np.testing.assert_array_equal(part.stamps_ns, whole.stamps_ns[[1, 3]])
+    assert ReplicaSource(str(replica_folder), SourceOptions()).rate_hz == 15.0
     lines = (replica_folder / "traj.txt").read_text().splitlines(keepends=True)
     (replica_folder / "traj.txt").write_text("".join(lines[:3]))
     with pytest.raises(
@@ -77,8 +78,10 @@ def vmap_folder(tmp_path):
 
 
 def test_layout_of_vmap(vmap_folder, tmp_path):
-    frames = list(ReplicaSource(str(vmap_folder), SourceOptions()).frames())
+    source = ReplicaSource(str(vmap_folder), SourceOptions())
+    frames = list(source.frames())
     assert [f.stamp_ns for f in frames] == [66666667, 333333333]  # by number, not by name
+    assert source.rate_hz == 30 / 8
     assert frames[0].depth_m()[0, 0] == 2.5
     assert (frames[0].camera.fx, frames[0].camera.cx) == (600.0, 599.5)
     truth = open_ground_truth(f"replica:{vmap_folder}")

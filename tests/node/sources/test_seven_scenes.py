@@ -50,6 +50,9 @@ def test_frames_camera_and_stamps(sequence):
     assert [frame.stamp_ns for frame in frames] == [0, 33333333, 66666667]
     assert [tuple(frame.color[0, 0]) for frame in frames] == [(10, 20, 30 + k) for k in range(3)]
     assert frames[2].depth_m()[0, 1] == pytest.approx(1.002)
+    for path in sequence.glob("frame-000001.*"):
+        path.unlink()
+    assert open_source(f"7scenes:{sequence}").rate_hz == 15.0
 
 
 def test_65535_means_no_depth(sequence):
