@@ -9,10 +9,10 @@ import numpy as np
 
 from hsslam_node.doctor.finding import Check, Finding
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import FAR_OFF_CENTRE, Camera
 from hsslam_node.tracking.odometry import rgbd_odometry
 
-_FAULT_CENTRE, _NOTE_CENTRE = 0.12, 0.06  # of the image's width or height
+_NOTE_CENTRE = 0.06  # of the image's width or height
 _FAULT_ASPECT, _NOTE_ASPECT = 0.10, 0.03
 _VIEW_DEG = (
     35.0,
@@ -28,8 +28,7 @@ _INTRINSICS = Check(
 def check_intrinsics(camera: Camera) -> Finding:
     """Field of view across, degrees; also the place of the principal point, and fx against fy."""
     view_deg = math.degrees(2 * math.atan(camera.width_px / (2 * camera.fx)))
-    off_x = (camera.cx + 0.5) / camera.width_px - 0.5
-    off_y = (camera.cy + 0.5) / camera.height_px - 0.5
+    off_x, off_y = camera.off_centre
     off = max(abs(off_x), abs(off_y))
     aspect = abs(camera.fx / camera.fy - 1)
     seen = (
@@ -37,7 +36,7 @@ def check_intrinsics(camera: Camera) -> Finding:
         f"{100 * off_x:+.1f} % / {100 * off_y:+.1f} % off the middle; fx / fy = {camera.fx / camera.fy:.3f}"
     )
     wide = not _VIEW_DEG[0] <= view_deg <= _VIEW_DEG[1]
-    if wide or off > _FAULT_CENTRE or aspect > _FAULT_ASPECT:
+    if wide or off > FAR_OFF_CENTRE or aspect > _FAULT_ASPECT:
         advice = (
             "the intrinsics belong to another image size or camera: fx, fy, cx, cy scale with the "
             "image (half the width: half of fx and cx)"

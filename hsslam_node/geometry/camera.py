@@ -9,6 +9,7 @@ import numpy as np
 
 from hsslam_node.errors import UserError
 
+FAR_OFF_CENTRE = 0.12  # of width or height: intrinsics of another image size or camera
 _SAME_PX = 1.0  # focal lengths and centres of one camera
 _SAME_SCALE = 1e-6  # share: some cameras tell a depth scale with seven digits
 LensModel = Literal["opencv", "equidistant"]
@@ -72,6 +73,12 @@ class Camera:
     def K(self) -> np.ndarray:
         """Intrinsic matrix, [3, 3] float64."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def off_centre(self) -> tuple[float, float]:
+        """How far the principal point is off the middle, as shares of width and height."""
+        x, y = (self.cx + 0.5) / self.width_px, (self.cy + 0.5) / self.height_px
+        return x - 0.5, y - 0.5
 
     @property
     def has_lens(self) -> bool:

@@ -1,14 +1,15 @@
 """ScanNet scenes: exported frames, or a `.sens` recording read frame by frame."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.camera import FAR_OFF_CENTRE, Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.sources.files.frame_masks import FrameMasks
 from hsslam_node.sources.files.image_files import (
@@ -18,7 +19,13 @@ from hsslam_node.sources.files.image_files import (
     read_any_depth,
     read_depth,
 )
-from hsslam_node.sources.files.scannet_scene import DEPTH_UNITS_PER_M, RATE_HZ, ScanNetScene
+from hsslam_node.sources.files.image_pairs import numbered_rate_hz
+from hsslam_node.sources.files.scannet_scene import (
+    DEPTH_UNITS_PER_M,
+    RATE_HZ,
+    ScanNetFolder,
+    ScanNetScene,
+)
 from hsslam_node.sources.files.truth_files import Truth, mesh_loader
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame, IsLate, LateFrame, ReadsInTime
@@ -49,7 +56,8 @@ class ScanNetSource(ReadsInTime):
         self._masks = FrameMasks.found(options.mask, None, color_files)
         self.name = f"scannet:{name}"
         self.camera = _cropped(self._whole)
-        self.rate_hz = RATE_HZ / options.stride
+        recorded = stamps[list(options.recorded(len(stamps)))]
+        self.rate_hz = numbered_rate_hz(recorded, RATE_HZ)
         self.frame_count: int | None = len(self._rows)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
@@ -95,10 +103,9 @@ class ScanNetSource(ReadsInTime):
             color, depth = read_any_color(color_file), read_depth(depth_file, self._whole)
             if self._masks is not None:
                 height, width = color.shape[:2]
-                K = self._K_color
-                of_color = Camera(width, height, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+                of_color = _camera((width, height), self._K_color)
                 hidden = self._masks.hidden(color_file, of_color)
-                depth[hidden_on_depth(hidden, K, self._whole)] = 0
+                depth[hidden_on_depth(hidden, self._K_color, self._whole)] = 0
             return color, depth
 
         return from_folder
@@ -149,15 +156,18 @@ def _calibration(scene: ScanNetScene) -> tuple[Camera, float, np.ndarray]:
     else:
         assert scene.folder is not None
         (K_color, K), units = scene.folder.intrinsics(), DEPTH_UNITS_PER_M
-        size = _depth_size(scene)
+        size = _expect_resized_alike(scene.folder, K_color, K)
     if min(size) <= 2 * _CROP_PX:
         raise UserError(
             f"{scene.path}: depth of {size[0]}x{size[1]} pixels: expected larger images"
         )
     if not (np.isfinite(K_color).all() and K_color[0, 0] > 0 and K_color[1, 1] > 0):
         raise UserError(f"{scene.path}: K of colour {K_color.tolist()}: expected focal lengths > 0")
-    fx, fy, cx, cy = float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])
-    return Camera(size[0], size[1], fx, fy, cx, cy), units, K_color
+    return _camera(size, K), units, K_color
+
+
+def _camera(size: tuple[int, int], K: np.ndarray) -> Camera:
+    return Camera(*size, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
 
 
 def _cropped(camera: Camera) -> Camera:
@@ -171,14 +181,32 @@ def _cropped(camera: Camera) -> Camera:
     )
 
 
-def _depth_size(scene: ScanNetScene) -> tuple[int, int]:
-    """Width and height of the first depth image that can be read."""
-    assert scene.folder is not None
-    for _, _, depth_file in scene.folder.files:
+def _expect_resized_alike(
+    folder: ScanNetFolder, K_color: np.ndarray, K_depth: np.ndarray
+) -> tuple[int, int]:
+    """Width and height of depth; UserError if the images have another size than their intrinsics."""
+    size = _size((depth for _, _, depth in folder.files), read_any_depth)
+    if size is None:
+        raise UserError(f"{folder.path}/depth: no image can be read: expected 0.png and so on")
+    color_size = _size((color for _, color, _ in folder.files), read_any_color)
+    for kind, images_px, K in (("color", color_size, K_color), ("depth", size, K_depth)):
+        if images_px and max(map(abs, _camera(images_px, K).off_centre)) > FAR_OFF_CENTRE:
+            width, height = images_px
+            raise UserError(
+                f"{folder.path}/intrinsic/intrinsic_{kind}.txt: cx = {K[0, 2]:g}, cy = {K[1, 2]:g}: expected "
+                f"about {(width - 1) / 2:g} and {(height - 1) / 2:g}, the middle of the images in {kind}/, "
+                f"{width}x{height} pixels"
+            )
+    return size
+
+
+def _size(files: Iterable[Path], read: Callable[[Path], np.ndarray]) -> tuple[int, int] | None:
+    """Width and height of the first image that can be read; None if there is none."""
+    for file in files:
         with suppress(BadImageError):
-            height, width = read_any_depth(depth_file).shape
+            height, width = read(file).shape[:2]
             return width, height
-    raise UserError(f"{scene.path}/depth: no image can be read: expected 0.png and so on")
+    return None
 
 
 def scannet_truth(name: str, options: SourceOptions) -> Truth | None:

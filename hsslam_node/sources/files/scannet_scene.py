@@ -56,8 +56,10 @@ class ScanNetFolder:
     def poses(self) -> np.ndarray:
         """Camera to world of every frame, [N, 4, 4]; not finite where it is not known or not there."""
         unknown = np.full((4, 4), -np.inf)
-        paths = [self.path / f"pose/{n}.txt" for n, _, _ in self.files]
-        return np.array([read_matrix(path) if path.exists() else unknown for path in paths])
+        found = self._numbered("pose", "txt")
+        return np.array(
+            [read_matrix(found[n]) if n in found else unknown for n, _, _ in self.files]
+        )
 
     def _numbered(self, kind: str, endings: str) -> dict[int, Path]:
         folder = self.path / kind

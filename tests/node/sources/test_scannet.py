@@ -1,5 +1,8 @@
 """ScanNet scenes, exported and as recordings."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -93,6 +96,18 @@ def test_stride_and_count_choose_the_same_frames(scene):
     assert [f.stamp_ns for f in frames] == [0, 66666667]
 
 
+def test_padded_numbers_with_gaps_have_their_poses_and_their_rate(tmp_path):
+    folder = write_export(tmp_path / "scene", POSES)
+    for path in [path for path in folder.glob("*/*") if path.stem.isdigit()]:
+        path.rename(path.with_stem(f"{2 * int(path.stem):06d}"))
+    source, truth = open_source(f"scannet:{folder}"), open_ground_truth(f"scannet:{folder}")
+    assert source.rate_hz == 15.0
+    assert open_source(f"scannet:{folder}", SourceOptions(stride=2, frames=1)).rate_hz == 7.5
+    assert truth is not None
+    assert truth.stamps_ns.tolist() == [0, 66666667, 200000000, 266666667]
+    assert np.allclose(truth.T_world_cam, [pose(0), pose(1), pose(3), pose(4)], atol=1e-6)
+
+
 def test_same_camera_leaves_colour_as_it_is():
     color = images(3)[0]
     camera = Camera(2 * WIDTH, 2 * HEIGHT, *(COLOR_K[k] for k in ((0, 0), (1, 1), (0, 2), (1, 2))))
@@ -117,6 +132,17 @@ def test_depth_of_another_size_costs_its_frame(tmp_path):
     assert [type(f) for f in frames] == [Frame, Frame, BadFrame, Frame, Frame]
 
 
+def _halve(kind: str) -> Callable[[Path], None]:
+    """Damage to a scene: images that were made smaller, with the intrinsics of the large ones."""
+
+    def halve(folder: Path) -> None:
+        for path in (folder / kind).iterdir():
+            image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            assert image is not None and cv2.imwrite(str(path), image[::2, ::2])
+
+    return halve
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -124,6 +150,11 @@ def test_depth_of_another_size_costs_its_frame(tmp_path):
         (lambda f: (f / "intrinsic/intrinsic_color.txt").write_text("1 2\n"), "four lines of four"),
         (lambda f: [p.unlink() for p in f.glob("*/*.[jp][pn]g")], "no frames"),
         (lambda f: [p.write_bytes(b"") for p in f.glob("depth/*")], "no image can be read"),
+        (
+            _halve("color"),
+            r"_color\.txt: cx = 81, cy = 59: expected about 39\.5 and 29\.5, the middle",
+        ),
+        (_halve("depth"), r"_depth\.txt: cx = 40\.25, cy = 29\.5: expected about 19\.5 and 14\.5"),
     ],
 )
 def test_what_a_folder_lacks_is_told(tmp_path, damage, message):
