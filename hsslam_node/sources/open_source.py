@@ -12,7 +12,7 @@ from hsslam_node.sources.source_row import (
     find_row,
     guess_source,
     imported,
-    refuse_camera_options,
+    refuse_unread_options,
     source_name,
     unknown_source,
 )
@@ -58,11 +58,7 @@ def _plain_source(
         raise unknown_source(spec, rows)
     if row.opener is None:
         raise UserError(f"source {spec}: its frames come over the bus, there is nothing to open")
-    if options.reorders and row.only_forwards:
-        raise UserError(
-            f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
-        )
-    refuse_camera_options(row, spec, options.camera)
+    refuse_unread_options(row, spec, options)
     if row.fault:
         raise UserError(f"source {spec}: package {row.package} does not work: {row.fault}")
     try:

@@ -76,7 +76,6 @@ SOURCES = (
         camera_options=(),
         only_examples=True,
         is_live=True,
-        only_forwards=True,
         check="hsslam_node.sources.cameras.realsense:check_realsense",
     ),
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hsslam_node.errors import UserError, did_you_mean
-from hsslam_node.sources.options.camera import CameraOptions
+from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.user_path import user_path
 
 
@@ -64,12 +64,16 @@ class SourceRow:
         return kind == self.kind and (bool(name) or spec in self.examples)
 
 
-def refuse_camera_options(row: SourceRow, spec: str, options: CameraOptions) -> None:
-    """Raises UserError if a `--camera` option is set that sources of this kind do not read."""
+def refuse_unread_options(row: SourceRow, spec: str, options: SourceOptions) -> None:
+    """Raises UserError if an option is set that sources of this kind cannot heed."""
+    if options.reorders and (row.only_forwards or row.is_live):
+        raise UserError(
+            f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
+        )
     reads = row.camera_options
     if reads is None:
         return
-    for name, value in options.given().items():
+    for name, value in options.camera.given().items():
         if name not in reads:
             number = " ".join(map(str, value)) if isinstance(value, list) else value
             others = ", ".join(f"--camera.{read.replace('_', '-')}" for read in reads)

@@ -11,7 +11,7 @@ import psutil
 from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
 from hsslam_bench.faults.strange_frames import NO_SHARED_MEMORY, small_room_frames
-from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
+from hsslam_bench.runs.live_run import SENT_ROOM, SMALL_ROOM, LiveRun
 from hsslam_node.frame import Frame
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
@@ -67,7 +67,7 @@ def late_in_a_recording(experiment: Experiment) -> Finding:
 def outside_camera_starts_from_0(experiment: Experiment) -> Finding:
     """A driver of its own sends frames 0 to 39 and is restarted: frames from 0 on are tracked anew."""
     frames = small_room_frames(_OUTSIDE)
-    run = experiment.serve(*SMALL_ROOM, "--source", "zenoh:")
+    run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()
     first = _sent_and_tracked(run, frames)
     second = _sent_and_tracked(run, frames)
@@ -79,7 +79,7 @@ def outside_camera_starts_from_0(experiment: Experiment) -> Finding:
 def outside_camera_is_silent(experiment: Experiment) -> Finding:
     """No frames for 15 s: the run goes on, and the first frames after it are tracked."""
     frames = small_room_frames(2 * _OUTSIDE)
-    run = experiment.serve(*SMALL_ROOM, "--source", "zenoh:")
+    run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()
     first = _sent_and_tracked(run, frames[:_OUTSIDE])
     time.sleep(_SILENT_S)

@@ -9,7 +9,7 @@ from pathlib import Path
 from hsslam_bench.faults.experiment import Experiment, with_shared_memory
 from hsslam_bench.faults.fault import Finding
 from hsslam_bench.faults.strange_frames import NO_SHARED_MEMORY, small_room_frames
-from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
+from hsslam_bench.runs.live_run import SENT_ROOM, SMALL_ROOM, LiveRun
 from hsslam_node.frame import Frame
 from hsslam_proto import topics
 from hsslam_proto.frame_codec import frame_message
@@ -26,8 +26,9 @@ def camera_stands_still(experiment: Experiment) -> Finding:
     """The same frame for two minutes, /dev/shm of 256 MB: memory does not grow, the run goes on."""
     (frame,) = small_room_frames(1)
     run = experiment.serve(
-        *SMALL_ROOM,
-        *("--source", "zenoh:", "--slam.keyframes.every-frames", "1"),
+        *SENT_ROOM,
+        "--slam.keyframes.every-frames",
+        "1",
         prefix=with_shared_memory("256m"),
     )
     run.wait_until_ready()

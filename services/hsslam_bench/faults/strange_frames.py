@@ -13,7 +13,7 @@ import psutil
 
 from hsslam_bench.faults.experiment import Experiment
 from hsslam_bench.faults.fault import CouldNotTellError, Finding
-from hsslam_bench.runs.live_run import SMALL_ROOM, LiveRun
+from hsslam_bench.runs.live_run import SENT_ROOM, SMALL_ROOM, LiveRun
 from hsslam_node.frame import Frame
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
@@ -74,7 +74,7 @@ def absurd_index(experiment: Experiment) -> Finding:
 def image_larger_than_it_claims(experiment: Experiment) -> Finding:
     """A small PNG of 268 Mpx: refused by its header, without the memory and the time to decode it."""
     frames = small_room_frames(30)
-    run = experiment.serve(*SMALL_ROOM, "--source", "zenoh:")
+    run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()
     with Bus(run.endpoint, "robot", "camera", settings=NO_SHARED_MEMORY) as bus:
         publisher = bus.publisher(topics.FRAME)

@@ -7,9 +7,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import Source
-from hsslam_node.sources.source_row import find_row, imported, refuse_camera_options, source_name
+from hsslam_node.sources.source_row import find_row, imported, refuse_unread_options, source_name
 from hsslam_services.run.options import ServeOptions
-from hsslam_services.run.source_table import ALL_SOURCES
+from hsslam_services.run.source_table import ALL_SOURCES, refuse_rate
 
 
 def open_any_source(
@@ -31,11 +31,13 @@ def check_source_exists(options: ServeOptions) -> None:
     A live camera is left to the camera process: only one can have it, and it may need our router.
 
     Raises:
-        UserError: no such source, or its files or camera are missing or wrong.
+        UserError: no such source, its files or camera are missing or wrong, or it cannot have `--rate-hz`.
     """
+    if options.rate_hz is not None:
+        refuse_rate(options.source, options.rate_hz)
     row = find_row(options.source, ALL_SOURCES)
     if row is not None and row.is_live:
-        refuse_camera_options(row, options.source, options.camera)
+        refuse_unread_options(row, options.source, options.source_options)
         if row.check is not None:
             imported(row.check)(source_name(options.source), options.source_options)
     elif options.has_camera_process:

@@ -9,7 +9,7 @@ from hsslam_node.sources.source_row import (
     find_row,
     has_files,
     has_suffix,
-    refuse_camera_options,
+    refuse_unread_options,
     source_name,
 )
 from hsslam_services.run.source_plugins import plugin_rows
@@ -46,7 +46,6 @@ SERVICE_SOURCES = (
         camera_options=("depth_scale",),
         is_live=True,
         needs_port=True,
-        only_forwards=True,
         check="hsslam_services.camera.ros2_messages:check_ros2",
     ),
     SourceRow(
@@ -100,7 +99,7 @@ def comes_once(spec: str) -> bool:
 def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
     """Raises UserError if an option is set that would change frames; another program publishes them."""
     if row := find_row(spec, ALL_SOURCES):
-        refuse_camera_options(row, spec, options.camera)
+        refuse_unread_options(row, spec, options)
     untouched = SourceOptions()
     for name in _OF_FRAMES:
         if (value := getattr(options, name)) != getattr(untouched, name):
@@ -109,6 +108,16 @@ def refuse_ignored_options(spec: str, options: SourceOptions) -> None:
                 f"--{name.replace('_', '-')} {value}: another program sends the frames (--source {spec}): "
                 f"{what} in that program"
             )
+
+
+def refuse_rate(spec: str, rate_hz: float) -> None:
+    """Raises UserError if frames of this source come when they come, at no rate that a run could set."""
+    if comes_once(spec):
+        remedy = (
+            "expected the rate in that program" if comes_over_bus(spec) else "expected --stride"
+        )
+        remedy += " or --realsense.rate-hz" if spec == "realsense" else ""
+        raise UserError(f"--rate-hz {rate_hz:g}: source {spec} has a clock of its own: {remedy}")
 
 
 def needs_port(spec: str) -> bool:

@@ -8,9 +8,11 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.frame import Frame
+from hsslam_node.sources.cameras.rows import OAK, ORBBEC
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.options.synth import SynthOptions
+from hsslam_node.sources.registry import SOURCES
 
 _SYNTH = SynthOptions(length=5, width_px=32, height_px=32)
 
@@ -106,10 +108,10 @@ def test_an_interrupted_run_has_the_stamps_of_the_whole(tum_folder):
         assert truth is not None and list(truth.stamps_ns) == whole[: options.frames]
 
 
-@pytest.mark.parametrize("source", ["realsense"])
+@pytest.mark.parametrize("source", ["realsense", "orbbec", "oak:1"])
 def test_what_plays_forwards_only_is_refused(source: str):
     with pytest.raises(UserError, match=r"--to-and-fro, --hold-frames: source \S+ plays forwards"):
-        open_source(source, SourceOptions(to_and_fro=2))
+        open_source(source, SourceOptions(hold_frames=2), rows=(*SOURCES, OAK, ORBBEC))
 
 
 @pytest.mark.parametrize(

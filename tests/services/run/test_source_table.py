@@ -9,7 +9,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.registry import SOURCES
 from hsslam_node.sources.source_row import SourceRow, guess_source, imported
-from hsslam_services.camera.open_source import open_any_source
+from hsslam_services.camera.open_source import check_source_exists, open_any_source
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import (
     ALL_SOURCES,
@@ -81,6 +81,21 @@ def test_what_a_run_asks_of_its_source():
         open_any_source("zenoh:")
     with pytest.raises(UserError, match="did you mean zenoh:"):
         open_any_source("zenoh")
+
+
+@pytest.mark.parametrize(
+    ("spec", "remedy"),
+    [
+        ("realsense", "expected --stride or --realsense.rate-hz"),
+        ("ros2:/camera", "expected --stride"),
+        ("zenoh:", "expected the rate in that program"),
+    ],
+)
+def test_what_has_a_clock_of_its_own_takes_no_other_rate(spec: str, remedy: str):
+    words = f"--rate-hz 15: source {spec} has a clock of its own: {remedy}"
+    with pytest.raises(UserError) as told:
+        check_source_exists(ServeOptions(spec, rate_hz=15.0))
+    assert str(told.value) == words
 
 
 def test_the_library_opens_no_log():

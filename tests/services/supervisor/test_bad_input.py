@@ -19,7 +19,7 @@ from hsslam_proto.codec import encode, encoding_of
 from hsslam_proto.frame_codec import frame_message
 from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.supervisor.earlier_run import set_earlier_run_aside
-from tests.services.serve_process import SMALL_ROOM, ServeProcess
+from tests.services.serve_process import SENT_ROOM, SMALL_ROOM, ServeProcess
 from tests.services.small_shared_memory import with_shared_memory
 
 pytestmark = pytest.mark.e2e
@@ -101,7 +101,7 @@ def test_frames_that_cannot_be_read_are_counted_and_the_run_goes_on(serve, tmp_p
 
 
 def test_messages_that_cannot_be_read_are_counted_and_the_run_goes_on(serve):
-    run = serve(*SMALL_ROOM, "--source", "zenoh:")
+    run = serve(*SENT_ROOM)
     run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
     bus = run.bus
     frames = list(open_source("synth:room", _ROOM).frames())[:10]

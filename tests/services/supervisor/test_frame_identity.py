@@ -20,7 +20,7 @@ from hsslam_proto.frame_order import LARGEST_STEP, new_publisher
 from hsslam_proto.messages import Pose
 from hsslam_proto.run_messages import SourceEnd
 from hsslam_services.bus.publisher import Publisher
-from tests.services.serve_process import SMALL_ROOM, ServeProcess
+from tests.services.serve_process import SENT_ROOM, SMALL_ROOM, ServeProcess
 
 _ROOM = SourceOptions(synth=SynthOptions(width_px=160, height_px=120))
 
@@ -62,7 +62,7 @@ def _refused(run: ServeProcess) -> int:
 
 
 def test_a_camera_that_begins_anew_goes_on_being_tracked_and_old_frames_get_no_old_pose(serve):
-    run = serve(*SMALL_ROOM, "--source", "zenoh:")
+    run = serve(*SENT_ROOM)
     run.wait_until(lambda: "tracker:running" in run.stderr and "mapper:running" in run.stderr, 60)
     frames, sender = _frames(8), _sender(run)
     first = [_answered(run, sender, frame) for frame in frames]

@@ -13,7 +13,7 @@ from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.poses import logged_poses
 from hsslam_services.log.reader import bus_messages, log_parts
 from hsslam_services.run.summary import read_summary
-from tests.services.serve_process import SMALL_ROOM
+from tests.services.serve_process import SENT_ROOM, SMALL_ROOM
 
 _SMALL = [option for option in SMALL_ROOM if option not in ("--source", "synth:room")]
 _LATEST_LOSS = 25  # frames at 15 Hz: a second, and what was on its way
@@ -33,7 +33,7 @@ def test_a_replayed_lockstep_run_has_the_same_poses_bit_for_bit(serve):
     replayed = serve(*options, "--source", f"mcap:{logged.out}")
     assert replayed.finish(timeout_s=280) == 0, replayed.stderr
     assert replayed.summary()["frames"]["in"] == 20
-    stepped = serve(*options, "--source", "zenoh:")
+    stepped = serve(*options[:4], *SENT_ROOM)
     assert stepped.bus.is_connected()
     replay = [
         sys.executable,
