@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
@@ -62,3 +63,10 @@ def test_the_launch_file_starts_nav2_without_localisation():
     assert include is not None and include.get("file", "").endswith("/navigation_launch.py")
     environment = launch.find("set_env")
     assert environment is not None and environment.get("value") == "rmw_zenoh_cpp"
+
+
+def test_the_page_says_who_publishes_each_transform_if_the_run_does_not():
+    _, _, told = (ROOT / "docs/ros2.md").read_text().partition("add `--no-ros2-tf`")
+    chain = (ros2_out.MAP, ros2_out.ODOM, ros2_out.BASE, ros2_out.CAMERA)
+    assert all(f"| `{parent}` -> `{child}`" in told for parent, child in pairwise(chain))
+    assert f"--frame-id {ros2_out.BASE} --child-frame-id {ros2_out.CAMERA} " in told

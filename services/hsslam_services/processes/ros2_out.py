@@ -27,6 +27,7 @@ from hsslam_services.launch.worker import Worker
 from hsslam_services.ros2.depth_points import depth_points
 from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.initial_pose import InitialPose
+from hsslam_services.ros2.keyframe_path import keyframe_path
 from hsslam_services.ros2.messages import RosMessages
 from hsslam_services.ros2.names import Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
@@ -171,14 +172,9 @@ class Ros2Out:
         store = self._link.store()
         if store is None or store.count == 0:
             return
-        poses = store.poses()
-        own_ns = store.stamps_ns()[: len(poses)]
-        step = -(-len(poses) // _MOST_PATH_POSES)
-        ros_ns = self._clock.ros_ns(own_ns[::step]).tolist()
-        frames = self.frames
-        placed = np.stack([frames.base_pose(T) for T in poses[::step]])
-        message = self._messages.path(self._stamp_ns(pose), MAP, ros_ns, placed)
-        self._path.put(message)
+        stamp_ns = self._stamp_ns(pose)
+        path = keyframe_path(store, self.frames, self._clock, stamp_ns, _MOST_PATH_POSES)
+        self._path.put(self._messages.path(stamp_ns, MAP, *path))
 
     def _tell_points(self, pose: Pose, now_s: float) -> None:
         """What the frame of this pose shows, in the camera's frame: layers of a costmap clear along the rays

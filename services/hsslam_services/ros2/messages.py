@@ -12,6 +12,7 @@ from hsslam_services.ros2.type_store import open_type_store
 _SURE = 1e-8  # m^2, rad^2: filters cannot use a variance of 0
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4")])
 _FLOAT32 = 7  # of sensor_msgs/PointField
+_LATEST_NS = 2**31 * 10**9 - 1  # ROS counts seconds in 32 bits
 Kind = Literal[
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "nav_msgs/msg/OccupancyGrid",
@@ -202,7 +203,8 @@ class RosMessages:
         return self._store.types[kind](**fields)
 
     def _time(self, stamp_ns: int) -> Any:
-        seconds, nanoseconds = divmod(stamp_ns, 10**9)
+        """The time, or the nearest that ROS can tell: a source may have any stamps."""
+        seconds, nanoseconds = divmod(min(max(stamp_ns, 0), _LATEST_NS), 10**9)
         return self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
 
     def _header(self, stamp_ns: int, frame: str) -> Any:
