@@ -35,7 +35,10 @@ from hsslam_proto.message import (
 class Frame(Message, frozen=True, kw_only=True):
     """One undistorted RGB-D frame; depth is registered to colour; pixel centres at integers.
 
-    `stamp_ns` is the wall clock of the sensor, `source_stamp_ns` the stamp in the source's files.
+    `stamp_ns` is the wall clock of the sensor. `source_stamp_ns` is the time of capture on the source's own
+    clock, ns since any moment. It grows from frame to frame: motion is predicted by it, and trajectories have
+    it. A recording sends the stamp in its files, a live driver that of `stamp_ns` or of the camera's clock.
+
     `color` is [H, W, 3] uint8 RGB raw ("rgb8"), a JPEG or a PNG; `depth` is [H, W] uint16 raw, little
     endian ("u16"), or a 16-bit PNG, in units of 1 / depth_units_per_m, 0 = no measurement. Where undistortion
     finds no pixel, color is that of the border, not black, and depth is 0.

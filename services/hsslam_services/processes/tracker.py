@@ -109,6 +109,7 @@ class _TrackerLoop:
         if place.kind == "old":
             self._poses.put_again(place)
             return
+        self._events.heard(place, message.source_stamp_ns)
         taken_ns = time.time_ns()
         try:
             frame = frame_from_message(message, place.publisher)

@@ -3,7 +3,9 @@
 import math
 
 from hsslam_node.map.pose_log import Status
+from hsslam_node.sources.reports import Report
 from hsslam_node.tracking.tracked_frame import TrackResult
+from hsslam_proto.frame_order import Place
 from hsslam_services.arena.shared_map import SharedMap
 from hsslam_services.launch.worker import Worker
 
@@ -17,6 +19,17 @@ class TrackingEvents:
         self._last_status: Status = "initial"
         self._fragment = 0  # the newest that was reported
         self._imu_disagrees = self._knows_up = False  # reported
+        self._heard = -1, -1  # publisher and source_stamp_ns of the frame before
+
+    def heard(self, place: Place, source_ns: int) -> None:
+        """A new frame has come; motion is predicted by the clock of its source, so that must go on."""
+        before, self._heard = self._heard, (place.publisher, source_ns)
+        if before[0] == place.publisher and source_ns <= before[1]:
+            text = (
+                f"frame {place.index}: source_stamp_ns {source_ns} after {before[1]}: expected a later one, "
+                "without which no motion is predicted"
+            )
+            self._worker.warn_once(Report("frames whose source_stamp_ns did not grow", text))
 
     def take(self, result: TrackResult) -> None:
         """The result of a frame."""
