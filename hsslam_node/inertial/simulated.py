@@ -20,12 +20,15 @@ def simulated_imu(
     """Readings of an IMU in the centre of a camera, with its axes, along true poses [N, 4, 4].
 
     The camera moves on cubic splines through the poses. `noise` multiplies the errors of a cheap IMU: 1 is
-    usual, 0 none. Bias and scale do not change.
+    usual, 0 none. Bias and scale do not change. Fewer than two poses are no motion, so they have no
+    readings.
 
     Args:
         rate_hz: of the poses.
         up: [3] unit length, against gravity in the world of the poses.
     """
+    if len(T_true) < 2:
+        return [None] * len(T_true)
     end_s = (len(T_true) - 1) / rate_hz
     at_s = np.arange(0.0, end_s + 1 / RATE_HZ, 1 / RATE_HZ)
     turn_rate, force = _exact(T_true, rate_hz, np.minimum(at_s, end_s), up)

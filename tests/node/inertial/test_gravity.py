@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hsslam_node.frame import Frame
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp
 from hsslam_node.inertial.gravity import (
     STANDARD_GRAVITY,
@@ -16,7 +17,9 @@ from hsslam_node.inertial.gravity import (
 from hsslam_node.inertial.gyro_bias import GyroBias
 from hsslam_node.inertial.reading import motion_between
 from hsslam_node.inertial.simulated import GYRO_BIAS, simulated_imu
+from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.options.source import SourceOptions
+from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.synth import synth_truth
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -91,3 +94,10 @@ def test_a_fit_is_exact_and_a_fifth_of_wrong_windows_moves_it_little(seed, count
 def test_a_direction_that_is_none_cannot_be_made():
     with pytest.raises(ValueError, match="expected a direction"):
         Gravity((0.0, 0.0, 2.0), 0.001)
+
+
+def test_fewer_than_two_poses_are_no_motion_so_they_have_no_readings():
+    synth = SynthOptions(imu_noise=1.0, length=3, width_px=32, height_px=32)
+    (frame,) = open_source("synth:room", SourceOptions(frames=1, synth=synth)).frames()
+    assert isinstance(frame, Frame) and frame.imu is None
+    assert open_source("synth:room", SourceOptions(start=9, synth=synth)).frame_count == 0
