@@ -20,7 +20,6 @@ from hsslam_node.tracking.tracker import Tracker
 _SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
 _FEWEST_FEATURES = 60  # of an image that shows something
 _MOST_KEYFRAMES = 600  # that a fragment keeps: 0.9 GB at 640x480
-_SPARE_KEYFRAMES = 16  # that the camera needs at once after a join
 
 
 def open_fragment_tracker(
@@ -160,13 +159,9 @@ class FragmentTracker:
         return _of_fragment(first, fragment.number)
 
     def _begin_joining(self, fragment: Fragment, search: JoinSearch) -> Joining | None:
-        """If it is known now where the fragment lies, and the map has room for it."""
+        """If it is known now where the fragment lies."""
         T_map_fragment = search.step()
-        kept = len(self._store.kept())
-        room = min(self._store.most_kept, self._store.capacity) - kept - _SPARE_KEYFRAMES
-        if T_map_fragment is None or room < _SPARE_KEYFRAMES:
-            return None
-        return Joining(fragment, self._store, T_map_fragment, room)
+        return None if T_map_fragment is None else Joining(fragment, self._store, T_map_fragment)
 
     def _go_on_in_map(
         self, fragment: Fragment, joined: JoinedFragment, result: TrackResult

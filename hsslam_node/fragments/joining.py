@@ -9,20 +9,24 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
 _AT_ONCE = 2  # keyframes with a frame, 7 ms each at 640x480
+_SPARE = 16  # keyframes that the camera needs at once after a join, but no more than a quarter of the room
+_PARTS = 3  # of what the map may keep: the mapper frees one of them for a fragment, at most
 _UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))  # covariance, m and rad, of the pose by a join
 
 
 class Joining:
-    """Copies the keyframes of a fragment into the map's store while the camera is tracked in the fragment."""
+    """Copies the keyframes of a fragment into the map's store while the camera is tracked in the fragment.
+
+    Where the map has too little room for them, the mapper first retires keyframes of the map.
+    """
 
     def __init__(
-        self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray, room: int
+        self, fragment: Fragment, store: KeyframeStore, T_map_fragment: np.ndarray
     ) -> None:
-        """The map has room for `room` keyframes; if the fragment keeps more, some are left out evenly."""
         self._fragment = fragment
         self._store = store
         self._T_map_fragment = T_map_fragment
-        self._every = -(-len(fragment.store.kept()) // max(room, 1))
+        self._every = 0  # keyframes of which one is copied; 0: it waits for room
         self._staging = store.staging()
         self._ids: list[int] = []  # in the fragment, of those that are staged
         self._next = 0
@@ -32,6 +36,8 @@ class Joining:
 
         None before that, and if the map has no memory for any of them: then they are copied again.
         """
+        if not self._every and not self._begins():
+            return None
         for _ in range(_AT_ONCE):
             if self._next >= self._fragment.store.count:
                 return self._show()
@@ -40,13 +46,31 @@ class Joining:
 
     def finish(self) -> JoinedFragment | None:
         """Copy all that are left, and show them; None if the map has no memory for any."""
+        if not self._every:
+            self._begin(self._store.free)
         while self._next < self._fragment.store.count:
             self._copy_next()
         return self._show()
 
     def give_up(self) -> None:
         """The map does not get the fragment."""
+        self._store.want(0)
         self._staging.give_up()
+
+    def _begins(self) -> bool:
+        """Whether there is room now; else the mapper is told for how many."""
+        free, kept = self._store.free, len(self._fragment.store.kept())
+        wanted = min(kept + _SPARE, self._store.most_kept // _PARTS)
+        if free < wanted:
+            self._store.want(wanted)
+            return False
+        self._begin(free - min(_SPARE, free // 4))
+        return True
+
+    def _begin(self, room: int) -> None:
+        """Copy as many as there is room for: if the fragment keeps more, some are left out evenly."""
+        self._store.want(0)
+        self._every = -(-len(self._fragment.store.kept()) // max(room, 1))
 
     def _copy_next(self) -> None:
         store, every = self._fragment.store, self._every

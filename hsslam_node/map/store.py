@@ -8,7 +8,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera, camera_difference
 from hsslam_node.map.allocator import ArrayAllocator
-from hsslam_node.map.keyframes.header import COUNT, INHERITED, MOST, REFUSED
+from hsslam_node.map.keyframes.header import COUNT, INHERITED, MOST, REFUSED, WANTED
 from hsslam_node.map.keyframes.poses import KeyframePoses
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
@@ -85,6 +85,24 @@ class KeyframeStore:
     def refused(self) -> int:
         """How often there was no room for a keyframe that was due."""
         return load_ordered(self._header, REFUSED)
+
+    @property
+    def free(self) -> int:
+        """Keyframes that can come now; what is staged is not counted."""
+        return self.most_kept - len(self.kept())
+
+    @property
+    def wanted(self) -> int:
+        """Keyframes that wait for room, 0: none."""
+        return load_ordered(self._header, WANTED)
+
+    def want(self, keyframes: int) -> None:
+        """The tracker only: so many are to come at once, and there is no room for them; 0: none waits."""
+        store_ordered(self._header, WANTED, keyframes)
+
+    def lacks_room(self) -> bool:
+        """Whether keyframes wait for more room than there is: then the mapper retires others."""
+        return self.wanted > 0 and self.wanted > self.free
 
     @property
     def pixel_bytes(self) -> int:
@@ -186,8 +204,9 @@ class KeyframeStore:
         return np.arange(first, first + n)
 
     def forget_incomplete(self) -> None:
-        """The tracker only: free what a former tracker of this run, which died, did not complete."""
+        """The tracker only: undo what a former tracker of this run, which died, did not complete."""
         self._slots.forget_incomplete(self.count)
+        self.want(0)
 
     def expect_like(self, frame: Frame) -> None:
         """UserError where the frame is not of the store's camera."""

@@ -18,8 +18,9 @@ class KeyframeSelection:
     """Decides, for each keyframe that leaves the ring of recent ones, whether it stays or is retired.
 
     It stays if more than `new_share` of its cells (`view_cells`) are shown by fewer than `views` kept ones.
-    When memory gets scarce fewer views are wanted; when it is full, the most redundant of some kept ones
-    are retired. Keyframe 0, to which the world is fixed, stays.
+    When memory gets scarce fewer views are wanted; when it is full, or when keyframes wait for room
+    (`KeyframeStore.want`), the most redundant of some kept ones are retired. Keyframe 0, to which the world
+    is fixed, stays.
     """
 
     def __init__(self, config: KeyframeConfig, max_depth_m: float) -> None:
@@ -36,7 +37,7 @@ class KeyframeSelection:
         """
         most = store.most_kept
         kept = store.kept()
-        spare = max(1, min(8, most // 4))
+        spare = max(1, min(8, most // 4), store.wanted)
         ring = min(self._config.recent, max(2, most // 2))
         older = kept[kept < store.count - ring]
         pending = [int(k) for k in older if k not in self._places][:_AT_A_TIME]

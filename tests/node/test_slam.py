@@ -152,7 +152,7 @@ def test_a_fragment_that_joins_after_the_last_frame_is_adjusted():
     assert isinstance(tracker, FragmentTracker) and store and store.count == 4
     fragment = Fragment(CONFIG, frames[5], 0, 1, 8)
     fragment.track(frames[5])
-    tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0), 8)
+    tracker._joining = Joining(fragment, store, displaced(right[5], 0.02, 1.0))
     slam.finish()
     assert store.count == 5 and pose_error(store.pose(4), right[5])[0] < 0.005
 

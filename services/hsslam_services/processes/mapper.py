@@ -157,9 +157,12 @@ class _MapperLoop:
         self._publish(report, store, start)
 
     def make_room(self) -> None:
-        """Retire keyframes if the tracker had no room for one: no new one would be the occasion."""
+        """Retire keyframes if the tracker had no room for one, or has none for a fragment: no new one would
+        be the occasion."""
         store = self._link.store()
-        if store is not None and self._mapper is not None and store.refused > self._refused:
+        if store is None or self._mapper is None:
+            return
+        if store.refused > self._refused or store.lacks_room():
             self._refused = store.refused
             self._select(store)
 

@@ -17,7 +17,7 @@ class TrackingEvents:
         self._worker = worker
         self._link = link
         self._last_status: Status = "initial"
-        self._fragment = 0  # the newest that was reported
+        self._fragment = self._waiting = 0  # the newest that was reported
         self._imu_disagrees = self._knows_up = False  # reported
         self._heard = -1, -1  # publisher and source_stamp_ns of the frame before
 
@@ -37,6 +37,7 @@ class TrackingEvents:
         self._report_fragment(result)
         self._report_status(result)
         self._report_room()
+        self._report_wait(result)
         self._report_imu(result)
 
     def _count(self, result: TrackResult) -> None:
@@ -73,6 +74,18 @@ class TrackingEvents:
             self._worker.event("warning", "no room for a keyframe: tracking goes on without it")
         if refused:
             self._worker.counters["keyframes without room"] = refused
+
+    def _report_wait(self, result: TrackResult) -> None:
+        """Once for each fragment that has met the map: why it has not joined it yet."""
+        store = self._link.store()
+        if store is None or not store.wanted or result.fragment <= self._waiting:
+            return
+        self._waiting = result.fragment
+        text = (
+            f"fragment {result.fragment} waits until the map has room for {store.wanted} keyframes: "
+            "the mapper removes some that show little that others do not"
+        )
+        self._worker.event("info", text)
 
     def _report_imu(self, result: TrackResult) -> None:
         """Once: which way is up, or that the IMU cannot be used."""

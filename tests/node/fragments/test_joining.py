@@ -1,4 +1,4 @@
-"""A fragment and a map that has no room for its keyframes."""
+"""A fragment and a map that has room for its keyframes, or too little."""
 
 import numpy as np
 
@@ -7,7 +7,8 @@ from hsslam_node.fragments.joining import Joining
 from hsslam_node.geometry.se3 import inverse, se3_exp, so3_exp, so3_log
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from tests.small_room import SMALL, room_frames
+from hsslam_node.mapping.keyframe_selection import KeyframeSelection
+from tests.small_room import SMALL, room_frames, room_poses
 
 
 def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
@@ -17,7 +18,7 @@ def test_a_fragment_goes_on_until_the_map_has_memory_for_it():
     store.allow(1)
     fragment = Fragment(SMALL, first, 0, 1, 8)
     fragment.track(first)
-    joining = Joining(fragment, store, np.eye(4), 1)
+    joining = Joining(fragment, store, np.eye(4))
     assert [joining.step() for _ in range(4)] == [None] * 4
     assert joining.finish() is None and store.count == 1
     store.allow(4)
@@ -34,7 +35,7 @@ def test_covariances_are_turned_into_the_axes_of_the_map():
     unsure_along_x = np.diag([1.0, *5 * [1e-6]])
     fragment.store.append(frames[1], np.eye(4), covariance=unsure_along_x)
     quarter_turn_about_z = se3_exp(np.array([1, 2, 3, 0, 0, np.pi / 2]))
-    joined = Joining(fragment, store, quarter_turn_about_z, 4).finish()
+    joined = Joining(fragment, store, quarter_turn_about_z).finish()
     assert joined is not None
     sigmas_m = np.sqrt(np.diag(store.covariance(int(joined.keyframes[0]))))[:3]
     np.testing.assert_allclose(sigmas_m, [0.02, 1.0, 0.02], atol=1e-3)
@@ -43,7 +44,7 @@ def test_covariances_are_turned_into_the_axes_of_the_map():
 def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
     frames, rng = room_frames(), np.random.default_rng(0)
     store = KeyframeStore.create(
-        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 8
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 4
     )
     store.append(frames[0], np.eye(4))
     poses = np.stack([se3_exp(rng.normal(size=6)) for _ in range(5)])
@@ -52,7 +53,7 @@ def test_what_odometry_alone_bridged_counts_if_its_keyframe_is_left_out():
     fragment = Fragment(SMALL, frames[0], 0, 1, 8)
     for k in range(5):
         fragment.store.append(frames[k], poses[k], gap_covariance=gaps[k])
-    joined = Joining(fragment, store, se3_exp(rng.normal(size=6)), 3).finish()
+    joined = Joining(fragment, store, se3_exp(rng.normal(size=6))).finish()
     assert joined is not None and store.count == 1 + 3
     for k, at in ((2, 2), (4, 3)):
         T_cam_next = inverse(poses[k - 1]) @ poses[k]
@@ -77,8 +78,46 @@ def test_a_fragment_that_is_full_retires_keyframes_and_joins_with_the_others():
     assert own.count >= 8 > 6 >= len(kept) and kept[0] == 0
     store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 32)
     store.append(first, np.eye(4))
-    joined = Joining(fragment, store, np.eye(4), 16).finish()
+    joined = Joining(fragment, store, np.eye(4)).finish()
     assert joined is not None and len(joined.keyframes) == own.count
     np.testing.assert_array_equal(joined.keyframes[kept], np.arange(1, store.count))
     placed = store.poses()[joined.keyframes] @ joined.T_keyframe_own
     np.testing.assert_allclose(placed, own.poses(), atol=1e-9)
+
+
+def test_a_fragment_waits_until_the_mapper_has_made_room_for_it():
+    frames, poses = room_frames(), room_poses()
+    store = KeyframeStore.create(
+        MemoryAllocator(), frames[0].camera, frames[0].depth_units_per_m, 12
+    )
+    selection = KeyframeSelection(SMALL.keyframes, SMALL.mapper.max_depth_m)
+    for k in range(0, 40, 4):
+        store.append(frames[k], poses[k])
+        selection.select(store)
+    fragment = Fragment(SMALL, frames[0], 0, 1, 8)
+    for k in range(6):
+        fragment.store.append(frames[k], poses[k])
+    joining = Joining(fragment, store, np.eye(4))
+    assert joining.step() is None and joining.step() is None
+    assert store.lacks_room() and store.free < store.wanted == 4
+    selection.select(store)
+    before = store.count
+    joined = next(filter(None, (joining.step() for _ in range(4))))
+    assert store.count == before + 3 and set(joined.keyframes) == set(range(before, before + 3))
+    assert not store.wanted and store.has_room()
+
+
+def test_a_fragment_that_does_not_come_wants_no_room():
+    first = room_frames()[0]
+    store = KeyframeStore.create(MemoryAllocator(), first.camera, first.depth_units_per_m, 6)
+    for k in range(5):
+        store.append(room_frames()[k], room_poses()[k])
+    fragment = Fragment(SMALL, first, 0, 1, 8)
+    fragment.track(first)
+    joining = Joining(fragment, store, np.eye(4))
+    assert joining.step() is None and store.lacks_room()
+    joining.give_up()
+    assert not store.lacks_room()
+    assert joining.step() is None and store.lacks_room()
+    store.forget_incomplete()  # its tracker has died
+    assert not store.lacks_room()

@@ -1,4 +1,4 @@
-"""What the mapper process does when a run ends, over an arena that a real pipeline has filled."""
+"""The mapper process between frames and when a run ends, over an arena that a real pipeline has filled."""
 
 import os
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from hsslam_services.arena.arena import Arena
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes import mapper
 from hsslam_services.run.run_info import RunInfo
-from tests.small_room import SMALL, room_frames
+from tests.small_room import SMALL, room_frames, room_poses
 
 
 def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
@@ -37,3 +37,23 @@ def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
     assert (
         step == 2 + 2 * 2 + 2
     )  # first ones, of both keyframes as a mapper that resumes, last ones
+
+
+def test_the_mapper_makes_room_for_a_fragment_that_waits(make_run: Callable[..., RunInfo]):
+    quick = replace(SMALL.mapper, first_iterations=2, iterations=2)
+    few = replace(SMALL.keyframes, capacity=12)
+    config = replace(SMALL, mapper=quick, keyframes=few, ba=replace(SMALL.ba, enabled=False))
+    run = make_run(slam=config, pace="lockstep")
+    slam = Slam(config, arrays=Arena(Path(run.arena_dir)))
+    slam.process(room_frames()[0])
+    store = slam.store
+    assert store
+    for k in range(1, 9):
+        store.append(room_frames()[k], room_poses()[k])
+    with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
+        loop = mapper._MapperLoop(worker)
+        loop.make_room()
+        assert store.free == 3
+        store.want(4)
+        loop.make_room()
+    assert store.free == 4

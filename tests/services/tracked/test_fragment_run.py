@@ -13,15 +13,17 @@ _DARK = range(30, 48)  # 3 s
 
 @pytest.mark.e2e
 def test_a_fragment_joins_the_map_and_its_log_has_the_same_poses(serve):
-    """Once round the room and most of the way back, in steps of five frames."""
+    """Once round the room and most of the way back, in steps of five frames; the map has no room for it."""
     run = serve(
         *(*SMALL_ROOM, "--pace", "lockstep", "--stride", "5", "--to-and-fro", "2"),
         *("--frames", "246", "--cover-at", str(_DARK.start), "--cover-frames", str(len(_DARK))),
+        *("--slam.keyframes.capacity", "10"),
     )
     assert run.finish(280) == 0, run.stderr
     summary = run.summary()
     fragment = summary["fragments"]["1"]
     assert fragment["joined"] and fragment["frames"] > 100
+    assert "fragment 1 waits until the map has room for 3 keyframes" in run.stderr
     assert "fragment 1 has joined the map with " in run.stderr
     final = read_tum(run.out / "trajectory.txt")
     online = read_tum(run.out / "trajectory_online.txt")
