@@ -1,5 +1,7 @@
 """The camera's path without jumps, as `odom` of ROS: corrections of the map are left out."""
 
+from collections import deque
+
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse
@@ -7,17 +9,22 @@ from hsslam_node.map.pose_log import LOST, PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import orthonormal
 
+_GAP = 1.5  # times the usual time between frames; less is no gap
+_FRAMES = 10  # newest ones, whose times tell what is usual
+
 
 class SmoothPath:
     """Adds up the motions between frames, each seen in the map as it is now.
 
-    What lies between two frames that are further apart than `longest_gap_s` is not known as a motion: the
-    path stands still there. The same holds for two map epochs. A restarted tracker goes on with the path.
+    What lies between two frames that are further apart than `longest_gap_s`, and than frames usually are, is
+    not known as a motion: the path stands still there. The same holds for two map epochs. A restarted tracker
+    goes on with the path.
     """
 
     def __init__(self, log: PoseLog, longest_gap_s: float) -> None:
         self._longest_gap_ns = round(1e9 * longest_gap_s)
         rows = log.rows()
+        self._stamps_ns = deque(rows["source_stamp_ns"][-_FRAMES:].tolist(), _FRAMES)
         tracked = rows[rows["status"] != LOST]
         self._last: np.ndarray | np.void | None = tracked[-1] if len(tracked) else None
         self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
@@ -30,6 +37,7 @@ class SmoothPath:
         T_expected: [4, 4] camera to world by the robot's odometry, of the first frame that is aligned after
         frames that had their poses by it alone: what it was off is no motion.
         """
+        self._stamps_ns.append(int(row["source_stamp_ns"]))
         if row["status"] != LOST and store is not None:
             if self._is_motion(row):
                 motion = self._motion(row, store, T_expected)
@@ -42,7 +50,8 @@ class SmoothPath:
         if last is None or last["map_epoch"] != row["map_epoch"]:
             return False
         gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
-        return 0 < gap_ns <= self._longest_gap_ns
+        usual_ns = float(np.median(np.diff(self._stamps_ns)))
+        return 0 < gap_ns <= max(self._longest_gap_ns, _GAP * usual_ns)
 
     def _motion(
         self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None

@@ -7,13 +7,21 @@ import pytest
 
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
+from hsslam_node.map.pose_log import (
+    DEAD_RECKONED,
+    LOST,
+    TRACKED,
+    PoseLog,
+    final_trajectory,
+    pose_row,
+)
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
 from tests.small_room import displaced, room_frames
 
 _STEP = se3_exp(np.array([0.02, 0.0, 0.01, 0.0, 0.03, 0.0]))
 _FRAME_NS = 33_000_000
+_A_SECOND = 30  # frames
 
 
 class _Run:
@@ -107,3 +115,22 @@ def test_it_goes_on_in_another_map(run):
     before = [run.track() for _ in range(3)][-1]
     run.T_world_cam = np.eye(4)
     np.testing.assert_array_equal(run.track(map_epoch=1), before)
+
+
+def test_it_follows_a_camera_of_one_frame_a_second(run):
+    for _ in range(6):
+        np.testing.assert_allclose(run.track(gap=_A_SECOND), run.T_world_cam, atol=1e-12)
+    before = run.track(gap=_A_SECOND)
+    run.restart()
+    np.testing.assert_allclose(run.track(gap=_A_SECOND), before @ _STEP, atol=1e-12)
+    before = run.track(status=LOST, gap=_A_SECOND)
+    np.testing.assert_array_equal(run.track(), before)
+
+
+def test_frames_by_odometry_alone_keep_its_path_however_few_there_are_in_a_second(run):
+    states, truth = [*3 * [TRACKED], *6 * [DEAD_RECKONED], TRACKED], []
+    for status in states:
+        run.track(status=status, gap=_A_SECOND)
+        truth.append(run.T_world_cam)
+    found = final_trajectory(run.log.rows(), run.store.poses()).T_world_cam
+    np.testing.assert_allclose(found, truth, atol=1e-6)
