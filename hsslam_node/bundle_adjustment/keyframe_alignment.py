@@ -24,7 +24,9 @@ from hsslam_node.tracking.tracked_frame import frame_points
 _FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
 _INDEPENDENT = 0.1  # share of points and pixels that say something of their own
 _UNKNOWN_COVERAGE = 0.25  # assumed without the surface term
-_HELD_PYRAMIDS = 16  # 3 MB each at 640 x 480; a third of the lookups miss
+_MOST_PYRAMIDS = 16  # that are held; a third of the lookups miss
+_PYRAMID_BYTES = 0.1e9  # of these, if not two: 3 MB each at 640 x 480, 83 MB at 3840 x 2160
+_PER_PIXELS = 2  # bytes of a pyramid, over those of a keyframe
 _HELD_REFERENCES = 2  # 7 MB each; a round aligns many keyframes to one, then to the next
 T = TypeVar("T")
 
@@ -39,6 +41,8 @@ class KeyframeAlignment:
         self._tracker = tracker
         self._config = config
         self._seed = seed
+        fitting = int(_PYRAMID_BYTES) // (_PER_PIXELS * store.pixel_bytes)
+        self.most_pyramids = min(max(fitting, 2), _MOST_PYRAMIDS)
         self._levels: OrderedDict[int, tuple[PyramidLevel, ...]] = OrderedDict()
         self._references: OrderedDict[int, ReferenceKeyframe] = OrderedDict()
 
@@ -99,7 +103,8 @@ class KeyframeAlignment:
         return PoseEdge(first, second, inverse(T_second_first), information, True)
 
     def _pyramid(self, k: int) -> tuple[PyramidLevel, ...]:
-        return _kept(self._levels, _HELD_PYRAMIDS, k, lambda: grey_pyramid(self._store.frame(k)))
+        most = self.most_pyramids
+        return _kept(self._levels, most, k, lambda: grey_pyramid(self._store.frame(k)))
 
     def _reference(self, k: int) -> ReferenceKeyframe:
         return _kept(self._references, _HELD_REFERENCES, k, lambda: self._prepared(k))

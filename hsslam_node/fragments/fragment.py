@@ -9,7 +9,13 @@ from hsslam_node.mapping.keyframe_selection import KeyframeSelection
 from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
+_MOST_KEYFRAMES, _MOST_BYTES = 600, 0.93e9  # of their pixels: 600 at 640x480
 _NEARLY_FULL = 0.9  # of the keyframes that it may keep: from there on some are retired
+
+
+def most_keyframes(pixel_bytes: int) -> int:
+    """Keyframes that a fragment may keep, `pixel_bytes` each, in the memory of the tracker."""
+    return min(_MOST_KEYFRAMES, int(_MOST_BYTES) // pixel_bytes)
 
 
 class Fragment:

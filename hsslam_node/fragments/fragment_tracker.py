@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
-from hsslam_node.fragments.fragment import Fragment
+from hsslam_node.fragments.fragment import Fragment, most_keyframes
 from hsslam_node.fragments.join_search import JoinSearch
 from hsslam_node.fragments.joining import Joining
 from hsslam_node.frame import Frame
@@ -19,7 +19,6 @@ from hsslam_node.tracking.tracker import Tracker
 
 _SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
 _FEWEST_FEATURES = 60  # of an image that shows something
-_MOST_KEYFRAMES = 600  # that a fragment keeps: 0.9 GB at 640x480
 
 
 def open_fragment_tracker(
@@ -149,7 +148,8 @@ class FragmentTracker:
         return self._begin(frame) or result
 
     def _begin(self, frame: Frame) -> TrackResult | None:
-        fragment = Fragment(self._slam, frame, self._seed, self._begun + 1, _MOST_KEYFRAMES)
+        most = most_keyframes(self._store.pixel_bytes)
+        fragment = Fragment(self._slam, frame, self._seed, self._begun + 1, most)
         first = fragment.track(frame)
         if first.status == "lost":  # there is too little depth
             return None

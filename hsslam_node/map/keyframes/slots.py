@@ -7,7 +7,8 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 
-SLAB_KEYFRAMES = 8  # 12 MB at 640x480: the system clears it while the tracker waits, in 7 ms
+SLAB_KEYFRAMES = 8  # at most
+_SLAB_BYTES = 12.5e6  # of two or more: the system clears them while the tracker waits, in 7 ms
 _REST = 8  # keyframes until a slot that was given up is written again, where others are free
 _READY = 8  # slots that have rested and keep their memory, so that the next keyframe need not wait
 _MOST_DROPPED = 2  # slots whose memory goes back with one keyframe, 0.5 ms each at 640x480
@@ -26,6 +27,7 @@ class KeyframeSlots:
     def __init__(self, arrays: ArrayAllocator, camera: Camera) -> None:
         self._arrays = arrays
         self._camera = camera
+        self._per_slab = min(max(int(_SLAB_BYTES) // self.slot_bytes, 1), SLAB_KEYFRAMES)
         self._table = arrays.open("keyframe_slots")  # [capacity] int64
         self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # threads may open one at once
         self._reserved_slabs = 0  # that are there, as far as the tracker has looked
@@ -143,13 +145,13 @@ class KeyframeSlots:
         """Slots in slabs that are there."""
         while self._arrays.exists(_names(self._reserved_slabs)[1]):
             self._reserved_slabs += 1
-        return SLAB_KEYFRAMES * self._reserved_slabs
+        return self._per_slab * self._reserved_slabs
 
     def _slab(self, index: int, create: bool) -> tuple[np.ndarray, np.ndarray]:
         slab = self._slabs.get(index)
         if slab is None:
             color, depth = _names(index)
-            size = (SLAB_KEYFRAMES, self._camera.height_px, self._camera.width_px)
+            size = (self._per_slab, self._camera.height_px, self._camera.width_px)
             if create:
                 slab = (
                     self._arrays.create(color, (*size, 3), np.uint8),

@@ -205,3 +205,15 @@ def test_losses_are_unknown_until_they_are_noted_and_shared_by_all():
     store.append(_frame(36), _pose(12))
     assert np.isnan(store.losses(np.array([12])))
     _check(store, 13)
+
+
+@pytest.mark.parametrize(
+    ("width_px", "height_px", "keyframes"),
+    [(160, 120, 8), (640, 480, 8), (1280, 720, 2), (1920, 1080, 1), (3840, 2160, 1)],
+)
+def test_a_slab_of_large_images_has_few_keyframes(width_px, height_px, keyframes):
+    arrays, camera = MemoryAllocator(), Camera(width_px, height_px, 600.0, 600.0, 320.0, 240.0)
+    store = KeyframeStore.create(arrays, camera, 5000.0, 16)
+    assert store.has_room()
+    assert arrays.open("keyframe_color.000").shape == (keyframes, height_px, width_px, 3)
+    assert arrays.open("keyframe_depth.000").shape == (keyframes, height_px, width_px)
