@@ -44,7 +44,7 @@ def is_acceptable(
 
 
 def quality(alignment: Alignment) -> float:
-    """0..1: the share of depth points that fit the map; before there is one, the keyframe."""
+    """0..1: the share of depth points that fit the map; where that says nothing, the keyframe."""
     ratios = alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio
     return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
 
@@ -52,7 +52,7 @@ def quality(alignment: Alignment) -> float:
 def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
     """To the map; if that lags behind or a person stands before it, to the reference keyframe alone.
 
-    Before there is a map, enough points must meet the keyframe: any few fit some surface. A person may
+    Where there is no map, enough points must meet the keyframe: any few fit some surface. A person may
     cover much of the keyframe, too: a camera that was tracked until now needs less of it.
     With both terms of the keyframe off, the map decides.
     """

@@ -1,5 +1,6 @@
 """Gauss-Newton alignment of one frame: to the SDF map, to a keyframe's surface and to its image."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,7 @@ from hsslam_node.tracking.map_view import MapView
 
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
+_JUDGED = 0.05  # of the points that are asked; fewer in the bound do not tell whether the pose fits the map
 _SAME_EXPOSURE = Exposure()
 
 
@@ -23,8 +25,8 @@ class Alignment:
 
     T_world_cam: np.ndarray  # [4, 4]
     iterations: int
-    sdf_inlier_ratio: float  # inliers over points in the bound; nan without a map
-    sdf_rms_m: float  # of the inliers; nan without a map
+    sdf_inlier_ratio: float  # inliers over points in the bound; nan without a map or with few there
+    sdf_rms_m: float  # of the inliers; nan as the ratio
     surface_inlier_ratio: float  # nan without the term
     surface_coverage: float  # share of the points that met the keyframe's surface
     photometric_inlier_ratio: float  # nan without the term
@@ -77,11 +79,12 @@ def align(
                 break
     assert system is not None
     nan = float("nan")
+    is_judged = system.sdf_seen > _JUDGED * (system.sdf_seen + system.outside)
     return Alignment(
         T_world_cam=T,
         iterations=iterations,
-        sdf_inlier_ratio=system.sdf_inliers / max(system.sdf_seen, 1) if view else nan,
-        sdf_rms_m=float(np.sqrt(system.sdf_squares / max(system.sdf_inliers, 1))) if view else nan,
+        sdf_inlier_ratio=system.sdf_inliers / system.sdf_seen if is_judged else nan,
+        sdf_rms_m=math.sqrt(system.sdf_squares / max(system.sdf_inliers, 1)) if is_judged else nan,
         surface_inlier_ratio=_ratio(system.surface_inliers, system.surface_met),
         surface_coverage=system.surface_met / max(len(points), 1),
         photometric_inlier_ratio=_ratio(system.photo_inliers, system.photo_seen),

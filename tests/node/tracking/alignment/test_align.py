@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.se3 import se3_exp, transformed
 from hsslam_node.kernels.field.layout import kernel_layout
 from hsslam_node.kernels.tracking.depth_points import sample_points
+from hsslam_node.tracking.aligned.acceptance import quality
 from hsslam_node.tracking.alignment.align import Alignment, align
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, reference_keyframe
 from hsslam_node.tracking.map_view import MapView
@@ -152,5 +153,21 @@ def test_points_outside_the_bound_are_counted(room):
     away = room_poses()[FRAME].copy()
     away[:3, 3] += 100.0
     result = _aligned(room, away, with_map=True, with_keyframe=False)
-    assert result.outside > 500 and result.sdf_inlier_ratio == 0
+    assert result.outside > 500 and np.isnan(result.sdf_inlier_ratio)
     np.testing.assert_allclose(result.T_world_cam, away, atol=1e-9)
+
+
+@pytest.mark.parametrize(("share", "is_judged"), [(0.02, False), (0.2, True)])
+def test_the_map_does_not_judge_a_frame_of_which_few_points_are_in_its_bound(
+    room, share, is_judged
+):
+    truth, aside = room_poses()[FRAME], np.eye(4)
+    z = transformed(truth, _points(room_frames()[FRAME]))[:, 2]
+    aside[2, 3] = room.parameters.layout.bound.high[2] - np.quantile(z, share)
+    result = _aligned(
+        room, aside @ truth, world=aside, with_map=True, with_keyframe=True, sdf_weight=0.0
+    )
+    assert 0 < len(z) - result.outside < 1.2 * share * len(z)
+    assert np.isfinite(result.sdf_inlier_ratio) == np.isfinite(result.sdf_rms_m) == is_judged
+    assert result.surface_inlier_ratio > 0.8
+    assert (quality(result) == result.surface_inlier_ratio) != is_judged
