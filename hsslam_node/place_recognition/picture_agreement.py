@@ -9,8 +9,9 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.projection import project
 from hsslam_node.geometry.se3 import inverse
 
-_WIDTH_PX = 320  # of the images that are compared
-_BLOCK_PX = 20  # of these; 40 of 640
+_WIDTH_PX = 320  # of the images that are compared, at most
+_BLOCK_PX = 20  # at that width; 40 of 640
+_SMALLEST_BLOCK_PX = 8
 _BLUR_PX = 1.0  # poses are good to about a pixel
 _TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + second z^2, m
 _FEWEST = 0.6  # of a block's pixels that both frames see
@@ -64,9 +65,9 @@ def _small(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 def _blocks(image: np.ndarray) -> np.ndarray:
     """[blocks, pixels of a block] of an image [h, w], what is left at the borders left out."""
-    h, w = (side // _BLOCK_PX for side in image.shape)
-    cut = image[: h * _BLOCK_PX, : w * _BLOCK_PX]
-    split = cut.reshape(h, _BLOCK_PX, w, _BLOCK_PX).swapaxes(1, 2)
+    side = max(round(_BLOCK_PX * image.shape[1] / _WIDTH_PX), _SMALLEST_BLOCK_PX)
+    h, w = (length // side for length in image.shape)
+    split = image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2)
     return split.reshape(h * w, -1).astype(np.float64)
 
 
