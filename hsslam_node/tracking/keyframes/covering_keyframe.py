@@ -3,12 +3,13 @@
 import numpy as np
 
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import project, world_points
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
-_STRIDE_PX = 24
+_STRIDE = 24 / 640  # of the width of the image
 _CANDIDATES = 12  # that stand most like the camera
 _MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
 _CLEARLY = 0.1  # more of the frame's points than the current one
@@ -22,7 +23,7 @@ def covering_keyframe(
     Of equals it is that which stands most like the camera at T_world_cam [4, 4].
     """
     depth_m = frame.depth_raw / frame.depth_units_per_m
-    points = world_points(depth_m, frame.camera, T_world_cam, _STRIDE_PX)
+    points = world_points(depth_m, frame.camera, T_world_cam, stride_px(frame.camera))
     if len(points) == 0:
         return current
     ids = store.kept()
@@ -35,6 +36,11 @@ def covering_keyframe(
         if k != current and share > most:
             best, most = k, share
     return best
+
+
+def stride_px(camera: Camera) -> int:
+    """From one pixel to the next, along rows and columns, of those whose depth `share_shown` is asked for."""
+    return max(1, round(_STRIDE * camera.width_px))
 
 
 def share_shown(store: KeyframeStore, k: int, T_world_key: np.ndarray, points: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from hsslam_node.place_recognition.picture_agreement import picture_agreement
 from hsslam_node.tracking.aligned.acceptance import is_confirmed
 from hsslam_node.tracking.alignment.align import align
 from hsslam_node.tracking.find_loop import LoopLimits, LoopMatch, find_loop
-from hsslam_node.tracking.keyframes.covering_keyframe import share_shown
+from hsslam_node.tracking.keyframes.covering_keyframe import share_shown, stride_px
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, stored_reference
 from hsslam_node.tracking.tracked_frame import TrackedFrame, frame_points
 
@@ -30,7 +30,6 @@ _SHIFTS_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])  # along each axis of the fl
 _TURNS_RAD = np.deg2rad([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0])
 _LOOKED_AT = 6  # keyframes whose surfaces are compared with that of the frame at all these poses
 _ALIGNED = 4  # of the poses, 15 ms each
-_STRIDE_PX = 24
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def _starts(
 ) -> list[tuple[np.ndarray, int]]:
     """Poses [4, 4] about the place, each with the keyframe that shows most of what is seen from it."""
     poses = _about(near)
-    in_camera = camera_points(frame.depth_m(), frame.camera, _STRIDE_PX)
+    in_camera = camera_points(frame.depth_m(), frame.camera, stride_px(frame.camera))
     if len(in_camera) == 0:
         return []
     chosen = keyframes[:_LOOKED_AT].tolist()
