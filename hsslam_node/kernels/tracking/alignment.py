@@ -112,10 +112,10 @@ def add_photometric_term(
 ):  # fmt: skip
     """Keyframe pixels key_world [N, 3] (m, world) with grey level key_grey [N] against an image.
 
-    grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown) to skip
-    what is hidden: what differs by more than the share depth_step of its depth; K [4]. An image is gain times the keyframe plus bias; they are columns 7 and 6 of the
-    system. Returns (weighted squared error,
-    inliers, pixels in view).
+    grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown) to skip what is
+    hidden, as it differs by more than the share depth_step of the depth, K [4]. An image is gain times the
+    keyframe plus bias; they are columns 7 and 6 of the system. Returns (weighted squared error, inliers,
+    pixels in view).
     """
     height, width = grey.shape
     cost = 0.0

@@ -52,9 +52,9 @@ def sample_points(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def halve_depth(depth, depth_step, out):
-    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0, or they differ by more.
+    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0 or they lie apart.
 
-    depth_step float32: by what share of the depth the four may differ, as those of one surface do.
+    depth_step float32: share of their depth by which pixels of one surface may differ.
 
     Inverse depth is linear in the image of a plane, so the mean is the depth at the block's centre.
     """

@@ -15,8 +15,9 @@ from hsslam_node.tracking.keyframes.other_views import OtherViews, views_near
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
-_DEPTH_STEP = 0.05  # neighbouring pixels of one surface differ by a smaller share of their depth,
-_DEPTH_STEP_FOCAL_PX = 240.0  # if the focal length is no shorter; else a pixel spans more of a slope
+# Neighbouring pixels of one surface differ by a smaller share of their depth, if the focal length is no
+# shorter than this; else a pixel spans more of a slope.
+_DEPTH_STEP, _DEPTH_STEP_FOCAL_PX = 0.05, 240.0
 
 
 @dataclass(frozen=True)

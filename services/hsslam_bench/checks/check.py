@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.runs.sequences import Skipped
+from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.errors import UserError, did_you_mean
 

@@ -2,8 +2,8 @@
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.sequences import Skipped
+from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 
 _SEQUENCES = ("kitchen", "room")

@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.sequences import QUICK_FRAMES
+from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 from hsslam_bench.runs.usage import memory_at, peak_memory
 from hsslam_node.evaluation.ground_truth import open_ground_truth

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.sequences import RECORDED_ROOM
+from hsslam_bench.runs.serve_run import ServeRun, finished
 from hsslam_bench.runs.session import Session
 
 _SEQUENCES = {

@@ -4,8 +4,8 @@ import contextlib
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import finished
 from hsslam_bench.runs.sequences import Skipped
+from hsslam_bench.runs.serve_run import finished
 from hsslam_bench.runs.session import Session
 from hsslam_bench.runs.viewers import FROZEN_S, FrozenViewer
 

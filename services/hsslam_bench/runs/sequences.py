@@ -1,4 +1,4 @@
-"""The sequences of the benchmark: folders of the data, built-in scenes, and recordings that are made of them."""
+"""The sequences of the benchmark: folders of the data, built-in scenes, and recordings made of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

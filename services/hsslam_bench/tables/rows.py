@@ -13,8 +13,8 @@ from pathlib import Path
 import msgspec
 
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.runs.sequences import QUICK_FRAMES
+from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_bench.tables.options import TableOptions
 from hsslam_bench.tables.paper_tables import ABLATION, IMAGES, MESH
