@@ -31,18 +31,20 @@ class KeyframeSelection:
         self._next = 0  # place in the round through kept keyframes
 
     def select(self, store: KeyframeStore) -> int:
-        """Look at the keyframes that have left the ring, at most some of them; returns how many retired.
+        """Look at the keyframes that have left the ring; returns how many retired.
 
-        A new selection over a store that is there counts the oldest first.
+        A new selection over a store that is there counts the oldest first. It counts some in each call, but
+        all in one if too many are kept: only what is counted can make room.
         """
         most = store.most_kept
         kept = store.kept()
         spare = max(1, min(8, most // 4), store.wanted)
         ring = min(self._config.recent, max(2, most // 2))
         older = kept[kept < store.count - ring]
-        pending = [int(k) for k in older if k not in self._places][:_AT_A_TIME]
+        pending = [int(k) for k in older if k not in self._places]
+        at_once = len(pending) if len(kept) > most - spare else _AT_A_TIME
         retired = 0
-        for k in pending:
+        for k in pending[:at_once]:
             places = self._counts.places(
                 view_cells(store.frame(k), store.pose(k), self._max_depth_m)
             )

@@ -126,6 +126,18 @@ def test_keyframes_of_a_saved_map_stay():
     assert set(range(8)) <= set(run.store.kept().tolist())
 
 
+def test_a_saved_map_that_is_too_large_loses_no_part_as_a_whole():
+    run = Run()
+    for frame, T in zip(room_frames(), room_poses(), strict=True):
+        run.store.append(frame, T)
+    run.store.mark_inherited()
+    run.store.allow(len(room_frames()) // 2)
+    while not run.store.has_room():
+        assert run.selection.select(run.store)
+    kept = run.store.kept()
+    assert kept[0] == 0 and np.diff(kept).max() < 12
+
+
 def test_cells_are_those_of_surface_side_distance_and_light():
     frame, T = room_frames()[0], room_poses()[0]
     cells = view_cells(frame, T, 12.0)
