@@ -6,6 +6,7 @@ import numpy as np
 
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.kernels.distance_transform import (
+    key_type,
     nearest_sites,
     no_site,
     padded_width,
@@ -22,6 +23,7 @@ from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.errors import UserError
 
 FAR_M = 2.0
+_MOST_FAR = 1 << 15  # voxels: 64 bits hold their square beside the number of any voxel of a grid
 
 
 class DistanceMeter:
@@ -41,7 +43,7 @@ class DistanceMeter:
         """Distances of what is known now; the map stays as it is when the occupancy changes.
 
         Raises:
-            UserError: there are too many occupied voxels for this reach.
+            UserError: `far_m` is more than 32768 voxels.
         """
         grid = occupancy.grid
         states, surface = occupancy.states().T, occupancy.surfaces().T
@@ -65,23 +67,25 @@ class DistanceMeter:
     ) -> None:
         """Write the distances of a box of states, which begins at `low` (z, y, x) and has `count` sites."""
         nz, ny, nx = states.shape
-        far = max(int(np.ceil(self._far_m / voxel_m)), 1)
-        bits = site_bits(count, far)
-        if bits == 0:
+        if self._far_m > _MOST_FAR * voxel_m:
             raise UserError(
-                f"{count} occupied voxels with distances up to {far} voxels: expected fewer; a larger "
-                "voxel_m or a smaller reach helps"
+                f"far_m = {self._far_m}: expected {_MOST_FAR * voxel_m:g} m at most with voxels of "
+                f"{voxel_m:g} m"
             )
-        keys, needed = self._room((nz, ny, padded_width(nx)))
+        far = max(int(np.ceil(self._far_m / voxel_m)), 1)
+        bits = site_bits(count)
+        keys, needed = self._room((nz, ny, padded_width(nx)), key_type(far, bits))
         sites = np.empty((max(count, 1), SITE_COLUMNS), np.float32)
         number_sites(states, surface, low, no_site(far, bits), keys, sites)
         mark_near_known(states, needed)
         nearest_sites(keys, needed, far, bits)
         signed_distances(keys, bits, far, states, sites, voxel_m, low, distance_m)
 
-    def _room(self, shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    def _room(
+        self, shape: tuple[int, int, int], kind: type[np.unsignedinteger]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Keys and marks of this shape, in the memory of earlier ones."""
         size = math.prod(shape)
-        if len(self._keys) < size:
-            self._keys, self._needed = np.empty(size, np.uint32), np.empty(size, np.uint8)
+        if len(self._keys) < size or self._keys.dtype != kind:
+            self._keys, self._needed = np.empty(size, kind), np.empty(size, np.uint8)
         return self._keys[:size].reshape(shape), self._needed[:size].reshape(shape)

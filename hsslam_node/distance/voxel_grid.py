@@ -13,6 +13,10 @@ _MOST_VOXELS = 1 << 30
 _ON_LATTICE = 1e-6  # voxels
 
 
+class GridSizeError(UserError):
+    """A grid without voxels, or of more than fit into memory."""
+
+
 @dataclass(frozen=True)
 class VoxelGrid:
     """Cubes of side `voxel_m`; cube (i, j, k) reaches from `voxel_m * (first + (i, j, k))` one side on.
@@ -32,7 +36,7 @@ class VoxelGrid:
         if not (math.isfinite(self.voxel_m) and self.voxel_m > 0):
             raise UserError(f"voxel_m = {self.voxel_m}: expected metres above 0")
         if min(self.shape) < 1 or math.prod(self.shape) > _MOST_VOXELS:
-            raise UserError(
+            raise GridSizeError(
                 f"a grid of {' x '.join(map(str, self.shape))} voxels of {self.voxel_m} m: expected 1 "
                 f"to {_MOST_VOXELS} voxels"
             )

@@ -1,7 +1,7 @@
 """Vectors of 16 numbers inside njit kernels, for what the loop vectoriser does not find by itself.
 
-`load`, `store` and `spread` are for vectors of float32 and of uint32 (`KEYS`, see `simd_keys.py`), all else
-here is for float32.
+`load`, `store` and `spread` are for vectors of float32 and of keys, uint32 or uint64 (`simd_keys.py`), all
+else here is for float32.
 
 A vector is one AVX-512 register (two of AVX, four of NEON). Arrays are addressed by a flat offset, in
 elements, from their first element and must be C-contiguous; nothing is checked. Arrays of
@@ -37,10 +37,12 @@ class LanesType(types.Type):
 
 LANES = LanesType("Lanes", types.float32, FLOAT)
 KEYS = LanesType("Keys", types.uint32, WORD)
+LONG_KEYS = LanesType("LongKeys", types.uint64, ir.IntType(64))
 
 
 def _lanes_of(number: types.Type) -> LanesType:
-    return KEYS if types.unliteral(number) == types.uint32 else LANES
+    keys = {types.uint32: KEYS, types.uint64: LONG_KEYS}
+    return keys.get(types.unliteral(number), LANES)
 
 
 @register_model(LanesType)

@@ -1,10 +1,14 @@
-"""What a distance transform compares: operations on vectors of 16 uint32 (`KEYS` of `simd.py`)."""
+"""What a distance transform compares: operations on vectors of 16 uint32 or uint64.
+
+They are `KEYS` and `LONG_KEYS` of `simd.py`. All vectors of an operation are of one kind, and so is the
+result.
+"""
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from hsslam_node.kernels.simd import KEYS, WIDTH, WORD, operation, place_of
+from hsslam_node.kernels.simd import WIDTH, operation, place_of
 
 _BYTES = ir.VectorType(ir.IntType(8), WIDTH)
 
@@ -16,7 +20,7 @@ def add_keys(typingctx, a, b):
     def codegen(context, builder, signature, args):
         return builder.add(*args)
 
-    return KEYS(KEYS, KEYS), codegen
+    return a(a, a), codegen
 
 
 @operation
@@ -26,7 +30,7 @@ def masked_keys(typingctx, a, b):
     def codegen(context, builder, signature, args):
         return builder.and_(*args)
 
-    return KEYS(KEYS, KEYS), codegen
+    return a(a, a), codegen
 
 
 @operation
@@ -36,7 +40,7 @@ def least_keys(typingctx, a, b):
     def codegen(context, builder, signature, args):
         return builder.select(builder.icmp_unsigned("<", *args), *args)
 
-    return KEYS(KEYS, KEYS), codegen
+    return a(a, a), codegen
 
 
 @operation
@@ -46,7 +50,7 @@ def where_less(typingctx, a, b, yes, no):
     def codegen(context, builder, signature, args):
         return builder.select(builder.icmp_unsigned("<", args[0], args[1]), args[2], args[3])
 
-    return KEYS(KEYS, KEYS, KEYS, KEYS), codegen
+    return a(a, a, a, a), codegen
 
 
 @operation
@@ -60,16 +64,17 @@ def where_set(typingctx, array, offset, yes, no):
         )
         return builder.select(is_set, args[2], args[3])
 
-    return KEYS(array, types.intp, KEYS, KEYS), codegen
+    return yes(array, types.intp, yes, yes), codegen
 
 
 @operation
 def largest_key(typingctx, keys):
     """The largest of the 16."""
+    key = keys.vector.element
 
     def codegen(context, builder, signature, args):
-        kind = ir.FunctionType(WORD, [KEYS.vector])
-        name = "llvm.vector.reduce.umax.v16i32"
+        kind = ir.FunctionType(key, [keys.vector])
+        name = f"llvm.vector.reduce.umax.v16i{key.width}"
         return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
-    return types.uint32(KEYS), codegen
+    return keys.number(keys), codegen

@@ -3,7 +3,7 @@
 from llvmlite import ir
 from numba import types
 
-from hsslam_node.kernels.simd import FLOAT, KEYS, WIDTH, indices, operation, place_of
+from hsslam_node.kernels.simd import FLOAT, WIDTH, indices, operation, place_of
 
 _COLUMNS = WIDTH // 2
 _ROW = ir.VectorType(FLOAT, _COLUMNS)
@@ -14,7 +14,7 @@ _WORD, _INDEX = ir.IntType(32), ir.IntType(64)
 def store_columns(typingctx, target, offset, stride, table, rows):
     """Write the 8 columns of 16 rows of a table [n, 8] float32, 16 floats each, `stride` floats apart.
 
-    `rows`: their numbers, uint32 (`KEYS`).
+    `rows`: their numbers, uint32 or uint64 (`KEYS`, `LONG_KEYS`).
     """
 
     def codegen(context, builder, signature, args):
@@ -42,4 +42,4 @@ def store_columns(typingctx, target, offset, stride, table, rows):
             builder.store(line, place, align=4)
         return context.get_dummy_value()
 
-    return types.void(target, types.intp, types.intp, table, KEYS), codegen
+    return types.void(target, types.intp, types.intp, table, rows), codegen

@@ -23,11 +23,15 @@ from hsslam_node.kernels.simd_keys import (
 _AT_ONCE = 4  # neighbours to each side that are compared before the next look at what is left
 
 
-def site_bits(sites: int, far: int) -> int:
-    """Bits of a key for the number of a site; 0: keys of 32 bits do not hold both."""
-    bits = max(int(sites) - 1, 1).bit_length()
+def site_bits(sites: int) -> int:
+    """Bits of a key for the number of a site."""
+    return max(int(sites) - 1, 1).bit_length()
+
+
+def key_type(far: int, bits: int) -> type[np.unsignedinteger]:
+    """The kind of keys that hold distances up to `far` voxels above `bits` bits: 32 bits are quicker."""
     largest = far * far + 1 + (far + _AT_ONCE) ** 2  # that is compared
-    return bits if (largest + 1) << bits < 1 << 32 else 0
+    return np.uint32 if (largest + 1) << bits < 1 << 32 else np.uint64
 
 
 def padded_width(nx: int) -> int:
@@ -42,19 +46,20 @@ def nearest_sites(keys, needed, far, bits):
     The keys of voxels that are not needed, and of those farther from all sites, end as `no_site`.
 
     Args:
-        keys: [nz, ny, width] uint32; a site has its number, another voxel `no_site`.
+        keys: [nz, ny, width] of `key_type`; a site has its number, another voxel `no_site`.
         needed: [nz, ny, width] uint8.
         far: voxels.
         bits: of the number of a site.
     """
     nz, ny, width = keys.shape
+    kind = keys.dtype.type
     _sweep_y(keys, far, bits)
-    none = no_site(far, bits)
+    none = kind(no_site(far, bits))
     reach = min(far, nz - 1)
-    column = np.full((nz + 2 * (reach + _AT_ONCE), WIDTH), none, np.uint32)
+    column = np.full((nz + 2 * (reach + _AT_ONCE), WIDTH), none, keys.dtype)
     margin = far + _AT_ONCE
-    line = np.full(width + 2 * margin, none, np.uint32)
-    limit = np.empty(width // WIDTH, np.uint32)
+    line = np.full(width + 2 * margin, none, keys.dtype)
+    limit = np.empty(width // WIDTH, keys.dtype)
     for j in range(ny):
         _limits(keys, needed, j, limit)
         for k in range(nz):
@@ -69,7 +74,8 @@ def nearest_sites(keys, needed, far, bits):
 def _limits(keys, needed, j, limit):
     """One more than the largest key that is needed in each 16 columns (j, i), 0 if none is."""
     nz, ny, width = keys.shape
-    zero, one = spread(np.uint32(0)), spread(np.uint32(1))
+    kind = keys.dtype.type
+    zero, one = spread(kind(0)), spread(kind(1))
     for group in range(len(limit)):
         most = zero
         for k in range(nz):
@@ -82,15 +88,16 @@ def _limits(keys, needed, j, limit):
 @njit(cache=True, nogil=True, error_model="numpy")
 def no_site(far, bits):
     """The key of a voxel that has no site within `far` voxels."""
-    return np.uint32((far * far + 1) << bits)
+    return (far * far + 1) << bits
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sweep_y(keys, far, bits):
     """Nearest sites along y, by a sweep to and fro."""
     nz, ny, width = keys.shape
-    none, zero = spread(no_site(far, bits)), spread(np.uint32(0))
-    one, two = spread(np.uint32(1 << bits)), spread(np.uint32(2 << bits))
+    kind = keys.dtype.type
+    none, zero = spread(kind(no_site(far, bits))), spread(kind(0))
+    one, two = spread(kind(1 << bits)), spread(kind(2 << bits))
     for k in range(nz):
         for start in range(0, width, WIDTH):
             for sweep in range(2):
@@ -108,7 +115,8 @@ def _sweep_y(keys, far, bits):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _along_x(line, limit, far, bits, out):
     """Nearest sites among those of a line, [width]; none that is farther than the limit of its 16 columns."""
-    none = spread(no_site(far, bits))
+    kind = line.dtype.type
+    none = spread(kind(no_site(far, bits)))
     for group in range(len(limit)):
         start = group * WIDTH
         if limit[group] == 0:
@@ -118,11 +126,11 @@ def _along_x(line, limit, far, bits, out):
         best = load(line, at)
         most = min(limit[group], largest_key(best))
         for first in range(1, far + 1, _AT_ONCE):
-            if np.uint32((first * first) << bits) > most:
+            if kind((first * first) << bits) > most:
                 break
             for d in range(first, first + _AT_ONCE):
                 nearer = least_keys(load(line, at - d), load(line, at + d))
-                best = least_keys(best, add_keys(nearer, spread(np.uint32((d * d) << bits))))
+                best = least_keys(best, add_keys(nearer, spread(kind((d * d) << bits))))
             most = min(most, largest_key(best))
         store(out, start, best)
 
@@ -134,7 +142,8 @@ def _along_z(keys, needed, j, start, column, no_key, reach, bits):
     `column` [nz + 2 (reach + 4), 16]: room for a copy, between rows of `no_key`.
     """
     nz, ny, width = keys.shape
-    zero, none = spread(np.uint32(0)), spread(no_key)
+    kind = keys.dtype.type
+    zero, none = spread(kind(0)), spread(no_key)
     margin = reach + _AT_ONCE
     for k in range(nz):
         store(column, (margin + k) * WIDTH, load(keys, (k * ny + j) * width + start))
@@ -143,10 +152,10 @@ def _along_z(keys, needed, j, start, column, no_key, reach, bits):
         best = where_set(needed, place, load(column, at), zero)
         most = largest_key(best)
         for first in range(1, reach + 1, _AT_ONCE):
-            if np.uint32((first * first) << bits) > most:
+            if kind((first * first) << bits) > most:
                 break
             for d in range(first, first + _AT_ONCE):
                 nearer = least_keys(load(column, at - d * WIDTH), load(column, at + d * WIDTH))
-                best = least_keys(best, add_keys(nearer, spread(np.uint32((d * d) << bits))))
+                best = least_keys(best, add_keys(nearer, spread(kind((d * d) << bits))))
             most = min(most, largest_key(best))
         store(keys, place, least_keys(where_set(needed, place, best, none), none))

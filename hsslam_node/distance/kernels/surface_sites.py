@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hsslam_node.distance.kernels.distance_transform import no_site
 from hsslam_node.distance.kernels.surface_record import HEIGHT, NORMAL, STEPS
 from hsslam_node.distance.states import FREE, OCCUPIED, UNKNOWN
 from hsslam_node.kernels.compiled import njit
@@ -60,7 +61,7 @@ def number_sites(states, surface, low, none, keys, sites):
         surface: records of `surface_record.py`, of the whole grid.
         low: [3], where the box begins (z, y, x).
         none: key of a voxel that is no site.
-        keys: [nz, ny, width] uint32.
+        keys: [nz, ny, width] uint32 or uint64.
         sites: [S, SITE_COLUMNS] float32.
     """
     nz, ny, nx = states.shape
@@ -135,15 +136,16 @@ def signed_distances(keys, bits, far, states, sites, voxel_m, low, distance):
     """
     nz, ny, nx = states.shape
     width = keys.shape[2]
-    none = np.uint32((far * far + 1) << bits)
-    mask, no_key = spread(np.uint32((1 << bits) - 1)), spread(none)
+    kind = keys.dtype.type
+    none = kind(no_site(far, bits))
+    mask, no_key = spread(kind((1 << bits) - 1)), spread(none)
     nearest = np.zeros((SITE_COLUMNS, width), np.float32)
     for k in range(nz):
         for j in range(ny):
             found = False
             for start in range(0, width, WIDTH):
                 key = load(keys, (k * ny + j) * width + start)
-                is_found = where_less(key, no_key, no_key, spread(np.uint32(0)))
+                is_found = where_less(key, no_key, no_key, spread(kind(0)))
                 if largest_key(is_found) > 0:
                     found = True
                     store_columns(nearest, start, width, sites, masked_keys(key, mask))
@@ -160,7 +162,7 @@ def _to_discs(keys, bits, none, states, nearest, j, k, far, voxel_m, out):
     """Distances of a row of voxels; `nearest` [SITE_COLUMNS, width] has the site of each that has one."""
     place_x, place_y, place_z = nearest[_PLACE_X], nearest[_PLACE_Y], nearest[_PLACE_Z]
     normal_x, normal_y, normal_z = nearest[_NORMAL_X], nearest[_NORMAL_Y], nearest[_NORMAL_Z]
-    beside = np.uint32(4 << bits)
+    beside = keys.dtype.type(4 << bits)
     free, occupied = np.uint8(FREE), np.uint8(OCCUPIED)
     radius, zero, nan = np.float32(_RADIUS), np.float32(0.0), np.float32(np.nan)
     most, side_m, far_m = np.float32(far), np.float32(voxel_m), np.float32(far * voxel_m)

@@ -96,6 +96,18 @@ def test_a_meter_measures_grids_of_other_shapes(space, camera):
     np.testing.assert_array_equal(again.distance_m, fresh.distance_m)
 
 
-def test_a_reach_of_nothing_is_refused():
+def test_a_reach_of_many_voxels_says_the_same_as_a_short_one(space, camera):
+    for _ in range(2):
+        space.observe(wall(2.03), camera, np.eye(4))
+    near, far = (DistanceMeter(far_m).measure(space).distance_m for far_m in (1.0, 60.0))
+    is_near = near < 1.0
+    assert is_near.sum() > 1000 and np.nanmax(far) > 1.5
+    np.testing.assert_array_equal(far[is_near], near[is_near])
+
+
+def test_a_reach_of_nothing_or_too_much_is_refused(space, camera):
     with pytest.raises(UserError, match="far_m = -1"):
         DistanceMeter(-1)
+    space.observe(wall(2.03), camera, np.eye(4))
+    with pytest.raises(UserError, match=r"far_m = inf: expected 1638.4 m at most with voxels of"):
+        DistanceMeter(np.inf).measure(space)

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from hsslam_node.distance.kernels.distance_transform import (
+    key_type,
     nearest_sites,
     no_site,
     padded_width,
@@ -14,12 +15,12 @@ from hsslam_node.distance.kernels.distance_transform import (
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 20), st.integers(1, 40))
 
 
-def _transform(occupied, needed, far):
+def _transform(occupied, needed, far, spare_bits=0):
     """Squared distances in voxels, and numbers of the nearest sites, [nz, ny, nx]; no site: -1."""
     count = int(occupied.sum())
-    bits = site_bits(count, far)
+    bits = site_bits(count) + spare_bits
     nz, ny, nx = occupied.shape
-    keys = np.full((nz, ny, padded_width(nx)), no_site(far, bits), np.uint32)
+    keys = np.full((nz, ny, padded_width(nx)), no_site(far, bits), key_type(far, bits))
     keys[:, :, :nx][occupied] = np.arange(count)
     mask = np.zeros(keys.shape, np.uint8)
     mask[:, :, :nx] = needed
@@ -36,12 +37,18 @@ def _reference(occupied, far):
     return np.where(squared <= far * far, squared, -1)
 
 
-@given(shapes, st.floats(0.0, 0.3), st.integers(1, 40), st.integers(0, 1000))
-def test_distances_are_exact(shape, share, far, seed):
+@given(
+    shapes,
+    st.floats(0.0, 0.3),
+    st.integers(1, 40),
+    st.integers(0, 1000),
+    st.sampled_from([0, 30]),
+)
+def test_distances_are_exact(shape, share, far, seed, spare_bits):
     rng = np.random.default_rng(seed)
     occupied = rng.random(shape) < share**2
     needed = rng.random(shape) < 0.5
-    squared, site = _transform(occupied, needed, far)
+    squared, site = _transform(occupied, needed, far, spare_bits)
     assert (squared == np.where(needed, _reference(occupied, far), -1)).all()
     places = np.argwhere(occupied)
     found = np.argwhere(squared >= 0)
@@ -57,7 +64,15 @@ def test_a_large_space_with_few_sites(far):
     assert (squared == _reference(occupied, far)).all()
 
 
-def test_more_sites_leave_less_room_for_the_distance():
-    assert site_bits(1 << 17, 40) == 17
-    assert site_bits(1 << 20, 40) == 20
-    assert site_bits(1 << 21, 40) == 0
+@pytest.mark.parametrize(
+    ("sites", "far", "kind"),
+    [
+        (1 << 17, 40, np.uint32),
+        (1 << 20, 40, np.uint32),
+        (1 << 21, 40, np.uint64),
+        (1 << 15, 200, np.uint32),
+        (1 << 16, 200, np.uint64),
+    ],
+)
+def test_keys_are_long_only_where_short_ones_are_too_short(sites, far, kind):
+    assert key_type(far, site_bits(sites)) is kind

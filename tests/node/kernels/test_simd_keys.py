@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from numba import njit
 
 from hsslam_node.kernels.simd import load, spread, store
@@ -19,20 +20,22 @@ def _arithmetic(a, b, mask, out):
     x, y = load(a, 3), load(b, 1)
     store(out, 0, add_keys(x, y))
     store(out, 16, least_keys(x, y))
-    store(out, 32, where_less(x, y, spread(np.uint32(7)), x))
+    store(out, 32, where_less(x, y, spread(a.dtype.type(7)), x))
     store(out, 48, where_set(mask, 2, x, y))
     store(out, 64, masked_keys(x, y))
     return largest_key(x)
 
 
-def test_arithmetic_at_any_offset():
-    """Keys above 2^31 too, which are negative as signed numbers."""
-    a, b = RNG.integers(0, 1 << 32, (2, 20)).astype(np.uint32)
+@pytest.mark.parametrize("kind", [np.uint32, np.uint64])
+def test_arithmetic_at_any_offset(kind):
+    """The largest keys too, which are negative as signed numbers."""
+    most = np.iinfo(kind).max
+    a, b = RNG.integers(0, most, (2, 20), kind, endpoint=True)
     mask = RNG.integers(0, 3, 20).astype(np.uint8)
-    out = np.zeros(80, np.uint32)
+    out = np.zeros(80, kind)
     largest = _arithmetic(a, b, mask, out)
     x, y = a[3:19], b[1:17]
-    assert largest == x.max() and x.max() > 1 << 31
-    chosen = [np.where(x < y, 7, x), np.where(mask[2:18], x, y)]
+    assert largest == x.max() and x.max() > most // 2
+    chosen = [np.where(x < y, kind(7), x), np.where(mask[2:18], x, y)]
     expected = [x + y, np.minimum(x, y), *chosen, x & y]
     np.testing.assert_array_equal(out.reshape(5, 16), expected)

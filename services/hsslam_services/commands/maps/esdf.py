@@ -8,12 +8,13 @@ from typing import ClassVar
 import numpy as np
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.esdf_file import write_esdf
 from hsslam_node.distance.states import FREE, OCCUPIED
 from hsslam_services.commands.maps.whole_space import (
     expect_out,
     expect_space,
-    floor_and_distances,
+    floor_and_space,
     map_file,
     told_up,
 )
@@ -62,8 +63,8 @@ def write_distances(options: EsdfOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "esdf"), "cpu")
     expect_out(options.out, ".npz")
-    floor, whole = floor_and_distances(saved, options.up, options.base_T_camera, options.voxel)
-    distances = whole.between(options.from_height_m, options.to_height_m)
+    floor, space = floor_and_space(saved, options.up, options.base_T_camera, options.voxel)
+    distances = DistanceMeter().measure(space).between(options.from_height_m, options.to_height_m)
     write_esdf(options.out, distances, floor)
     shape = " x ".join(map(str, distances.grid.shape))
     free, occupied = (np.count_nonzero(distances.states == state) for state in (FREE, OCCUPIED))

@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.whole_space import (
     expect_out,
     expect_space,
-    floor_and_distances,
+    floor_and_space,
     map_file,
     told_up,
 )
@@ -69,8 +69,8 @@ def write_grid(options: GridOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "grid"), "cpu")
     expect_out(options.out, ".yaml")
-    floor, distances = floor_and_distances(saved, options.up, options.base_T_camera, options.voxel)
-    grid = grid_map(distances, options.from_height_m, options.to_height_m)
+    floor, space = floor_and_space(saved, options.up, options.base_T_camera, options.voxel)
+    grid = grid_map(space, options.from_height_m, options.to_height_m)
     picture = write_nav2_files(options.out, grid, floor)
     height, width = grid.cells.shape
     counts = {

@@ -1,4 +1,4 @@
-"""The space of a saved map: where its floor lies, and the distances over it; what `grid` and `esdf` share."""
+"""The space of a saved map: where its floor lies, and what is free over it; what `grid` and `esdf` share."""
 
 import math
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_node.dense_map.saved_map import SavedMap
-from hsslam_node.distance.distance_map import DistanceMap
-from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.floor_plane import FloorPlane, find_floor, floor_by
+from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.voxel_grid import GridSizeError
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
@@ -56,14 +56,17 @@ def expect_out(path: Path, suffix: str) -> None:
         raise UserError(f"--out {path}: expected a file {suffix} in a folder that exists")
 
 
-def floor_and_distances(
+def floor_and_space(
     saved: SavedMap, up: tuple[float, ...], base_T_camera: tuple[float, ...], voxel_m: float
-) -> tuple[FloorPlane, DistanceMap]:
-    """The floor, and the distances in voxels whose frame has z up and the floor at z = 0.
+) -> tuple[FloorPlane, Occupancy]:
+    """The floor, and what is free and occupied in voxels whose frame has z up and the floor at z = 0.
 
     Up is `up` if it is given. Else the frame is that of a running service: `map` of the robot, but for the
     height, if `base_T_camera` or the map tells it; else up is against gravity if the map knows it, else that
     of the floor that was seen.
+
+    Raises:
+        UserError: no keyframe has depth, or the map is too large for such voxels.
     """
     views, camera, known = saved.keyframes.views, saved.keyframes.camera, saved.checkpoint
     if up:
@@ -72,7 +75,10 @@ def floor_and_distances(
         given = level_frame(base_T_camera, in_ros=False)
         level = known.T_level_world if given is None else given
         floor = floor_by(known.gravity, views, camera, level)
-    return floor, DistanceMeter().measure(whole_map(views, camera, floor, voxel_m))
+    try:
+        return floor, whole_map(views, camera, floor, voxel_m)
+    except GridSizeError as error:
+        raise UserError(f"--voxel {voxel_m:g}: {error}") from None
 
 
 def told_up(floor: FloorPlane) -> str:

@@ -157,3 +157,15 @@ def test_heights_beyond_the_map_are_bad_input(run_folder, tmp_path, capsys):
     arguments = ["--out", str(tmp_path / "esdf.npz"), "--from-height-m", "50"]
     assert main(["esdf", str(run_folder), *arguments]) == 2
     assert "heights 50 to inf m: expected some of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["grid", "esdf"])
+def test_a_map_that_is_too_large_for_its_voxels_is_bad_input(run_folder, tmp_path, capsys, command):
+    small = load_checkpoint(run_folder / "map.safetensors")
+    poses = small.T_world_keyframe.copy()
+    poses[-1, :3, 3] += 100.0
+    save_checkpoint(tmp_path / "large.safetensors", replace(small, T_world_keyframe=poses))
+    up = ["--up", *(f"{part:.6f}" for part in _true_up())]
+    assert main([command, str(tmp_path / "large.safetensors"), *up, "--voxel", "0.01"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: --voxel 0.01: a grid of ") and told.count("\n") == 1
