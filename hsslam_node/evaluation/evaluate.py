@@ -176,17 +176,28 @@ class Evaluator:
         return found
 
     def _image_quality(self) -> ImageQuality | None:
+        """Of every fifth frame that was no keyframe; of frames between these where all were keyframes."""
         s = self._subject
         if s.map is None or s.slam is None or not s.map.exists() or self._final is None:
             return None
         checkpoint = load_checkpoint(s.map)
         keyframes = set(checkpoint.keyframe_stamps_ns.tolist())
-        held_out = (
-            (frame, T)
-            for frame, T in self._posed_frames(EVERY, "rendering")
-            if frame.stamp_ns not in keyframes
-        )
-        return image_quality(checkpoint, s.slam, held_out)
+        if (
+            "keyframes" in s.trajectories
+        ):  # with those that were retired, which the map learned from too
+            keyframes |= set(s.trajectories["keyframes"].stamps_ns.tolist())
+        found = image_quality(checkpoint, s.slam, self._frames_but(keyframes))
+        if found.images:
+            return found
+        return image_quality(checkpoint, s.slam, self._frames_but(keyframes, EVERY // 2))
+
+    def _frames_but(
+        self, keyframes: set[int], first: int = 0
+    ) -> Iterator[tuple[Frame, np.ndarray]]:
+        """Every fifth frame from `first` on, with its pose, that has none of these stamps, ns."""
+        for frame, T_world_cam in self._posed_frames(EVERY, "rendering", first):
+            if frame.stamp_ns not in keyframes:
+                yield frame, T_world_cam
 
     def _consistency(self) -> dict[str, list[Consistency]] | None:
         if self._final is None:
@@ -200,19 +211,21 @@ class Evaluator:
     def _final(self) -> Trajectory | None:
         return self._subject.trajectories.get("final")
 
-    def _posed_frames(self, every: int, what: str) -> Iterator[tuple[Frame, np.ndarray]]:
+    def _posed_frames(
+        self, every: int, what: str, first: int = 0
+    ) -> Iterator[tuple[Frame, np.ndarray]]:
         """Frames with their poses of the final trajectory, T_world_cam [4, 4]."""
         if self._final is None:
             raise UserError("the TSDF needs a trajectory: expected --trajectory FILE, or a run")
         stamps = self._final.stamps_ns.tolist()
         pose_of = dict(zip(stamps, self._final.T_world_cam, strict=True))
-        for frame in self._frames(every, what):
+        for frame in self._frames(every, what, first):
             if frame.stamp_ns in pose_of:
                 yield frame, pose_of[frame.stamp_ns]
 
-    def _frames(self, every: int, what: str) -> Iterator[Frame]:
+    def _frames(self, every: int, what: str, first: int = 0) -> Iterator[Frame]:
         s = self._subject
-        chosen = EveryNth.of_run(partial(s.open_it, s.source), s.options, every)
+        chosen = EveryNth.of_run(partial(s.open_it, s.source), s.options, every, first)
         for frame in self._track(chosen, chosen.count, description=what):
             if isinstance(frame, Frame):
                 yield frame

@@ -11,32 +11,38 @@ from hsslam_node.sources.source import BadFrame, Source, frames_in_time
 
 @dataclass(frozen=True)
 class EveryNth:
-    """Every n-th frame of a source; the others are left out, if it can do that before they are decoded."""
+    """Every n-th frame of a source from `first` on; the others are left out, if it can do that before they
+    are decoded."""
 
     source: Source
     every: int = 1
+    first: int = 0
 
     @classmethod
     def of_run(
-        cls, open_it: Callable[[SourceOptions], Source], options: SourceOptions, every: int
+        cls,
+        open_it: Callable[[SourceOptions], Source],
+        options: SourceOptions,
+        every: int,
+        first: int = 0,
     ) -> "EveryNth":
         """Every n-th of the frames that a run with these options reads, with the stamps that they have there.
 
         Frames that come again, and the cover of a lens, are counted along all frames of the run. Noise is
         drawn by the number of a frame among those that are chosen.
         """
-        if options.reorders or options.cover_frames:
-            return cls(open_it(options), every)
+        if options.reorders or options.cover_frames or first:
+            return cls(open_it(options), every, first)
         limit = None if options.frames is None else -(-options.frames // every)
         return cls(open_it(replace(options, stride=options.stride * every, frames=limit)))
 
     def __iter__(self) -> Iterator[Frame | BadFrame]:
-        turn = count()
+        turn = count(-self.first)
         items = frames_in_time(self.source, 0, lambda *_: next(turn) % self.every > 0)
-        return islice(items, 0, None, self.every)
+        return islice(items, self.first, None, self.every)
 
     @property
     def count(self) -> int | None:
         """How many there are; None: not known."""
         frames = self.source.frame_count
-        return None if frames is None else -(-frames // self.every)
+        return None if frames is None else -(-max(frames - self.first, 0) // self.every)

@@ -32,7 +32,8 @@ def protocol() -> dict[str, Any]:
         "virtual_views": f"a given camera moved by up to {MOVED_M:g} m and turned by up to "
         f"{np.rad2deg(TURNED_RAD):.0f} degrees, {LEAST_OBSERVED:.0%} of its pixels observed",
         "depth_l1": "pixels whose true surface a given camera observed; a hole counts in full",
-        "rendering": f"every {image_quality.EVERY}th frame that is not a keyframe, pixels with depth",
+        "rendering": f"every {image_quality.EVERY}th frame that was no keyframe, or frames between if all "
+        "were; pixels with depth",
         "consistency": f"a pair every {consistency.START_EVERY} frames, pixels within "
         f"{100 * consistency.SAME_SURFACE_M:g} cm in depth: median over pairs of the median depth "
         "difference; mean over pairs of 1 - NCC of grey values",

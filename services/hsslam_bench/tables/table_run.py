@@ -116,8 +116,8 @@ def score(job: Job, folder: Path) -> dict[str, Any]:
     """The accuracy of the trajectories, the mesh and the map in `folder`, as `table_run` returns it."""
     report = evaluate_run(folder, job.source, job.frames) or {}
     if (folder / _MAP).exists():
-        final = {"final": run_trajectories(folder)["final"]}
-        subject = Subject(job.source, job.frames, final, map=folder / _MAP, slam=job.config)
+        trajectories = run_trajectories(folder)
+        subject = Subject(job.source, job.frames, trajectories, map=folder / _MAP, slam=job.config)
         figures = Evaluator(subject, Wanted(consistency=False)).evaluate().figures
         report["rendering"] = scores_as_json(figures.get("rendering", {}))
     return {"values": _accuracy(report), "details": {"evaluation": report}}

@@ -1,15 +1,19 @@
-"""An evaluation of a long run takes no more memory than one of a short run."""
+"""An evaluation draws frames that the map was not made of; it takes no more memory for a long run."""
 
 from collections.abc import Iterator
 from weakref import ref
 
 import numpy as np
+import pytest
 
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.sources.options.source import SourceOptions
+from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
 
 _COUNT = 30
 
@@ -41,3 +45,19 @@ def test_consistency_keeps_no_more_frames_than_the_largest_gap_needs():
     found = Evaluator(subject, Wanted()).evaluate().figures["consistency"]["estimated"]
     assert [gap.pairs for gap in found] == [_COUNT - 1, _COUNT - 3, _COUNT - 10]
     assert source.most_alive <= 13  # eleven, and those that are handed on
+
+
+@pytest.mark.parametrize(
+    ("retired", "images"), [((), 6), ((10, 30), 4), ((*range(0, 40, 5), 17), 5)]
+)
+def test_images_are_of_frames_that_were_never_keyframes(tmp_path, retired, images):
+    """Every fifth of forty, or those between if all of them were keyframes; the map has every fourth."""
+    room, path = mapped_room(), tmp_path / "map.safetensors"
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    final = Trajectory(np.array([f.stamp_ns for f in room_frames()]), room_poses())
+    rows = sorted({*range(0, 40, 4), *retired})
+    keyframes = Trajectory(final.stamps_ns[rows], final.T_world_cam[rows])
+    trajectories = {"final": final, "keyframes": keyframes}
+    subject = Subject("synth:room", OPTIONS, trajectories, map=path, slam=SMALL)
+    found = Evaluator(subject, Wanted(consistency=False)).evaluate().figures["rendering"]
+    assert found.images == images and found.psnr_db > 15

@@ -29,7 +29,7 @@ class EvalOptions:
                                   views, after ICP: as Co-SLAM, ESLAM and HS-SLAM publish it
       completion      distance from the truth to the mesh, where the cameras saw it, by the same two
       depth L1        depth error in virtual views, where no camera was
-      PSNR, SSIM      frames that are not keyframes, rendered by the map (dB; -1 to 1)
+      PSNR, SSIM      frames that were no keyframes, rendered by the map (dB; -1 to 1)
       consistency     difference in depth (mm) and 1 - NCC of grey values between frames 10, 30 and 100 apart,
                       by the poses alone
 
