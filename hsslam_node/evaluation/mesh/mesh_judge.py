@@ -4,11 +4,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 from hsslam_node.evaluation.every_nth import EveryNth
 from hsslam_node.evaluation.ground_truth import GroundTruth
 from hsslam_node.evaluation.mesh.depth_l1 import DepthL1, depth_l1
@@ -34,6 +35,7 @@ CULL_TOLERANCE_M = 0.03
 CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
 _Y_UP = (".glb", ".gltf")
+_READABLE = ".glb, .gltf, .obj, .off, .ply or .stl"  # kinds that need no further package
 _SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
 
@@ -123,19 +125,21 @@ def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
     return Views(camera, T_world_cam, depths_m[: len(poses)], CULL_TOLERANCE_M)
 
 
-def load_mesh(path: object) -> trimesh.Trimesh:
+def load_mesh(path: Path) -> trimesh.Trimesh:
     """A triangle mesh from a file, as it is; one of glTF, which has y up, is turned back to y down.
 
     Raises:
-        UserError: not a file with triangles.
+        UserError: not a file with triangles, or of a kind that cannot be read.
     """
+    if not path.is_file():
+        raise UserError(f"{path}: no such file: expected a mesh {_READABLE}")
     try:
         mesh = trimesh.load(str(path), process=False, force="mesh")
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {error}: expected a mesh") from None
+    except Exception as error:  # trimesh's readers raise errors of many types
+        raise UserError(f"{path}: {one_line(error)}: expected a mesh {_READABLE}") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise UserError(f"{path}: holds no triangles: expected a mesh")
-    if str(path).lower().endswith(_Y_UP):
+        raise UserError(f"{path}: holds no triangles: expected a mesh {_READABLE}")
+    if path.suffix.lower() in _Y_UP:
         mesh.apply_transform(np.linalg.inv(OPENGL_FROM_OPENCV))
     return mesh
 

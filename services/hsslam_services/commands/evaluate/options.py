@@ -48,9 +48,9 @@ class EvalOptions:
     trajectory: Path | None = None
     """Trajectory in TUM format (s, m, unit quaternion; camera to world), instead of a run."""
     mesh: Path | None = None
-    """Mesh (m) in the world frame of the trajectory, or of the truth if there is no trajectory; not scored if
-    fewer than 3 poses have a true one, which align it. A .glb or .gltf has y up and z back, as that of
-    hsslam-map export."""
+    """Mesh (m; .glb, .gltf, .obj, .off, .ply or .stl) in the world frame of the trajectory, or of the truth
+    if there is no trajectory; not scored if fewer than 3 poses have a true one, which align it. A .glb or
+    .gltf has y up and z back, as that of hsslam-map export."""
     source: str = ""
     """Source of the truth: synth:room, tum:FOLDER, replica:FOLDER (empty: that of the run)."""
     noise: Literal["none", "kinect"] = "none"

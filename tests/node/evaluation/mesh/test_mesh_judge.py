@@ -82,8 +82,12 @@ def test_a_mesh_has_the_axes_that_it_had_before_it_was_written(tmp_path, suffix)
     np.testing.assert_allclose(load_mesh(path).bounds, box.bounds, atol=1e-6)
 
 
-def test_what_is_no_mesh_is_named(tmp_path):
-    (tmp_path / "mesh.ply").write_text("not a mesh")
-    for name in ("mesh.ply", "not-there.ply"):
-        with pytest.raises(UserError, match=name.replace(".", r"\.")):
-            load_mesh(tmp_path / name)
+@pytest.mark.parametrize("name", ["mesh.ply", "mesh.usd", "points.pcd", "mesh.dae", "mesh"])
+def test_what_is_no_mesh_is_named(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("not a mesh")
+    with pytest.raises(UserError, match=rf"^{path}: .*: expected a mesh .glb, .*\.stl$"):
+        load_mesh(path)
+    path.unlink()
+    with pytest.raises(UserError, match=f"^{path}: no such file: expected a mesh .glb, "):
+        load_mesh(path)
