@@ -63,6 +63,14 @@ class KeyframeImages:
         images = cls(*_joined(colors), *_joined(depths), store.depth_units_per_m)
         return np.array(ids, np.int64), images
 
+    def rolled(self, first: int) -> "KeyframeImages":
+        """The images from keyframe `first` on, and behind them those before it."""
+        color, depth = (
+            _rolled(data, end, first)
+            for data, end in ((self.color, self.color_end), (self.depth, self.depth_end))
+        )
+        return KeyframeImages(*color, *depth, self.depth_units_per_m)
+
     def pixels(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and raw depth [H, W] uint16 of keyframe k.
 
@@ -106,6 +114,12 @@ def _joined(images: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     parts = [np.asarray(image, np.uint8).ravel() for image in images]
     end = np.cumsum([len(part) for part in parts], dtype=np.int64)
     return np.concatenate([np.zeros(0, np.uint8), *parts]), end
+
+
+def _rolled(data: np.ndarray, end: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
+    start = int(end[first - 1]) if first else 0
+    ends = [end[first:] - start, end[:first] + len(data) - start]
+    return np.roll(data, -start), np.concatenate(ends)
 
 
 def _packed(data: np.ndarray, end: np.ndarray, k: int) -> np.ndarray:

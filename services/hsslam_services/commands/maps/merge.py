@@ -6,15 +6,16 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.device.choose_device import choose_device
 from hsslam_node.geometry.se3 import so3_log
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.checkpoint import save_checkpoint
 from hsslam_node.merging.carried_trajectory import carried, joined
 from hsslam_node.merging.merge_maps import JoinedMap, merge_maps
-from hsslam_services.artefacts.mesh_file import mesh_of_arena, mesh_section, save_mesh
+from hsslam_node.merging.order_of_time import in_order_of_time
+from hsslam_services.artefacts.mesh_file import mesh_section, save_mesh
 from hsslam_services.commands.cli import terminal_progress
 from hsslam_services.commands.maps.export_views import expect_new_folder, out_folder
 from hsslam_services.commands.maps.whole_space import MAP_NAME, map_file
@@ -32,7 +33,8 @@ class MergeOptions:
 
     The command finds keyframes of both runs that show the same. If three or more places agree on how the runs
     lie to each other, it solves for all keyframes and fits the map to them. Else it writes nothing. Both runs
-    must have the same camera.
+    must have the same camera. Where the place has changed, the map shows what the later run saw. Stamps tell
+    which run is later; if they overlap, it is the second.
 
     The output folder is like that of a run: map.safetensors, mesh.ply, keyframes.txt, trajectory.txt,
     summary.json. Its coordinate frame is that of the first run. trajectory.first.txt and
@@ -73,15 +75,16 @@ def merge_runs(options: MergeOptions) -> None:
             frames, found.parts, np.split(poses, [found.seam]), strict=True
         )
     )
-    mesh = mesh_of_arena(found.store, found.parameters, found.config, device, lambda _: None)
+    snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
+    merged = in_order_of_time(snapshot, found.seam)
+    saved = SavedMap(options.out / MAP_NAME, merged, options.device)
+    mesh = saved.mesh(found.config.mesher.final_voxel_m)
     with out_folder(options.out) as folder:
         write_tum(folder / _TRAJECTORY, joined(first, second))
         write_tum(folder / "trajectory.first.txt", first)
         write_tum(folder / "trajectory.second.txt", second)
-        keyframes = Trajectory(found.store.stamps_ns(), poses)
-        write_tum(folder / "keyframes.txt", keyframes)
-        snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
-        save_checkpoint(folder / MAP_NAME, snapshot)
+        write_tum(folder / "keyframes.txt", saved.trajectory())
+        saved.save(folder / MAP_NAME)
         save_mesh(folder, mesh)
         update_summary(folder, _section(options, found) | mesh_section(mesh))
     print(f"{options.second} meets {options.first} in {found.places} places: {_told(found)}")
