@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hsslam_node.errors import UserError
-from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, WATCHDOG
+from hsslam_services.launch.process_table import WATCHDOG
 from hsslam_services.launch.spawn import (
     NOT_STARTED,
     Process,
@@ -32,6 +32,7 @@ def run_one_shot(
     run_dir: Path,
     tick: Callable[[], None],
     is_cancelled: Callable[[], bool],
+    timeout_s: float,
     spawn: Spawn = spawn,
 ) -> str:
     """Run a process to its end, calling `tick` meanwhile; adds its section to the summary.
@@ -40,7 +41,6 @@ def run_one_shot(
     """
     if is_cancelled():
         return "cancelled"
-    timeout_s = ONE_SHOT_TIMEOUT_S[module]
     name = process_name(module)
     try:
         clear_result(run_dir, name)
@@ -52,7 +52,7 @@ def run_one_shot(
         tick()
         if is_cancelled() or time.monotonic() > deadline:
             _kill(process)
-            return "cancelled" if is_cancelled() else f"not done after {timeout_s:g} s: killed"
+            return "cancelled" if is_cancelled() else f"not done after {timeout_s:.0f} s: killed"
     if code == NOT_STARTED:
         return "cannot be started"
     error = last_error(run_dir, module) if code else ""

@@ -78,8 +78,17 @@ ONE_SHOT_TIMEOUT_S = {  # processes that end by themselves
     FINAL_MAP_SAVER: 600.0,
     MESH_SAVER: 3600.0,  # it shows its progress; a second signal ends it
     EVALUATOR: 3600.0,
-    TRAJECTORY_SAVER: 60.0,
+    TRAJECTORY_SAVER: 60.0,  # and some for each pose
 }
+
+_SAVED_POSES_PER_S = 10_000  # at least, on a slow disk; an hour has 108 000 at 30 Hz
+
+
+def one_shot_timeout_s(module: str, poses: int) -> float:
+    """How long a process may take that ends by itself, in a run that has so many poses."""
+    saving_s = poses / _SAVED_POSES_PER_S if module == TRAJECTORY_SAVER else 0.0
+    return ONE_SHOT_TIMEOUT_S[module] + saving_s
+
 
 PROCESSES: tuple[ProcessSpec, ...] = (
     _row(

@@ -10,13 +10,13 @@ from hsslam_node.map.pose_log import PoseLog
 from hsslam_proto import topics
 from hsslam_proto.request_messages import Done
 from hsslam_proto.run_messages import Event
-from hsslam_services.arena.arena_folder import remove_arrays
+from hsslam_services.arena.arena_folder import pose_count, remove_arrays
 from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
-from hsslam_services.launch.process_table import ONE_SHOT_TIMEOUT_S, TRAJECTORY_SAVER
+from hsslam_services.launch.process_table import TRAJECTORY_SAVER, one_shot_timeout_s
 from hsslam_services.launch.spawn import Spawn, last_error, not_started, process_name
 from hsslam_services.requests.pause_and_mode import CameraPause
 from hsslam_services.run.process_result import clear_result, read_result
@@ -138,13 +138,13 @@ class MapReset:
             process = self._spawn(TRAJECTORY_SAVER, self._run.path)
         except OSError as error:
             return f"{name} {not_started(error)}"
-        timeout_s = ONE_SHOT_TIMEOUT_S[TRAJECTORY_SAVER]
+        timeout_s = one_shot_timeout_s(TRAJECTORY_SAVER, pose_count(Path(self._run.arena_dir)))
         deadline_s = time.monotonic() + timeout_s
         code = None
         try:
             while (code := process.poll()) is None:
                 if time.monotonic() > deadline_s:
-                    return f"trajectories not written after {timeout_s:g} s"
+                    return f"trajectories not written after {timeout_s:.0f} s"
                 yield
         finally:
             if code is None:

@@ -3,6 +3,7 @@
 import datetime
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from hsslam_node.device.torch_build import cuda_torch_without_cuda
@@ -10,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.kernels.cache_folder import run_stamp
 from hsslam_proto import topics
 from hsslam_proto.run_messages import Event, Stop
+from hsslam_services.arena.arena_folder import pose_count
 from hsslam_services.bus.bus import Bus
 from hsslam_services.health.run_state import Listener
 from hsslam_services.health.snapshot import take_snapshot
@@ -18,7 +20,7 @@ from hsslam_services.health.status_line import StatusLine
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.fork_client import ForkClient
 from hsslam_services.launch.one_shot import run_one_shot
-from hsslam_services.launch.process_table import MAP_LOADER, PROCESSES, WARM_UP
+from hsslam_services.launch.process_table import MAP_LOADER, PROCESSES, WARM_UP, one_shot_timeout_s
 from hsslam_services.requests.gateway import Gateway
 from hsslam_services.run.exit_code import ExitCode, ending
 from hsslam_services.run.memory import MemoryOfAll
@@ -246,8 +248,9 @@ class RunLoop:
         More signals than `patience` cancel it.
         """
         is_cancelled = lambda: self._signals() > patience  # noqa: E731
+        timeout_s = one_shot_timeout_s(module, pose_count(Path(self._info.arena_dir)))
         return run_one_shot(
-            module, self._info.path, self._tick, is_cancelled, self._fork_client.spawn
+            module, self._info.path, self._tick, is_cancelled, timeout_s, self._fork_client.spawn
         )
 
     def _run_first(self, module: str) -> str:
