@@ -28,9 +28,10 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator, MemoryAllocator
 from hsslam_node.map.checkpoint import save_checkpoint
+from hsslam_node.map.epoch_poses import final_trajectory
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.map.parameters import FieldParameters
-from hsslam_node.map.pose_log import PoseLog, final_trajectory
+from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import initial_bound

@@ -23,10 +23,10 @@ class SmoothPath:
 
     def __init__(self, log: PoseLog, longest_gap_s: float) -> None:
         self._longest_gap_ns = round(1e9 * longest_gap_s)
-        rows = log.rows()
-        self._stamps_ns = deque(rows["source_stamp_ns"][-_FRAMES:].tolist(), _FRAMES)
-        tracked = rows[rows["status"] != LOST]
-        self._last: np.ndarray | np.void | None = tracked[-1] if len(tracked) else None
+        newest = range(max(log.count - _FRAMES, 0), log.count)
+        stamps_ns = [t for rows in log.slabs(newest) for t in rows["source_stamp_ns"].tolist()]
+        self._stamps_ns = deque(stamps_ns, _FRAMES)
+        self._last = _newest_with_pose(log)
         self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
 
     def add(
@@ -61,3 +61,12 @@ class SmoothPath:
         T_world_key = store.poses_of(np.array([self._last["keyframe"], row["keyframe"]]))
         T_last, T = T_world_key @ np.stack([self._last["T_keyframe_cam"], row["T_keyframe_cam"]])
         return inverse(T_last) @ (T if T_expected is None else T_expected)
+
+
+def _newest_with_pose(log: PoseLog) -> np.ndarray | None:
+    """A copy of the newest row that is not of a lost frame, None if there is none."""
+    for rows in log.slabs(newest_first=True):
+        with_pose = np.flatnonzero(rows["status"] != LOST)
+        if len(with_pose):
+            return rows[with_pose[-1]].copy()
+    return None

@@ -1,16 +1,15 @@
 """Every pose as it was published, in named arrays: what trajectories and latencies come from."""
 
 import contextlib
-from collections.abc import Callable
+from bisect import bisect_left
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
-from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.memory_order import load_ordered, store_ordered
-from hsslam_node.odometry.spread_errors import spread_errors
 
 SLAB_ROWS = 4096
 _RESERVE_EVERY = 64  # rows
@@ -22,9 +21,11 @@ STATUS: dict[Status, int] = {
     "lost": LOST,
     "dead_reckoned": DEAD_RECKONED,  # by odometry alone: the camera saw nothing to be aligned to
 }
-_HEADER, _SLAB = "pose_header", "pose_log."  # names of arrays
+_HEADER, _NEWEST, _SLAB = "pose_header", "pose_newest", "pose_log."  # names of arrays
 _JOINS, _JOIN = "pose_joins", "pose_join."
 MOST_FRAGMENTS = 1023
+_COUNT, _FRAGMENT = 0, 1  # fields of the header
+_MOST_CAMERAS = 64  # whose newest rows are noted
 
 POSE_ROW = np.dtype(
     [
@@ -41,16 +42,11 @@ POSE_ROW = np.dtype(
         ("map_version", "<i8"),  # that the frame was aligned to
         ("pose_version", "<i8"),  # of the keyframes' poses that it was aligned to
         ("map_epoch", "<i8"),  # which map, in a coordinate frame of its own: each reset begins one
-        (
-            "covariance",
-            "<f8",
-            (6, 6),
-        ),  # of T_world_cam, as in `geometry/pose_covariance.py`; or nan
+        # of T_world_cam, as in `geometry/pose_covariance.py`; or nan
+        ("covariance", "<f8", (6, 6)),
         ("T_odom_cam", "<f8", (4, 4)),  # the path without jumps that corrections make
-        (
-            "fragment",
-            "<i8",
-        ),  # that pose and keyframe are of, if the frame is LOST to the map; 0: none
+        # that pose and keyframe are of, if the frame is LOST to the map; 0: none
+        ("fragment", "<i8"),
     ]
 )
 _JOIN_ROW = np.dtype([("keyframe", "<i8"), ("T_keyframe_own", "<f8", (4, 4))])
@@ -60,7 +56,8 @@ class PoseLog:
     """Append-only rows of `POSE_ROW`. One writer; a reader sees only complete rows.
 
     A restarted writer goes on behind the last complete row. Creating and attaching are the same. The
-    log outlives a map that is thrown away: rows say of which map epoch they are.
+    log outlives a map that is thrown away: rows say of which map epoch they are. A log of days has more
+    rows than the memory holds: only `rows` copies all of them.
 
     Args:
         arrays: hold the rows, in slabs.
@@ -72,17 +69,22 @@ class PoseLog:
     ) -> None:
         self._arrays = arrays
         self._on_full = on_full
-        self._header = arrays.create(_HEADER, (16,), np.int64)  # [0] = rows
+        self._header = arrays.create(_HEADER, (16,), np.int64)
+        # of each camera the number of its newest row, counted from 1; 0: none
+        self._newest = arrays.create(_NEWEST, (_MOST_CAMERAS,), np.int64)
         # keyframes of each fragment, if it has joined the map; else 0
         self._joins = arrays.create(_JOINS, (MOST_FRAGMENTS + 1,), np.int64)
         self._slabs: dict[int, np.ndarray] = {}  # those that are not full
+        self._noted_at = {
+            int(self._row(n - 1)["publisher"]): k for k, n in enumerate(self._newest.tolist()) if n
+        }
         for k in range(self.count // SLAB_ROWS):
             self._tell_full(k)
 
     @property
     def count(self) -> int:
         """Complete rows."""
-        return load_ordered(self._header, 0)
+        return load_ordered(self._header, _COUNT)
 
     def append(self, row: np.ndarray | np.void) -> bool:
         """Add one row, a scalar of `POSE_ROW`; `pose_row` makes one. False: there is no memory for it.
@@ -91,13 +93,15 @@ class PoseLog:
             OutOfMemoryError: not even for the first.
         """
         n = self.count
+        if n:
+            self._note(n)
         try:
             self._slab(n // SLAB_ROWS)[n % SLAB_ROWS] = row
         except OutOfMemoryError:
             if n == 0:
                 raise
             return False
-        store_ordered(self._header, 0, n + 1)
+        store_ordered(self._header, _COUNT, n + 1)
         if (n + 1) % SLAB_ROWS == 0:
             self._slabs.pop(n // SLAB_ROWS, None)
             self._tell_full(n // SLAB_ROWS)
@@ -109,34 +113,57 @@ class PoseLog:
     def last(self) -> np.ndarray | None:
         """A copy of the newest row, None if there is none."""
         n = self.count
-        return None if n == 0 else self._slab((n - 1) // SLAB_ROWS)[(n - 1) % SLAB_ROWS].copy()
+        return None if n == 0 else self._row(n - 1).copy()
 
     def find(self, publisher: int, index: int) -> np.ndarray | None:
         """A copy of the newest row of a camera's frame, None if there is none."""
-        n = self.count
-        for k in reversed(range(-(-n // SLAB_ROWS))):
-            rows = self._slab(k)[: n - k * SLAB_ROWS]
-            found = np.flatnonzero((rows["index"] == index) & (rows["publisher"] == publisher))
+        for rows in self.slabs(newest_first=True):
+            of_it = rows["publisher"] == publisher
+            found = np.flatnonzero(of_it & (rows["index"] == index))
             if len(found):
                 return rows[found[-1]].copy()
+            if (of_it & (rows["index"] < index)).any():  # a camera counts upwards
+                return None
         return None
 
-    def newest_of_each(self) -> np.ndarray:
-        """The newest row of each camera, in order of their age, [N] of POSE_ROW."""
-        rows = self.rows()
-        _, last = np.unique(rows["publisher"][::-1], return_index=True)
-        return rows[np.sort(len(rows) - 1 - last)]
+    def newest_of_each(self) -> list[np.ndarray]:
+        """Copies of the newest row of each camera, in order of their age; of 64 cameras, the newest ones."""
+        newest: dict[int, np.ndarray] = {}
+        for n in sorted({*self._newest.tolist(), self.count} - {0}):
+            row = self._row(n - 1).copy()
+            newest.pop(int(row["publisher"]), None)
+            newest[int(row["publisher"])] = row
+        return list(newest.values())
 
     def rows(self) -> np.ndarray:
         """All complete rows, [N] of POSE_ROW, copied."""
-        n = self.count
-        slabs = [self._slab(k) for k in range(-(-n // SLAB_ROWS))]
-        return np.concatenate(slabs)[:n] if slabs else np.zeros(0, POSE_ROW)
+        slabs = list(self.slabs())
+        return np.concatenate(slabs) if slabs else np.zeros(0, POSE_ROW)
+
+    def slabs(
+        self, rows: range | None = None, *, newest_first: bool = False
+    ) -> Iterator[np.ndarray]:
+        """The rows of these numbers, or all, as views: [n] of POSE_ROW, some thousand at a time."""
+        rows = range(self.count) if rows is None else rows
+        numbers = range(rows.start // SLAB_ROWS, -(-rows.stop // SLAB_ROWS))
+        for k in reversed(numbers) if newest_first else numbers:
+            first = k * SLAB_ROWS
+            yield self._slab(k)[max(rows.start - first, 0) : rows.stop - first]
+
+    def rows_of_epoch(self, map_epoch: int) -> range:
+        """Numbers of the rows of one map epoch: only they have poses in one coordinate frame."""
+        numbers = range(self.count)
+        start, stop = (
+            bisect_left(numbers, epoch, key=lambda n: int(self._row(n)["map_epoch"]))
+            for epoch in (map_epoch, map_epoch + 1)
+        )
+        return numbers[start:stop]
 
     def newest_fragment(self) -> int:
         """The largest number of a fragment in the log; 0: there was none."""
-        slabs = map(self._slab, range(-(-self.count // SLAB_ROWS)))  # rows to come are 0
-        return max((int(slab["fragment"].max()) for slab in slabs), default=0)
+        last = self.last()
+        noted = load_ordered(self._header, _FRAGMENT)
+        return noted if last is None else max(noted, int(last["fragment"]))
 
     def join(self, fragment: int, keyframes: np.ndarray, T_keyframe_own: np.ndarray) -> None:
         """A fragment has joined the map: its keyframe k moves with keyframe `keyframes[k]` of the map, from
@@ -172,11 +199,28 @@ class PoseLog:
     @staticmethod
     def owns(name: str) -> bool:
         """Whether an array of this name belongs to a pose log."""
-        return name in (_HEADER, _JOINS) or name.startswith((_SLAB, _JOIN))
+        return name in (_HEADER, _NEWEST, _JOINS) or name.startswith((_SLAB, _JOIN))
 
     def _tell_full(self, k: int) -> None:
         if self._on_full is not None:
             self._on_full(_slab_name(k))
+
+    def _note(self, n: int) -> None:
+        """Note the last of n rows. All rows but the last are noted, whenever the writer dies."""
+        row = self._row(n - 1)
+        publisher = int(row["publisher"])
+        if publisher not in self._noted_at:
+            k = int(
+                self._newest.argmin()
+            )  # free, or of the camera that has been silent for longest
+            self._noted_at = {p: j for p, j in self._noted_at.items() if j != k} | {publisher: k}
+        store_ordered(self._newest, self._noted_at[publisher], n)
+        if row["fragment"] > self._header[_FRAGMENT]:
+            store_ordered(self._header, _FRAGMENT, int(row["fragment"]))
+
+    def _row(self, number: int) -> np.ndarray:
+        """A row as a view, [] of POSE_ROW, by its number from 0."""
+        return self._slab(number // SLAB_ROWS)[number % SLAB_ROWS]
 
     def _slab(self, k: int) -> np.ndarray:
         slab = self._slabs.get(k)
@@ -225,40 +269,3 @@ def pose_row(
     row["covariance"] = np.nan if covariance is None else covariance
     row["T_odom_cam"] = T_world_cam if T_odom_cam is None else T_odom_cam
     return row
-
-
-def of_map_epoch(rows: np.ndarray, map_epoch: int) -> np.ndarray:
-    """The rows of one map epoch: only they have poses in one coordinate frame."""
-    return _where(rows, rows["map_epoch"] == map_epoch)
-
-
-def online_trajectory(rows: np.ndarray) -> Trajectory:
-    """The poses as published at the time; lost frames have none."""
-    kept = _where(rows, rows["status"] != LOST)
-    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
-
-
-def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
-    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none.
-
-    Poses by odometry alone are fitted in between the frames that were aligned before and after them.
-    """
-    kept = _where(rows, rows["status"] != LOST)
-    poses = kept["T_world_cam"].copy()
-    has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
-    reference = T_world_keyframe[kept["keyframe"][has_reference]]
-    poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
-    stamps_ns = kept["source_stamp_ns"].copy()
-    poses = spread_errors(poses, kept["T_odom_cam"], kept["status"] == DEAD_RECKONED, stamps_ns)
-    return Trajectory(stamps_ns, poses)
-
-
-def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:
-    """The poses of a fragment, in a coordinate frame of its own."""
-    kept = _where(rows, rows["fragment"] == fragment)
-    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
-
-
-def _where(rows: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Rows of a mask [N]; the same array if these are all, as rows of an hour are 80 MB."""
-    return rows if mask.all() else rows[mask]

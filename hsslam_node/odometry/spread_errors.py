@@ -19,6 +19,7 @@ def spread_errors(
     T_odom_cam: np.ndarray,
     is_dead_reckoned: np.ndarray,
     stamps_ns: np.ndarray,
+    usual_ns: float | None = None,
 ) -> np.ndarray:
     """The poses [N, 4, 4] with each stretch of dead-reckoned ones ([N] bool) fitted between its neighbours.
 
@@ -30,10 +31,12 @@ def spread_errors(
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through such a stretch, from
             the frame before to the frame after it. Over a gap in which the camera was lost it stands still.
         stamps_ns: [N] int64.
+        usual_ns: between two frames; None: as in `stamps_ns`.
     """
     out = T_world_cam
     stretches = list(_stretches(is_dead_reckoned))
-    usual_ns = np.median(np.diff(stamps_ns)) if stretches else 0.0
+    if usual_ns is None:
+        usual_ns = usual_step_ns(stamps_ns)
     for before, after in stretches:
         rows = slice(before, after + 1)
         if _has_unknown_step(T_odom_cam[rows], stamps_ns[rows], usual_ns):
@@ -43,6 +46,11 @@ def spread_errors(
         path = out[before] @ inverse(T_odom_cam[before]) @ T_odom_cam[rows]
         out[before + 1 : after] = _bent(path, T_world_cam[after])[1:-1]
     return out
+
+
+def usual_step_ns(stamps_ns: np.ndarray) -> float:
+    """The usual time between two frames with stamps [N] int64; 0 if there are no two."""
+    return float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 0.0
 
 
 def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:

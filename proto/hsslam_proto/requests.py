@@ -55,7 +55,7 @@ def _row(
 
 STATUS = _row("status", r.Ask, r.Status, 64 * _KIB, "how the run goes")
 MESH = _row("mesh", r.Ask, mesh_messages.Mesh, 256 * _MIB, "the newest mesh", 15.0)
-TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 15.0)
+TRAJECTORY = _row("trajectory", r.Ask, r.TrajectoryRows, 256 * _MIB, "all poses as refined", 60.0)
 QUERY = _row(
     *("query", r.QueryMap, r.PointAnswers, 4 * _MIB),
     *("distance, gradient, certainty of places in the map", 15.0, 2 * _MIB),

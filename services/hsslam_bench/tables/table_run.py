@@ -27,7 +27,8 @@ from hsslam_node.evaluation.ground_truth import GroundTruth, open_ground_truth
 from hsslam_node.evaluation.scores import scores_as_json
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
-from hsslam_node.map.pose_log import LOST, online_trajectory
+from hsslam_node.map.epoch_poses import online_trajectory
+from hsslam_node.map.pose_log import LOST
 from hsslam_node.slam import Slam
 from hsslam_node.sources.open_source import open_source
 from hsslam_node.sources.source import Source

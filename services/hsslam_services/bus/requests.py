@@ -31,25 +31,18 @@ class PendingRequest:
 
     def answer(self, message: Message) -> None:
         """Send the answer, soon; one above the size limit is refused."""
-        self.answer_with(lambda: message)
+        self._queue.later(self._query, lambda: self.answer_here(message))
 
-    def answer_with(self, make: Callable[[], Message | Refusal]) -> None:
-        """Compute the answer, or why not, and send it, all in another thread."""
-        self._queue.later(self._query, lambda: self._make_and_send(make))
-
-    def _make_and_send(self, make: Callable[[], Message | Refusal]) -> None:
+    def answer_here(self, message: Message) -> None:
+        """Send the answer in this thread: a large one takes seconds, for which others need not wait."""
         try:
-            made = make()
-            if not isinstance(made, Refusal):
-                self._send(encode(self.request.answered, made))
-                return
+            payload = encode(self.request.answered, message)
         except ValueError as error:
-            made = Refusal(reason="size", text=str(error)[:4096])
+            self.refuse("size", str(error))
+            return
         except Exception as error:  # whatever it is: the client waits for an answer
-            made = Refusal(reason="failed", text=f"{self.request.name}: {error}"[:4096])
-        self.refuse(made.reason, made.text)
-
-    def _send(self, payload: bytes) -> None:
+            self.refuse("failed", f"{self.request.name}: {error}")
+            return
         encoding = zenoh.Encoding(encoding_of(self.request.answered))
         with contextlib.suppress(zenoh.ZError):  # whoever asked is gone
             self._query.reply(self._query.key_expr, payload, encoding=encoding)

@@ -83,7 +83,7 @@ class Ros2Out:
         self._images: WaitingFrames | None = None
         self._clock = StampClock()
         if not self._has_ros_stamps:
-            self._learn_of_earlier_frames(PoseLog(worker.arena).rows())
+            self._learn_of_earlier_frames(PoseLog(worker.arena))
         self._moved: tuple[int, np.ndarray] | None = None  # the last stamp and T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
@@ -161,11 +161,12 @@ class Ros2Out:
             return np.zeros(6), 0.0
         return velocity(before[1], T_odom_base, seconds), seconds
 
-    def _learn_of_earlier_frames(self, rows: np.ndarray) -> None:
+    def _learn_of_earlier_frames(self, log: PoseLog) -> None:
         """Stamps of keyframes from before this process began, which the path names."""
-        both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
-        for source_ns, ros_ns in both:
-            self._clock.learn(source_ns, ros_ns)
+        for rows in log.slabs():
+            both = zip(rows["source_stamp_ns"].tolist(), rows["stamp_ns"].tolist(), strict=True)
+            for source_ns, ros_ns in both:
+                self._clock.learn(source_ns, ros_ns)
 
     def _tell_path(self, pose: Pose) -> None:
         """The keyframes as they are placed now, thinned evenly."""

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from hsslam_proto import requests as rpc
-from hsslam_proto.request_messages import Done, Refusal, Status, TrajectoryRows
+from hsslam_proto.request_messages import Done, Status
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.health.run_state import RunState
@@ -16,7 +16,7 @@ from hsslam_services.launch.child import Child
 from hsslam_services.launch.spawn import Spawn
 from hsslam_services.requests.map_reset import MapReset
 from hsslam_services.requests.map_save import MapSaving
-from hsslam_services.requests.mesh_and_trajectory import NewestMesh, rows_of, trajectory_so_far
+from hsslam_services.requests.mesh_and_trajectory import NewestMesh, TrajectorySoFar
 from hsslam_services.requests.passed_on import PassedOn
 from hsslam_services.requests.pause_and_mode import CameraPause, ModeSetting
 from hsslam_services.run.run_info import RunInfo
@@ -39,6 +39,7 @@ class Gateway:
         self._pause = CameraPause(bus, run)
         self._mode = ModeSetting(bus, run)
         self._mesh = NewestMesh(bus)
+        self._trajectory = TrajectorySoFar(Path(run.arena_dir))
         self._queries = PassedOn(bus, rpc.QUERY)
         self._places = PassedOn(bus, rpc.LOCATE)
         self._saving = MapSaving(run, spawn)
@@ -112,7 +113,7 @@ class Gateway:
             case rpc.QUERY:
                 self._queries.ask(asked)
             case rpc.TRAJECTORY:
-                self._answer_trajectory(asked)
+                self._trajectory.ask(asked)
             case rpc.STOP:
                 again = self.wants_stop or self._is_stopping
                 self.wants_stop = True
@@ -136,14 +137,3 @@ class Gateway:
             case rpc.RESET:
                 has_map = self._mode.has_map or state.last_keyframe >= 0
                 self._reset.ask(asked, has_map=has_map, state=state, children=children)
-
-    def _answer_trajectory(self, asked: PendingRequest) -> None:
-        map_epoch = self._reset.map_epoch
-
-        def compute() -> TrajectoryRows | Refusal:
-            trajectory = trajectory_so_far(Path(self._run.arena_dir), map_epoch)
-            if trajectory is None:
-                return Refusal(reason="not_now", text="trajectory: there is no pose yet")
-            return rows_of(trajectory, map_epoch)
-
-        asked.answer_with(compute)

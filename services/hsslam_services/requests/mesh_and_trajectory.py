@@ -7,16 +7,20 @@ import numpy as np
 from hsslam_node.geometry.se3 import transform
 from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 from hsslam_node.geometry.trajectory import Trajectory
-from hsslam_node.map.pose_log import PoseLog, final_trajectory, of_map_epoch
+from hsslam_node.map.epoch_poses import EpochPoses
+from hsslam_node.map.pose_log import PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto import topics
 from hsslam_proto.mesh.assembled import AssembledMesh
 from hsslam_proto.mesh.codec import mesh_message
-from hsslam_proto.request_messages import TrajectoryRows
+from hsslam_proto.request_messages import Refusal, TrajectoryRows
 from hsslam_services.arena.arena_view import ArenaView
+from hsslam_services.arena.map_state import MapState
 from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.requests import PendingRequest
 from hsslam_services.requests.waiting_requests import WaitingRequests
+
+MOST_POSES = 4_000_000  # 37 hours at 30 Hz; 64 bytes each of the 256 MiB that an answer may have
 
 
 class NewestMesh:
@@ -43,29 +47,55 @@ class NewestMesh:
         if whole is None:
             asked.refuse("not_now", "mesh: there is none yet: expected keyframes first")
             return
-        asked.answer(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
+        asked.answer_here(mesh_message(*whole, live.map_version, map_epoch=live.map_epoch))
 
 
-def trajectory_so_far(arena_dir: Path, map_epoch: int = 0) -> Trajectory | None:
-    """All poses of a map epoch but those of lost frames, as refined; None before there is one."""
+class TrajectorySoFar:
+    """Answers with all poses as refined so far; computing them is work for a thread of its own."""
+
+    def __init__(self, arena_dir: Path) -> None:
+        self._arena_dir = arena_dir
+        self._map_state = MapState(arena_dir)
+        self._waiting = WaitingRequests("trajectories", self._answer)
+
+    def ask(self, asked: PendingRequest) -> None:
+        """Answer soon; refused if many wait already."""
+        self._waiting.add(asked)
+
+    def _answer(self, asked: PendingRequest) -> None:
+        found = trajectory_so_far(self._arena_dir, self._map_state.map_epoch)
+        if isinstance(found, Refusal):
+            asked.refuse(found.reason, found.text)
+        else:
+            asked.answer_here(found)
+
+
+def trajectory_so_far(
+    arena_dir: Path, map_epoch: int = 0, most: int = MOST_POSES
+) -> TrajectoryRows | Refusal:
+    """All poses of a map epoch but those of lost frames, as refined; a refusal where there is none, or if
+    there may be more than `most`."""
     arrays = ArenaView(arena_dir)
     try:
-        keyframe_poses = KeyframeStore(arrays).poses()
-        log = PoseLog(arrays)
-        return final_trajectory(log.joined(of_map_epoch(log.rows(), map_epoch)), keyframe_poses)
+        T_world_keyframe = KeyframeStore(arrays).poses()
+        poses = EpochPoses(PoseLog(arrays), map_epoch)
     except KeyError:
-        return None
-
-
-def rows_of(trajectory: Trajectory, map_epoch: int = 0) -> TrajectoryRows:
-    """The trajectory as a message."""
-    poses = np.empty((len(trajectory), 7), "<f8")
-    poses[:, :3] = trajectory.positions
-    poses[:, 3:] = quaternions_from_rotations(trajectory.T_world_cam[:, :3, :3])
+        return Refusal(reason="not_now", text="trajectory: there is no pose yet")
+    if len(poses) > most:
+        refused = f"trajectory: {len(poses)} frames: expected at most {most} in an answer"
+        instead = "trajectory.txt has all after the run, hsslam-log export those of finished parts"
+        return Refusal(reason="size", text=f"{refused}; {instead}")
+    stamps_ns, numbers = np.empty(len(poses), "<i8"), np.empty((len(poses), 7), "<f8")
+    count = 0
+    for piece in poses.final(T_world_keyframe):
+        rows = slice(count, count + len(piece))
+        stamps_ns[rows], numbers[rows, :3] = piece.stamps_ns, piece.positions
+        numbers[rows, 3:] = quaternions_from_rotations(piece.T_world_cam[:, :3, :3])
+        count += len(piece)
     return TrajectoryRows(
-        count=len(trajectory),
-        stamps_ns=trajectory.stamps_ns.astype("<i8").tobytes(),  # type: ignore[arg-type]
-        poses=poses.tobytes(),  # type: ignore[arg-type]
+        count=count,
+        stamps_ns=stamps_ns[:count].data,
+        poses=numbers[:count].data,
         map_epoch=map_epoch,
     )
 

@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,27 +30,38 @@ def read_summary(run_dir: Path) -> dict[str, Any]:
     return read_json(run_dir / _FILE)
 
 
-def pose_section(rows: np.ndarray) -> dict[str, Any]:
+def pose_section(slabs: Iterable[np.ndarray]) -> dict[str, Any]:
     """Frames, rate, latency, and the time from the first frame to the last by the source's stamps, out of the
-    pose log, [N] of POSE_ROW.
+    rows of the pose log, [n] of POSE_ROW at a time.
 
     Rate and latency leave out the first pose: the sensor clock starts when its map is there. The rate is
     not known if the wall clock was set back meanwhile.
     """
-    lost = int((rows["status"] == _LOST).sum())
-    section: dict[str, Any] = {"frames": {"tracked": len(rows) - lost, "lost": lost}}
-    if dead_reckoned := int((rows["status"] == _DEAD_RECKONED).sum()):  # of those tracked
+    section: dict[str, Any] = {}
+    counts = np.zeros(4, np.int64)  # of each status
+    source_ns: list[int] = []  # the least and the largest of each slab
+    edges_ns: list[int] = []  # when the first and the last of each slab were published
+    latencies_ms: list[np.ndarray] = []
+    is_set_back = False
+    for rows in filter(len, slabs):
+        counts += np.bincount(rows["status"], minlength=len(counts))
+        source_ns += [int(rows["source_stamp_ns"].min()), int(rows["source_stamp_ns"].max())]
+        after = rows if "first_pose_ns" in section else rows[1:]
+        section.setdefault("first_pose_ns", int(rows["publish_ns"][0]))
+        publish_ns = after["publish_ns"]
+        edges_ns += publish_ns[:1].tolist() + publish_ns[-1:].tolist()
+        is_set_back |= bool((np.diff(publish_ns) < 0).any())
+        latencies_ms.append((publish_ns - after["stamp_ns"]) / 1e6)
+    frames, lost = int(counts.sum()), int(counts[_LOST])
+    section["frames"] = {"tracked": frames - lost, "lost": lost}
+    if dead_reckoned := int(counts[_DEAD_RECKONED]):  # of those tracked
         section["frames"]["dead_reckoned"] = dead_reckoned
-    after = rows[1:]
-    if len(rows):
-        section["first_pose_ns"] = int(rows["publish_ns"][0])
-        section["sensor_s"] = float(np.ptp(rows["source_stamp_ns"])) / 1e9
-    if len(after) > 1:
-        intervals_ns = np.diff(after["publish_ns"])
-        latency_ms = (after["publish_ns"] - after["stamp_ns"]) / 1e6
-        if intervals_ns.min() >= 0:
-            section["wall_fps"] = len(intervals_ns) / max(intervals_ns.sum() / 1e9, 1e-9)
-        p50, p95, p99 = np.percentile(latency_ms, (50, 95, 99))
+    if source_ns:
+        section["sensor_s"] = (max(source_ns) - min(source_ns)) / 1e9
+    if frames > 2:
+        if not is_set_back and np.diff(edges_ns).min() >= 0:
+            section["wall_fps"] = (frames - 2) / max((edges_ns[-1] - edges_ns[0]) / 1e9, 1e-9)
+        p50, p95, p99 = np.percentile(np.concatenate(latencies_ms), (50, 95, 99))
         section["latency_ms"] = {"p50": float(p50), "p95": float(p95), "p99": float(p99)}
     return section
 

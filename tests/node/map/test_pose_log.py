@@ -1,19 +1,14 @@
 """The pose log: complete rows across slabs and attachments; final poses follow their keyframes."""
 
+import tracemalloc
+
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.pose_log import (
-    LOST,
-    SLAB_ROWS,
-    TRACKED,
-    PoseLog,
-    final_trajectory,
-    fragment_trajectory,
-    online_trajectory,
-    pose_row,
-)
+from hsslam_node.map.epoch_poses import final_trajectory, fragment_trajectory, online_trajectory
+from hsslam_node.map.pose_log import LOST, SLAB_ROWS, TRACKED, PoseLog, pose_row
+from hsslam_node.smooth_path import SmoothPath
 
 
 def _row(index: int, T: np.ndarray, keyframe: int = -1, reference: np.ndarray | None = None):
@@ -61,6 +56,39 @@ def test_a_frame_is_found_by_camera_and_index():
     assert log.find(9, 1) is None
     newest = [(int(row["publisher"]), int(row["index"])) for row in log.newest_of_each()]
     assert newest == [(7, SLAB_ROWS + 2), (9, 0)]
+
+
+def test_newest_rows_are_known_after_any_death_of_the_writer():
+    """Each row is appended by a writer that dies after it; frames of two fragments are among them."""
+    arrays, row = MemoryAllocator(), _row(0, np.eye(4))
+    for publisher, index, fragment in ((1, 0, 0), (2, 0, 3), (1, 1, 0), (3, 0, 4), (2, 1, 0)):
+        row["publisher"], row["index"], row["fragment"] = publisher, index, fragment
+        PoseLog(arrays).append(row)
+    log = PoseLog(arrays)
+    newest = [(int(row["publisher"]), int(row["index"])) for row in log.newest_of_each()]
+    assert newest == [(1, 1), (3, 0), (2, 1)]
+    assert log.newest_fragment() == 4
+    for publisher in range(10, 80):
+        row["publisher"] = publisher
+        log.append(row)
+    publishers = [int(row["publisher"]) for row in PoseLog(arrays).newest_of_each()]
+    assert publishers[-64:] == list(range(16, 80))
+
+
+def test_a_restarted_tracker_copies_no_long_log():
+    arrays, row = MemoryAllocator(), _row(0, np.eye(4))
+    log = PoseLog(arrays)
+    for index in range(3 * SLAB_ROWS):
+        row["index"] = index
+        log.append(row)
+    tracemalloc.start()
+    log = PoseLog(arrays)
+    SmoothPath(log, longest_gap_s=0.5)
+    newest, _ = log.newest_of_each(), log.newest_fragment()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < SLAB_ROWS * row.nbytes / 10
+    assert [int(each["index"]) for each in newest] == [3 * SLAB_ROWS - 1]
 
 
 def test_final_poses_move_with_their_keyframe_and_lost_frames_have_none():

@@ -1,25 +1,44 @@
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import transform
+from hsslam_node.geometry.se3_batch import quaternions_from_rotations
+from hsslam_node.map.epoch_poses import final_trajectory
 from hsslam_node.map.pose_log import LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_proto.codec import decode, encode, encoding_of
-from hsslam_proto.requests import TRAJECTORY
+from hsslam_proto.request_messages import Ask, Refusal, TrajectoryRows
+from hsslam_proto.requests import STATUS, TRAJECTORY, Request
 from hsslam_services.arena.arena import Arena
 from hsslam_services.arena.arena_folder import remove_arrays
 from hsslam_services.arena.arena_view import ArenaView
-from hsslam_services.requests.mesh_and_trajectory import rows_of, trajectory_of, trajectory_so_far
+from hsslam_services.bus.ask import NoServiceError, ask
+from hsslam_services.bus.bus import Bus
+from hsslam_services.health.run_state import RunState
+from hsslam_services.requests.gateway import Gateway
+from hsslam_services.requests.mesh_and_trajectory import (
+    MOST_POSES,
+    trajectory_of,
+    trajectory_so_far,
+)
+from hsslam_services.run.run_info import RunInfo
+from tests.long_pose_log import long_log
 
 _CAMERA = Camera(8, 6, 8.0, 8.0, 3.5, 2.5)
 _T = transform(np.array([1.0, 2.0, 3.0]), np.array([0.5, -0.5, 0.5, 0.5]))
 
 
 def test_there_is_none_before_the_first_pose(tmp_path):
-    assert trajectory_so_far(tmp_path) is None
+    none = Refusal(reason="not_now", text="trajectory: there is no pose yet")
+    assert trajectory_so_far(tmp_path) == none
     KeyframeStore.create(Arena(tmp_path), _CAMERA, 1000.0, 8)
-    assert trajectory_so_far(tmp_path) is None
+    assert trajectory_so_far(tmp_path) == none
 
 
 def test_poses_are_read_without_the_arena_and_cross_the_wire(tmp_path):
@@ -28,9 +47,7 @@ def test_poses_are_read_without_the_arena_and_cross_the_wire(tmp_path):
     log = PoseLog(arena)
     for k, status in enumerate((TRACKED, LOST, TRACKED)):
         log.append(_row(k, status))
-    found = trajectory_so_far(tmp_path)
-    assert found is not None
-    payload = encode(TRAJECTORY.answered, rows_of(found))
+    payload = encode(TRAJECTORY.answered, _expect_rows(trajectory_so_far(tmp_path)))
     rows = decode(TRAJECTORY.answered, payload, encoding_of(TRAJECTORY.answered))
     back = trajectory_of(rows)  # type: ignore[arg-type]
     assert list(back.stamps_ns) == [1_700_000_000_000_000_001, 1_700_000_000_000_000_003]
@@ -43,15 +60,62 @@ def test_poses_of_two_map_epochs_are_never_told_together(tmp_path):
     log = PoseLog(arena)
     for k, map_epoch in enumerate((0, 0, 1)):
         log.append(_row(k, TRACKED, map_epoch))
-    told = {map_epoch: trajectory_so_far(tmp_path, map_epoch) for map_epoch in (0, 1)}
-    assert [len(poses) for poses in told.values() if poses is not None] == [2, 1]
+    told = [_expect_rows(trajectory_so_far(tmp_path, map_epoch)).count for map_epoch in (0, 1)]
+    assert told == [2, 1]
     remove_arrays(tmp_path, PoseLog.owns)
-    kept = ["pose_header", "pose_joins", "pose_log.000"]
+    kept = ["pose_header", "pose_joins", "pose_log.000", "pose_newest"]
     assert sorted(file.stem for file in tmp_path.glob("*.bin")) == kept
-    assert trajectory_so_far(tmp_path, 1) is None  # no keyframe of the new map epoch is there yet
+    assert isinstance(trajectory_so_far(tmp_path, 1), Refusal)  # the new map has no keyframe yet
     KeyframeStore.create(arena, _CAMERA, 1000.0, 8)
-    again = trajectory_so_far(tmp_path, 1)
-    assert again is not None and len(again) == 1
+    assert _expect_rows(trajectory_so_far(tmp_path, 1)).count == 1
+
+
+def test_more_poses_than_an_answer_holds_are_refused_before_they_are_read(tmp_path):
+    assert TRAJECTORY.answered.size_limit_bytes > 64 * MOST_POSES + 1024
+    KeyframeStore.create(Arena(tmp_path), _CAMERA, 1000.0, 8)
+    log = long_log(Arena(tmp_path))
+    refusal = trajectory_so_far(tmp_path, 1, most=log.count - 101)
+    assert isinstance(refusal, Refusal) and refusal.reason == "size"
+    assert f"{log.count - 100} frames: expected at most {log.count - 101}" in refusal.text
+    assert "trajectory.txt" in refusal.text
+    rows = _expect_rows(trajectory_so_far(tmp_path, 1, most=log.count - 100))
+    whole = final_trajectory(log.joined(log.rows()[100:]), np.zeros((0, 4, 4)))
+    np.testing.assert_array_equal(np.frombuffer(rows.stamps_ns, "<i8"), whole.stamps_ns)
+    poses = np.frombuffer(rows.poses, "<f8").reshape(-1, 7)
+    np.testing.assert_array_equal(poses[:, :3], whole.positions)
+    rotations = whole.T_world_cam[:, :3, :3]
+    np.testing.assert_array_equal(poses[:, 3:], quaternions_from_rotations(rotations))
+
+
+def test_other_requests_are_answered_while_poses_are_read(run_info: RunInfo):
+    """A pipe in the place of an array's header is a disk that takes its time."""
+    arena_dir, is_over = Path(run_info.arena_dir), threading.Event()
+    KeyframeStore.create(Arena(arena_dir), _CAMERA, 1000.0, 8)
+    PoseLog(Arena(arena_dir)).append(_row(0, TRACKED))
+    header = arena_dir / "pose_log.000.json"
+    content = header.read_text()
+    header.unlink()
+    os.mkfifo(header)
+    with (
+        Bus(run_info.endpoint, run_info.robot, "supervisor") as bus,
+        ThreadPoolExecutor(2) as threads,
+    ):
+        gateway = Gateway(bus, run_info, _no_process)
+
+        def turn() -> None:
+            while not is_over.wait(0.005):
+                gateway.tick(RunState(), {}, 0)
+
+        try:
+            threads.submit(turn)
+            told = threads.submit(_ask, run_info, TRAJECTORY)
+            with header.open("w") as pipe:  # it is being read now
+                assert _ask(run_info, STATUS).run_id == run_info.run_id
+                pipe.write(content)
+            assert told.result(30).count == 1
+        finally:
+            is_over.set()
+            gateway.close()
 
 
 def test_a_view_changes_nothing(tmp_path):
@@ -66,6 +130,23 @@ def test_a_view_changes_nothing(tmp_path):
         view.create("a", (4,), np.int64)
     with pytest.raises(KeyError, match="b"):
         view.create("b", (4,), np.int64)
+
+
+def _ask(run: RunInfo, request: Request):
+    while True:
+        try:
+            return ask(run.endpoint, run.robot, request, Ask())
+        except NoServiceError:  # the router knows the gateway a moment later
+            continue
+
+
+def _no_process(*_):
+    raise AssertionError("no process is started")
+
+
+def _expect_rows(answer: TrajectoryRows | Refusal) -> TrajectoryRows:
+    assert isinstance(answer, TrajectoryRows)
+    return answer
 
 
 def _row(index: int, status: int, map_epoch: int = 0) -> np.ndarray:

@@ -29,7 +29,7 @@ def test_rate_and_latency_leave_out_the_first_pose():
     rows["stamp_ns"][1:] = 10**12 + np.arange(30) * 10**8
     rows["publish_ns"] = rows["stamp_ns"] + 20_000_000
     rows["source_stamp_ns"] = 10**9 + np.arange(31) * 33_430_000_000  # sent faster than recorded
-    section = pose_section(rows)
+    section = pose_section([rows])
     assert section["frames"] == {"tracked": 30, "lost": 1}
     assert abs(section["wall_fps"] - 10.0) < 1e-6
     assert abs(section["sensor_s"] - 1002.9) < 1e-6  # the first stamp is 0
@@ -40,11 +40,13 @@ def test_there_is_no_rate_if_the_wall_clock_was_set_back():
     rows = np.zeros(31, POSE_ROW)
     rows["publish_ns"] = 10**12 + np.arange(31) * 10**8
     rows["publish_ns"][20:] -= 10**9
-    assert "wall_fps" not in pose_section(rows)
+    for slabs in ([rows], np.split(rows, [20]), np.split(rows, [1, 21])):
+        assert "wall_fps" not in pose_section(slabs)
 
 
 def test_no_pose_at_all_is_a_summary_too():
-    assert pose_section(np.zeros(0, POSE_ROW)) == {"frames": {"tracked": 0, "lost": 0}}
+    none = {"frames": {"tracked": 0, "lost": 0}}
+    assert pose_section([np.zeros(0, POSE_ROW)]) == pose_section([]) == none
 
 
 def test_the_evaluation_line_has_errors_in_centimetres_and_shares_in_percent():

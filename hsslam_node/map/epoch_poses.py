@@ -1,0 +1,116 @@
+"""Trajectories out of the pose log; those of a map epoch in pieces, as days have millions of poses."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from hsslam_node.geometry.trajectory import Trajectory
+from hsslam_node.map.pose_log import DEAD_RECKONED, LOST, POSE_ROW, PoseLog
+from hsslam_node.odometry.spread_errors import spread_errors, usual_step_ns
+
+
+class FragmentRows(NamedTuple):
+    """How many frames a fragment has, and the numbers of the rows from its first to its last."""
+
+    frames: int
+    rows: range
+
+
+class EpochPoses:
+    """The poses that one map epoch has now. Trajectories come in pieces, read as they are taken."""
+
+    def __init__(self, log: PoseLog, map_epoch: int) -> None:
+        self._log = log
+        self._rows = log.rows_of_epoch(map_epoch)
+
+    def __len__(self) -> int:
+        """Frames, lost ones too."""
+        return len(self._rows)
+
+    def joined(self) -> Iterator[np.ndarray]:
+        """The rows, [n] of POSE_ROW; those of fragments that have joined the map are tracked in it."""
+        return map(self._log.joined, self._log.slabs(self._rows))
+
+    def online(self) -> Iterator[Trajectory]:
+        """As `online_trajectory` of all rows."""
+        return map(online_trajectory, self._log.slabs(self._rows))
+
+    def final(self, T_world_keyframe: np.ndarray) -> Iterator[Trajectory]:
+        """As `final_trajectory` of all rows; a piece ends where a frame was aligned, as a stretch by odometry
+        alone is fitted as a whole."""
+        usual_ns: float | None = None
+        waiting = np.zeros(0, POSE_ROW)
+        for rows in self.joined():
+            waiting = np.concatenate([waiting, _with_pose(rows)])
+            aligned = np.flatnonzero(waiting["status"] != DEAD_RECKONED)
+            if usual_ns is None and len(aligned) < len(waiting):
+                usual_ns = self._usual_step_ns()
+            if len(aligned):
+                end = int(aligned[-1])  # of this piece, and what the next stretch begins at
+                piece = final_trajectory(waiting[: end + 1], T_world_keyframe, usual_ns)
+                yield Trajectory(piece.stamps_ns[:end], piece.T_world_cam[:end])
+                waiting = waiting[end:].copy()
+        yield final_trajectory(waiting, T_world_keyframe, usual_ns)
+
+    def fragments(self) -> dict[int, FragmentRows]:
+        """Where the frames of each fragment are, by its number; joined or not."""
+        found: dict[int, FragmentRows] = {}
+        start = self._rows.start
+        for rows in self._log.slabs(self._rows):
+            for number in np.unique(rows["fragment"][rows["fragment"] > 0]).tolist():
+                of_it = (start + np.flatnonzero(rows["fragment"] == number)).tolist()
+                before = found.get(number, FragmentRows(0, range(of_it[0], of_it[0])))
+                both = range(before.rows.start, of_it[-1] + 1)
+                found[number] = FragmentRows(before.frames + len(of_it), both)
+            start += len(rows)
+        return dict(sorted(found.items()))
+
+    def fragment(self, number: int, place: FragmentRows) -> Iterator[Trajectory]:
+        """As `fragment_trajectory` of all rows; `place`: of this fragment."""
+        for rows in self._log.slabs(place.rows):
+            yield fragment_trajectory(rows, number)
+
+    def _usual_step_ns(self) -> float:
+        """Of all frames with a pose: it says in every piece what a gap is."""
+        stamps_ns = [_with_pose(rows)["source_stamp_ns"].copy() for rows in self.joined()]
+        return usual_step_ns(np.concatenate(stamps_ns))
+
+
+def online_trajectory(rows: np.ndarray) -> Trajectory:
+    """The poses as published at the time; lost frames have none."""
+    kept = _with_pose(rows)
+    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
+
+
+def final_trajectory(
+    rows: np.ndarray, T_world_keyframe: np.ndarray, usual_ns: float | None = None
+) -> Trajectory:
+    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none.
+
+    Poses by odometry alone are fitted in between the frames that were aligned before and after them.
+    `usual_ns`: between two frames, if these rows are not all.
+    """
+    kept = _with_pose(rows)
+    poses = kept["T_world_cam"].copy()
+    has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
+    reference = T_world_keyframe[kept["keyframe"][has_reference]]
+    poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
+    stamps_ns, is_dead_reckoned = kept["source_stamp_ns"].copy(), kept["status"] == DEAD_RECKONED
+    poses = spread_errors(poses, kept["T_odom_cam"], is_dead_reckoned, stamps_ns, usual_ns)
+    return Trajectory(stamps_ns, poses)
+
+
+def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:
+    """The poses of a fragment, in a coordinate frame of its own."""
+    kept = _where(rows, rows["fragment"] == fragment)
+    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
+
+
+def _with_pose(rows: np.ndarray) -> np.ndarray:
+    return _where(rows, rows["status"] != LOST)
+
+
+def _where(rows: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Rows of a mask [N]; the same array if these are all, as rows of an hour are 80 MB."""
+    return rows if mask.all() else rows[mask]
