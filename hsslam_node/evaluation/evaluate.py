@@ -182,9 +182,8 @@ class Evaluator:
             return None
         checkpoint = load_checkpoint(s.map)
         keyframes = set(checkpoint.keyframe_stamps_ns.tolist())
-        if (
-            "keyframes" in s.trajectories
-        ):  # with those that were retired, which the map learned from too
+        # with those that were retired, which the map learned from too
+        if "keyframes" in s.trajectories:
             keyframes |= set(s.trajectories["keyframes"].stamps_ns.tolist())
         found = image_quality(checkpoint, s.slam, self._frames_but(keyframes))
         if found.images:
