@@ -73,14 +73,13 @@ class EpochPoses:
 
     def _usual_step_ns(self) -> float:
         """Of all frames with a pose: it says in every piece what a gap is."""
-        stamps_ns = [_with_pose(rows)["source_stamp_ns"].copy() for rows in self.joined()]
+        stamps_ns = [rows["source_stamp_ns"][rows["status"] != LOST] for rows in self.joined()]
         return usual_step_ns(np.concatenate(stamps_ns))
 
 
 def online_trajectory(rows: np.ndarray) -> Trajectory:
     """The poses as published at the time; lost frames have none."""
-    kept = _with_pose(rows)
-    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
+    return _as_published(rows, rows["status"] != LOST)
 
 
 def final_trajectory(
@@ -103,14 +102,14 @@ def final_trajectory(
 
 def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:
     """The poses of a fragment, in a coordinate frame of its own."""
-    kept = _where(rows, rows["fragment"] == fragment)
-    return Trajectory(kept["source_stamp_ns"].copy(), kept["T_world_cam"].copy())
+    return _as_published(rows, rows["fragment"] == fragment)
+
+
+def _as_published(rows: np.ndarray, mask: np.ndarray) -> Trajectory:
+    return Trajectory(rows["source_stamp_ns"][mask], rows["T_world_cam"][mask])
 
 
 def _with_pose(rows: np.ndarray) -> np.ndarray:
-    return _where(rows, rows["status"] != LOST)
-
-
-def _where(rows: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Rows of a mask [N]; the same array if these are all, as rows of an hour are 80 MB."""
+    """The rows but those of lost frames; the same array if there is none, as rows of an hour are 80 MB."""
+    mask = rows["status"] != LOST
     return rows if mask.all() else rows[mask]
