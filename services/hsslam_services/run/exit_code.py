@@ -33,12 +33,12 @@ def exit_code_help() -> str:
 
 
 def ending(*, is_cut_short: bool, is_refused: bool, has_failed: bool, is_saved: bool) -> ExitCode:
-    """The code of a run that has begun: what the user did wins over bad input, that over what is lost, that
+    """The code of a run that has begun: bad input wins over what is lost, that over what the user did, that
     over failures."""
-    if is_cut_short:
-        return ExitCode.CUT_SHORT
     if is_refused:
         return ExitCode.BAD_INPUT
     if not is_saved:
         return ExitCode.NOT_SAVED
+    if is_cut_short:
+        return ExitCode.CUT_SHORT
     return ExitCode.FAILED if has_failed else ExitCode.SAVED

@@ -109,26 +109,28 @@ class OrderlyEnd:
                 return
 
     def _save(self, artefact: str, module: str, patience: int = 1) -> None:
-        if self.signals() <= patience:
-            self.not_saved.pop(artefact, None)  # trajectories are saved again after a correction
-        if error := self._step(artefact, module, patience):
+        """What failed before, as the disk was full, is missing until it is saved whole."""
+        error = self._step(artefact, module, patience)
+        if error:
             self.miss(artefact, error)
+        elif error is not None:
+            self.not_saved.pop(artefact, None)
 
     def _evaluate(self) -> None:
         """Nothing is lost without it: the figures can be had from what is saved."""
-        self.not_evaluated = self._step("evaluation", EVALUATOR)
+        self.not_evaluated = self._step("evaluation", EVALUATOR) or ""
         if self.not_evaluated:
             again = f"hsslam-eval {self.run.path} does it again"
             self.report(f"not evaluated: {self.not_evaluated}; {again}")
 
-    def _step(self, what: str, module: str, patience: int = 1) -> str:
-        """Run a process to its end; returns what went wrong, "" too if more signals have cancelled it."""
+    def _step(self, what: str, module: str, patience: int = 1) -> str | None:
+        """Run a process to its end; returns "" or what went wrong, None if more signals have cancelled it."""
         if self.signals() > patience:
-            return ""
+            return None
         error = self.run_alone(module, patience)
         if not error:
             self._done(what)
-        return error if self.signals() <= patience else ""
+        return None if error and self.signals() > patience else error
 
     def _done(self, what: str) -> None:
         self.done_s.setdefault(what, round(time.monotonic() - self._begun_s, 3))

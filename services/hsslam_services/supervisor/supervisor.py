@@ -70,7 +70,7 @@ class Supervisor:
             is_in_order = True
             raise
         else:
-            self._free(arena, info, code, run.not_saved)
+            self._free(arena, info, run.not_saved)
             self._keep_replaced(prepared)
             is_in_order = True
             return code
@@ -83,12 +83,10 @@ class Supervisor:
                     watchdog
                 )  # else it saves what the arena holds, and outlives this process
 
-    def _free(
-        self, arena: ArenaFolder, info: RunInfo, code: ExitCode, not_saved: Mapping[str, str]
-    ) -> None:
+    def _free(self, arena: ArenaFolder, info: RunInfo, not_saved: Mapping[str, str]) -> None:
         """Remove the arena, but not if it holds what is missing in the run folder."""
         kept = [artefact for artefact in ARENA_ARTEFACTS if artefact in not_saved]
-        if code != ExitCode.NOT_SAVED or not kept or not pose_count(arena.path):
+        if not kept or not pose_count(arena.path):
             arena.remove()
             return
         mark_unsaved(arena.path, info.path, kept)

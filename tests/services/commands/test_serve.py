@@ -17,6 +17,7 @@ from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import PAUSE, RESUME, STATUS
 from hsslam_services.bus.ask import ask
 from hsslam_services.launch.process_table import PROCESSES, ProcessSpec
+from hsslam_services.run.exit_code import ExitCode
 from hsslam_services.run.run_info import RunInfo
 from tests.services.serve_process import SMALL_ROOM, ServeProcess
 
@@ -104,14 +105,16 @@ def test_ctrl_c_during_the_start_ends_with_code_0(serve, delay_s: float):
     run.expect_nothing_left()
 
 
-def test_second_signal_ends_at_once(serve):
+def test_second_signal_ends_at_once_and_frees_nothing_that_could_not_be_saved(serve):
     run = serve(*SMALL_ROOM, "--synth.length", "1500")
     run.wait_for_poses(5)
+    (run.out / "trajectory.txt").mkdir()
     run.signal(signal.SIGTERM)
     _sleep_unless_ended(run, 0.1)
     run.signal(signal.SIGINT)
-    assert run.finish(timeout_s=8) in (0, 1)
-    run.expect_nothing_left()
+    assert run.finish(timeout_s=8) == ExitCode.NOT_SAVED, run.stderr
+    assert run.stderr.strip().endswith(f"hsslam-serve rescue {run.arena_dir}")
+    assert run.left_behind() == [str(run.arena_dir)]
 
 
 def test_killed_supervisor_leaves_a_readable_log_and_nothing_else(serve):

@@ -1,0 +1,28 @@
+"""What the end of a run calls missing."""
+
+from hsslam_services.health.run_state import RunState
+from hsslam_services.launch.child import Child
+from hsslam_services.launch.process_table import FINAL_MAP_SAVER, MESH_SAVER, PROCESSES
+from hsslam_services.supervisor.orderly_end import OrderlyEnd
+
+
+def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_short(run_info):
+    """The map is saved twice. The mesh, which the user does not wait for, is not missing."""
+    begun: list[str] = []
+
+    def run_alone(module: str, patience: int) -> str:
+        begun.append(module)
+        return "the disk is full" if signals() <= patience else "cancelled"
+
+    def signals() -> int:
+        return 2 if begun.count(FINAL_MAP_SAVER) == 2 else 1
+
+    lines: list[str] = []
+    children = {spec.name: Child(spec, run_info.path) for spec in PROCESSES}
+    end = OrderlyEnd(
+        run_info, children, RunState(tracked=9), lambda: None, run_alone, signals, lines.append
+    )
+    end.to_the_end()
+    assert list(end.not_saved) == ["trajectories", "map"]
+    assert lines[-1] == "map not saved: the disk is full"
+    assert MESH_SAVER not in begun
