@@ -27,11 +27,13 @@ _AT_A_TIME = 64  # requests in one turn of the loop
 class Gateway:
     """Answers the table of requests; `tick` never blocks.
 
-    `wants_stop`: a client has asked for the end of the run.
+    `wants_stop`: a client has asked for the end of the run. `is_loading`: the map of `--map` is not in the
+    arena yet, and no process of the run has begun; the supervisor says when that is over.
     """
 
     def __init__(self, bus: Bus, run: RunInfo, spawn: Spawn) -> None:
         self.wants_stop = False
+        self.is_loading = bool(run.options.map)
         self._is_stopping = False
         self._run = run
         self._bus = bus
@@ -132,6 +134,8 @@ class Gateway:
                 self._pause.set(asked, False)
             case rpc.SET_MODE:
                 self._mode.set(asked)
+            case rpc.RESET if self.is_loading:
+                asked.refuse("not_now", "reset: the map of --map is being loaded")
             case rpc.RESET if self._saving.is_busy:
                 asked.refuse("busy", "reset: a map is being saved")
             case rpc.RESET:

@@ -35,8 +35,8 @@ _LONGEST_DRAIN_S = 5.0  # for the pose of the last frame, which may be one that 
 class OrderlyEnd:
     """Ends a run: camera, tracker, trajectories, BA, mapper, map, mesher, mesh, log, evaluation.
 
-    `turn()` is one turn of the supervisor's loop; `run_alone(module, patience)` runs a process to its
-    end, or to more stop signals than that, and returns "" or what went wrong; `signals()` is how many
+    `turn()` is one turn of the supervisor's loop; `run_alone(module, is_cancelled)` runs a process to its
+    end, or until it is cancelled, and returns "" or what went wrong; `signals()` is how many stop signals
     have come. After the second nothing more is begun but the trajectories, if they are not saved yet.
     `not_saved` has a line for each artefact that is missing, `not_evaluated` what went wrong with the
     evaluation, which costs no artefact. `done_s`: when each process was no
@@ -47,7 +47,7 @@ class OrderlyEnd:
     children: Mapping[str, Child]
     state: RunState
     turn: Callable[[], None]
-    run_alone: Callable[[str, int], str]
+    run_alone: Callable[[str, Callable[[], bool]], str]
     signals: Callable[[], int]
     report: Callable[[str], None]
     not_saved: dict[str, str] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class OrderlyEnd:
         """Run a process to its end; returns "" or what went wrong, None if more signals have cancelled it."""
         if self.signals() > patience:
             return None
-        error = self.run_alone(module, patience)
+        error = self.run_alone(module, lambda: self.signals() > patience)
         if not error:
             self._done(what)
         return None if error and self.signals() > patience else error

@@ -93,8 +93,10 @@ class RunLoop:
             self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_first(MAP_LOADER)):
                 raise UserError(error)
-            for child in self._children.values():
-                child.wanted = not (child.spec.is_late or self._signals())
+            if not self._is_to_end():
+                self._gateway.is_loading = False
+                for child in self._children.values():
+                    child.wanted = not child.spec.is_late
             reason = self._until_stop()
             self._status.say(f"stopping: {reason.text}")
             self._guard.run("stop", lambda: self._announce(reason))
@@ -242,21 +244,21 @@ class RunLoop:
         if evaluation := read_summary(path).get("evaluation"):
             self._status.say(evaluation_line(evaluation))
 
-    def _run_alone(self, module: str, patience: int) -> str:
-        """Run a process to its end while the others are served; returns "" or what went wrong.
-
-        More signals than `patience` cancel it.
-        """
-        is_cancelled = lambda: self._signals() > patience  # noqa: E731
+    def _run_alone(self, module: str, is_cancelled: Callable[[], bool]) -> str:
+        """Run a process to its end while the others are served; returns "" or what went wrong."""
         timeout_s = one_shot_timeout_s(module, pose_count(Path(self._info.arena_dir)))
         return run_one_shot(
             module, self._info.path, self._tick, is_cancelled, timeout_s, self._fork_client.spawn
         )
 
     def _run_first(self, module: str) -> str:
-        """Run a process before the others; returns what went wrong, "" if a stop signal came meanwhile."""
-        error = self._run_alone(module, patience=0)
-        return "" if self._signals() else error
+        """Run a process before the others; returns what went wrong, "" if the run is to end meanwhile."""
+        error = self._run_alone(module, self._is_to_end)
+        return "" if self._is_to_end() else error
+
+    def _is_to_end(self) -> bool:
+        """Whether a signal or a client has asked for the end."""
+        return self._signals() > 0 or self._gateway.wants_stop
 
     def _exit_code(self, reason: StopReason) -> ExitCode:
         """What to report to the shell; says which processes were restarted."""

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from hsslam_node.kernels.cache_folder import kernel_cache_folder, warm_stamp
+from hsslam_proto.request_messages import Ask
+from hsslam_proto.requests import STOP
+from hsslam_services.bus.ask import ask
 from hsslam_services.launch.process_table import WARM_UP
 from hsslam_services.launch.spawn import child_environment
 from hsslam_services.run.exit_code import ExitCode
@@ -104,11 +107,14 @@ def test_arguments_are_refused_and_help_is_given():
 def test_a_service_with_a_cold_cache_says_what_it_does_and_keeps_no_memory_without_poses(
     serve, tmp_path: Path
 ):
-    run = serve(prefix=("env", f"XDG_CACHE_HOME={tmp_path / 'cold'}"))
+    cold = tmp_path / "cold"
+    run = serve(prefix=("env", f"XDG_CACHE_HOME={cold}"))
     run.wait_until(lambda: "compiling kernels for this machine" in run.stderr, 60)
     (run.out / "trajectory.txt").mkdir()  # so that something cannot be saved
-    run.signal(signal.SIGINT)
+    ask(run.endpoint, "robot", STOP, Ask())
     assert run.finish() == ExitCode.NOT_SAVED, run.stderr
+    assert not list(cold.glob("hsslam/kernels/*/run"))  # the stamp: no more was compiled
+    assert run.summary()["stop_reason"] == "asked to stop"
     assert "hsslam-serve rescue" not in run.stderr
     run.expect_nothing_left()
 

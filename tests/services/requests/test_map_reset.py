@@ -6,6 +6,7 @@ import threading
 
 import pytest
 
+from hsslam_node.presets import PRESETS
 from hsslam_proto.request_messages import Ask
 from hsslam_proto.requests import RESET
 from hsslam_services.bus.ask import NoServiceError, RefusedError, ask
@@ -19,14 +20,19 @@ def _cannot_start(*_):
 
 
 @pytest.mark.parametrize(
-    ("keyframe", "answer"),
+    ("options", "keyframe", "answer"),
     [
-        (-1, "reset: there is no map yet: expected a first keyframe"),
-        (0, "reset: trajectory_saver .*; the map stays"),  # it was begun
+        ({}, -1, "reset: there is no map yet: expected a first keyframe"),
+        ({}, 0, "reset: trajectory_saver .*; the map stays"),  # it was begun
+        (
+            {"map": "kitchen", "slam": PRESETS["realtime"]},
+            0,
+            "reset: the map of --map is being loaded",
+        ),
     ],
 )
-def test_a_map_can_be_thrown_away_from_its_first_keyframe_on(run_info, keyframe, answer):
-    is_over = threading.Event()
+def test_a_map_can_be_thrown_away_from_its_first_keyframe_on(make_run, options, keyframe, answer):
+    is_over, run_info = threading.Event(), make_run(**options)
     with Bus(run_info.endpoint, run_info.robot, "supervisor") as bus:
         gateway = Gateway(bus, run_info, _cannot_start)
 

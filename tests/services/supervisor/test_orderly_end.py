@@ -1,5 +1,7 @@
 """What the end of a run calls missing."""
 
+from collections.abc import Callable
+
 from hsslam_services.health.run_state import RunState
 from hsslam_services.launch.child import Child
 from hsslam_services.launch.process_table import FINAL_MAP_SAVER, MESH_SAVER, PROCESSES
@@ -10,9 +12,9 @@ def test_what_was_not_saved_is_missing_though_a_second_signal_cuts_the_next_try_
     """The map is saved twice. The mesh, which the user does not wait for, is not missing."""
     begun: list[str] = []
 
-    def run_alone(module: str, patience: int) -> str:
+    def run_alone(module: str, is_cancelled: Callable[[], bool]) -> str:
         begun.append(module)
-        return "the disk is full" if signals() <= patience else "cancelled"
+        return "cancelled" if is_cancelled() else "the disk is full"
 
     def signals() -> int:
         return 2 if begun.count(FINAL_MAP_SAVER) == 2 else 1
