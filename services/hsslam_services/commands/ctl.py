@@ -153,14 +153,23 @@ def _whom(options: CtlOptions) -> tuple[str, str]:
     if options.run is not None:
         run = RunInfo.read(options.run)
         return run.endpoint, options.robot or run.robot
-    runs = [run for run in running_runs() if options.robot in ("", run.robot)]
+    runs = {
+        place: run
+        for place, run in running_runs().items()
+        if run is None or options.robot in ("", run.robot)
+    }
     if not runs:
         of_robot = f" of robot {options.robot!r}" if options.robot else ""
         raise NoServiceError(f"no service: no run{of_robot} on this machine; see --connect")
     if len(runs) > 1:
-        found = ", ".join(f"--run {run.run_dir}" for run in runs)
+        found = ", ".join(f"--run {place}" for place in runs)
         raise UserError(f"{len(runs)} runs on this machine: expected one of {found}")
-    return runs[0].endpoint, runs[0].robot
+    ((place, run),) = runs.items()
+    if run is None:
+        raise NoServiceError(
+            f"no service: the run of {place} just begins, or is of another version"
+        )
+    return run.endpoint, run.robot
 
 
 def _show(answer: Message, options: CtlOptions) -> None:

@@ -1,6 +1,6 @@
-"""The run that is going on on this machine; apart from `arena_folder`, whose importers parse no options."""
+"""The runs that go on on this machine; apart from `arena_folder`, whose importers parse no options."""
 
-import json
+import contextlib
 from pathlib import Path
 
 from hsslam_node.errors import UserError
@@ -8,15 +8,18 @@ from hsslam_services.arena.arena_folder import SHM_ROOT, live_arenas
 from hsslam_services.run.run_info import RunInfo
 
 
-def running_runs(root: Path = SHM_ROOT) -> list[RunInfo]:
-    """What is running here and may be looked at by this user, oldest first."""
-    found = []
+def running_runs(root: Path = SHM_ROOT) -> dict[str, RunInfo | None]:
+    """The runs of this user, oldest first, by the folder that names each: its run folder, or its arena if
+    that was moved or removed. None: it is of another version, or just begins."""
+    runs: dict[str, RunInfo | None] = {}
     for arena in live_arenas(root):
-        try:
-            owner = json.loads((arena / "owner.json").read_text())
-            run = RunInfo.read(Path(owner["run_dir"]))
-        except (OSError, ValueError, KeyError, UserError):
-            continue  # of another user or version, or not written yet
-        if run.arena_dir == str(arena):
-            found.append(run)
-    return sorted(found, key=lambda run: run.started_ns)
+        run = _read(arena)
+        place = run.path if run and _read(run.path) == run else arena
+        runs[str(place)] = run
+    return runs
+
+
+def _read(folder: Path) -> RunInfo | None:
+    with contextlib.suppress(UserError):
+        return RunInfo.read(folder)
+    return None

@@ -66,7 +66,7 @@ class RunInfo:
             self.write()
 
     def write_into_arena(self) -> None:
-        """Leave a copy beside the shared arrays, for a rescue without the run folder."""
+        """Leave a copy beside the shared arrays: a rescue and `hsslam-ctl` work without the run folder."""
         write_atomically(Path(self.arena_dir) / _FILE, msgspec.json.encode(self))
 
     @staticmethod
