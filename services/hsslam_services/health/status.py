@@ -7,7 +7,6 @@ from typing import Any, Literal
 import msgspec
 
 from hsslam_proto.request_messages import Status
-from hsslam_proto.run_messages import TopicCounts
 from hsslam_proto.topics import FRAME
 from hsslam_services.bus.requests import RequestQueue
 from hsslam_services.bus.subscription import Subscription
@@ -111,18 +110,13 @@ def _sent(children: Mapping[str, Child], state: RunState) -> int:
     """By the camera's last heartbeat, which is older than the last pose; 0 without a camera of ours."""
     if "camera" not in children:
         return 0
-    camera = children["camera"].health
-    sent = camera.counters.get("sent", 0) if camera else 0
-    return max(sent, state.tracked + state.lost)
+    return max(children["camera"].counted("sent"), state.tracked + state.lost)
 
 
 def frames_dropped(children: Mapping[str, Child]) -> int:
-    """Frames that the tracker missed because newer ones came, and those that a slow source left out, by the
-    last heartbeats."""
-    tracker = children["tracker"].health if "tracker" in children else None
-    missed = tracker.topics.get(FRAME.name, TopicCounts()).dropped if tracker else 0
-    camera = children["camera"].health if "camera" in children else None
-    return missed + (camera.counters.get("skipped", 0) if camera else 0)
+    """Frames that the tracker missed because newer ones came, and those that a slow source left out."""
+    missed = children["tracker"].missed(FRAME.name) if "tracker" in children else 0
+    return missed + (children["camera"].counted("skipped") if "camera" in children else 0)
 
 
 def load_level(children: Mapping[str, Child]) -> int:

@@ -85,8 +85,7 @@ def _quality(pose: Pose | None) -> str:
 def status_text(state: RunState, children: Mapping[str, Child], memory_mb: int = 0) -> Text:
     """Frame, rate, latency, tracking quality, keyframes, map version, drops, memory, health."""
     pose = state.pose
-    camera = children["camera"].health if "camera" in children else None
-    sent = camera.counters.get("sent", 0) if camera else 0
+    sent = children["camera"].counted("sent") if "camera" in children else 0
     now_s = time.monotonic()
     is_silent = state.tracking(now_s) == "none"
     quality = _quality(pose)

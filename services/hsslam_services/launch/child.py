@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
@@ -67,6 +68,8 @@ class Child:
         self._started_s = 0.0
         self._worked_since_s: float | None = None
         self._beat_s = 0.0
+        self._missed_before: Counter[str] = Counter()  # of each topic, by its predecessors
+        self._counted_before: dict[str, int] = {}
         self._stop_sent_s = 0.0
         self._turned_s = 0.0
         self._killed_s = 0.0
@@ -85,6 +88,16 @@ class Child:
     def pss_mb(self) -> int:
         """Memory that it told of last; 0 when it does not live."""
         return self.health.pss_mb if self.health and self.is_alive else 0
+
+    def missed(self, topic: str) -> int:
+        """Messages of a topic that it missed, and its predecessors, by their last heartbeats."""
+        counts = self.health.topics.get(topic) if self.health else None
+        return self._missed_before[topic] + (counts.dropped if counts else 0)
+
+    def counted(self, name: str) -> int:
+        """A counter that a restarted process goes on with, by the last heartbeat that had it."""
+        own = self.health.counters if self.health else {}
+        return own.get(name, self._counted_before.get(name, 0))
 
     def heard(self, health: Health) -> None:
         """A heartbeat of the process of this name; one of a dead predecessor is ignored."""
@@ -138,6 +151,10 @@ class Child:
             self._leave()
 
     def _start(self, now: float) -> None:
+        if self.health is not None:
+            topics = self.health.topics.items()
+            self._missed_before.update({name: of.dropped for name, of in topics})
+            self._counted_before |= self.health.counters
         self._stop_sent_s, self._killed_s, self.health = 0.0, 0.0, None
         self._worked_since_s = None
         try:
