@@ -7,12 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from tests.power_cut import Disk
 from tests.sequence_folders import replica_folder, tum_folder  # noqa: F401
-
-# Read when numba is first imported: without it, machine code of changed kernels would be used.
-os.environ.setdefault("NUMBA_CACHE_DIR", str(kernel_cache_folder()))
 
 os.environ["HSSLAM_TUM_URL"] = "http://127.0.0.1:9"  # no test fetches from elsewhere
 

@@ -14,8 +14,8 @@ _CONSTANTS = ("kernels", "map")  # folders whose constants are compiled into the
 
 
 def kernel_cache_folder() -> Path:
-    """Folder for NUMBA_CACHE_DIR, named by all that machine code depends on: the content and place
-    of the kernel sources, numba, Python, the processor.
+    """Folder for machine code, named by all that it depends on: the content and place of the kernel
+    sources, numba, Python, the processor.
 
     numba checks only the file of the outermost kernel: after a change in a kernel that it calls, the
     stale machine code would be used. With one folder per content that cannot happen.

@@ -14,13 +14,14 @@ from hsslam_node.kernels.cache_folder import writable_kernel_cache
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile as `numba.njit` does, and keep machine code where `hsslam-serve warm-up` has put it.
 
-    All programs find it there: commands, notebooks and services. Other functions of a program that uses this
-    package are kept where numba puts them. If no folder can be written, each program compiles anew.
+    All programs find it there: commands, notebooks and services. NUMBA_CACHE_DIR is for other functions of a
+    program that uses this package: numba alone would take stale machine code of kernels from a folder that it
+    names. If no folder can be written, each program compiles anew.
     """
 
     def compiled(function: Callable[..., Any]) -> Any:
         place: str = config.CACHE_DIR  # type: ignore[attr-defined]
-        config.CACHE_DIR = place or _cache_folder()  # type: ignore[attr-defined]  # read right below
+        config.CACHE_DIR = _cache_folder() or place  # type: ignore[attr-defined]  # read right below
         try:
             return numba.njit(**options)(function)
         except RuntimeError:  # there is no folder that can be written

@@ -140,8 +140,7 @@ class Session:
     def avx2(self, sequence: str) -> ServeRun:
         """As `viewer`, with kernels compiled for a processor without AVX-512."""
         options = (*self._source(sequence), "--pace", "realtime", "--rate-hz", "30", "--seed", "0")
-        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        environment |= _AVX2 | {"XDG_CACHE_HOME": str(self.folder / "avx2-cache")}
+        environment = {**os.environ, **_AVX2, "XDG_CACHE_HOME": str(self.folder / "avx2-cache")}
         return self._run(
             f"avx2-{sequence}", options, environment, outsider=AttachedViewer, viewer="web"
         )
@@ -200,8 +199,7 @@ class Session:
         """A short real-time run of the built-in room with an empty cache of kernels."""
         cache = self.folder / "empty-cache"
         shutil.rmtree(cache, ignore_errors=True)
-        environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        environment["XDG_CACHE_HOME"] = str(cache)
+        environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
         frames = min(_COLD_FRAMES, QUICK_FRAMES) if self.quick else _COLD_FRAMES
         options = ("--source", "synth:room", "--frames", str(frames))
         try:

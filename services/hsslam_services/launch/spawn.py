@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO, Protocol
 
-from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_services.launch.process_table import environment_of_threads
 from hsslam_services.run.memory import RETURN_FREED_MEMORY_OF_RERUN
 from hsslam_services.run.process_result import read_result
@@ -61,9 +60,8 @@ def spawn(module: str, run_dir: Path) -> subprocess.Popen:
 
 
 def child_environment() -> Mapping[str, str]:
-    """Variables of every process of a run: one numeric thread, the cache of the kernels, the allocator."""
+    """Variables of every process of a run: one numeric thread, the allocator."""
     return {
-        "NUMBA_CACHE_DIR": str(kernel_cache_folder()),
         **_KEPT_MEMORY,
         **os.environ,
         **environment_of_threads(1),

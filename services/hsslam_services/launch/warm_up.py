@@ -32,8 +32,8 @@ Report = Callable[[str], None]  # called with the name of each part before it is
 def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
     """Run everything that has kernels on a few tiny frames.
 
-    Kernels serve all presets alike: nothing is compiled for a size. Must come before the first
-    import of numba. Returns False, at once, if the cache has them.
+    Kernels serve all presets alike: nothing is compiled for a size. Returns False, at once, if the cache
+    has them.
 
     Args:
         is_for_run: only those that poses, map and mesh need. Distances, questions to the map and the
@@ -47,7 +47,6 @@ def warm_up(report: Report, *, is_for_run: bool = False) -> bool:
     if complete.exists() or (is_for_run and run.exists()):
         return False
     try:
-        os.environ.update(NUMBA_CACHE_DIR=str(folder))
         made = _compile_for_run(report)
         run.touch()
         if not is_for_run:

@@ -11,13 +11,15 @@ from hsslam_node.kernels.cache_folder import kernel_cache_folder
 from hsslam_node.kernels.compiled import njit
 
 
+@pytest.mark.parametrize("is_named", [False, True])
 def test_kernels_are_kept_where_warm_up_puts_them_and_other_functions_where_numba_does(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, is_named: bool
 ):
-    monkeypatch.setattr(config, "CACHE_DIR", "")
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path) if is_named else "")
     ours, others = njit(cache=True)(_twice), numba.njit(cache=True)(_twice)
     assert kernel_cache_folder() in Path(str(ours.stats.cache_path)).parents
-    assert Path(str(others.stats.cache_path)) == Path(__file__).parent / "__pycache__"
+    place = Path(str(others.stats.cache_path))
+    assert tmp_path in place.parents if is_named else place == Path(__file__).parent / "__pycache__"
 
 
 def test_a_kernel_that_can_be_kept_nowhere_is_compiled_all_the_same():
