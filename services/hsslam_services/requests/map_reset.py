@@ -31,7 +31,7 @@ _Steps = Generator[None, None, None]  # each `yield` ends a turn of the supervis
 class MapReset:
     """Ends a map epoch and begins the next, one turn of the supervisor's loop at a time.
 
-    The camera is held; tracker, mapper, BA and mesher end in order; the trajectories so far are
+    The camera is held; the processes that hold state of the map end in order; the trajectories so far are
     written, as they cannot be in one file with those of another map epoch; keyframes and parameters are
     removed from the arena, the pose log stays; the processes start again, the camera is let go. Where
     the trajectories cannot be written, the map stays and they go on in it.
