@@ -90,7 +90,8 @@ class RunLoop:
                 self._status.say("compiling kernels for this machine: once, about a minute")
                 if error := self._run_first(WARM_UP):
                     self._report(f"warm_up: {error}")
-            self._guard.run("fork server", self._fork_client.start)
+            if not self._is_to_end():  # else savers would wait for kernels that it compiles
+                self._guard.run("fork server", self._fork_client.start)
             if self._info.options.map and (error := self._run_first(MAP_LOADER)):
                 raise UserError(error)
             if not self._is_to_end():
