@@ -23,6 +23,7 @@ from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parts import parts
 from hsslam_services.log.recovery import recover
 from hsslam_services.log.whole_records import MAGIC, TORN
+from hsslam_services.run.find_run import running_runs
 from hsslam_services.run.source_table import log_place
 
 Say = Callable[[str], None]
@@ -152,8 +153,7 @@ def make_readable(path: Path, say: Say) -> bool:
         with path.open("rb") as stream:
             if not MAGIC.startswith(stream.read(len(MAGIC))):
                 raise UserError(f"{path}: not an MCAP file: expected a log such as run.mcap")
-            if _is_locked(stream.fileno()):
-                raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
+        expect_closed(path)
         if is_finished(path):
             return False
         recovered = recover(path)
@@ -161,6 +161,31 @@ def make_readable(path: Path, say: Say) -> bool:
         raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
     say(f"{path}: {recovered.line()}")
     return True
+
+
+def expect_closed(path: Path) -> None:
+    """A run has locked the file that it writes. Where the file system knows no locks, a log without an end
+    is left alone as long as the run of its folder lives.
+
+    Raises:
+        UserError: a run is still writing the file.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as stream:
+        try:
+            fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            is_written = True
+        except OSError:  # no locks
+            is_written = not is_finished(path) and _run_lives(path.parent)
+        else:
+            is_written = False
+    if is_written:
+        raise UserError(f"{path}: a run is still writing it: expected a log that is closed")
+
+
+def _run_lives(folder: Path) -> bool:
+    return any(run.path.exists() and run.path.samefile(folder) for run in running_runs())
 
 
 def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
@@ -223,12 +248,3 @@ def _split(key: str) -> tuple[str, str]:
     root, _, rest = key.partition("/")
     robot, _, name = rest.partition("/")
     return (robot, name) if root == "hsslam" else ("", "")
-
-
-def _is_locked(fd: int) -> bool:
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    fcntl.flock(fd, fcntl.LOCK_UN)
-    return False

@@ -1,6 +1,10 @@
 """Logs as they are found: whole, torn, growing, in parts, or no logs at all."""
 
+import errno
+import fcntl
+import os
 import re
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -13,11 +17,15 @@ from hsslam_node.errors import UserError
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
 from hsslam_proto.run_messages import Event
+from hsslam_services.arena.arena_folder import SHM_ROOT, ArenaFolder
+from hsslam_services.commands.log.command import main
 from hsslam_services.commands.log.info import log_info
 from hsslam_services.commands.log.trim import trim
 from hsslam_services.log.file_index import is_finished
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from hsslam_services.log.reader import bus_messages, log_parts
+from hsslam_services.run.options import ServeOptions
+from hsslam_services.run.run_info import RunInfo
 from hsslam_services.run.source_table import SERVICE_SOURCES
 from tests.services.wire_samples import pose
 
@@ -50,6 +58,43 @@ def test_a_log_that_is_being_written_is_left_alone(tmp_path):
     assert log.path.read_bytes() == before
     log.close()
     assert log_parts(log.path, print) == [log.path]
+
+
+def test_without_locks_an_unfinished_log_is_left_alone_while_its_run_lives(
+    tmp_path, monkeypatch, capsys
+):
+    path = _log(tmp_path, 40)
+    path.write_bytes(path.read_bytes()[:-50])
+    before, lock = path.read_bytes(), fcntl.flock
+
+    def flock(fd: int, how: int) -> None:
+        if Path(f"/proc/self/fd/{fd}").readlink().is_relative_to(SHM_ROOT):
+            lock(fd, how)
+        else:
+            raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    arena = ArenaFolder(f"test-{os.getpid()}-locks", tmp_path)
+    try:
+        run = RunInfo(
+            run_id="x",
+            run_dir=str(tmp_path),
+            arena_dir=str(arena.path),
+            endpoint="",
+            robot="r",
+            supervisor_pid=os.getpid(),
+            started_ns=1,
+            options=ServeOptions(),
+        )
+        run.write()
+        for command in ("info", "recover"):
+            assert main([command, str(path)]) == 2
+            assert "a run is still writing it" in capsys.readouterr().err
+        assert path.read_bytes() == before
+    finally:
+        arena.remove()
+    assert main(["info", str(path)]) == 0
+    assert is_finished(path)
 
 
 @pytest.mark.parametrize("content", [b"no log at all", b"\x00" * 100])

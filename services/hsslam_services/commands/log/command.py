@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
@@ -15,7 +16,7 @@ from hsslam_services.commands.log.options import (
     RecoverOptions,
     TrimOptions,
 )
-from hsslam_services.log.reader import log_files, log_parts
+from hsslam_services.log.reader import expect_closed, log_files, log_parts
 from hsslam_services.log.recovery import recover
 
 _PROG = "hsslam-log"
@@ -44,6 +45,7 @@ def _recover(args: Sequence[str]) -> None:
     options = parse_options(RecoverOptions, f"{_PROG} recover", args)
     for path in log_files(_given("recover", "FILE", options.file)):
         try:
+            expect_closed(path)
             print(f"{path}: {recover(path).line()}")
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}: expected a log such as run.mcap") from None
@@ -65,9 +67,15 @@ def _export(args: Sequence[str]) -> None:
     options = parse_options(ExportOptions, f"{_PROG} export", args)
     place = user_path(_given("export", "FILE", options.file))
     files = log_parts(place, _echo)
-    folder = options.out or place.with_name(f"{place.resolve().stem}-export")
-    for line in export(files, folder, options.only, _echo, options.format):
+    for line in export(files, options.out or _beside(place), options.only, _echo, options.format):
         print(line)
+
+
+def _beside(place: Path) -> Path:
+    """The folder of the export: beside the log or run folder, by the name of what a link leads to."""
+    whole = place.resolve()
+    parent = whole.parent if place.name in ("", "..") else place.parent
+    return parent / f"{whole.name if whole.is_dir() else whole.stem}-export"
 
 
 def _given(command: str, what: str, value: str) -> str:

@@ -1,5 +1,8 @@
 """A log for the rerun viewer, with its mesh; apart from `export`, so that rerun comes with it only."""
 
+import os
+import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,11 +20,12 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     """Draw every message that the viewer shows, none thinned out; yields what it wrote.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: the file cannot be written whole; then there is none.
     """
-    path.write_bytes(b"")  # rerun raises no OSError
     stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
-    stream.set_sinks(rr.FileSink(path), default_blueprint=blueprint())
+    written = _Written(path)
+    stream.set_sinks(rr.FileSink(written.pipe), default_blueprint=blueprint())
+    written.start()
     scene = RerunScene(stream, poses_every_s=1.0)
     with log_progress("rrd", files) as progress:
         drawn = bus_messages(files, {topic.name for topic in TOPICS if topic.drawn})
@@ -31,7 +35,43 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
                 scene.add_blocks(message)
             else:
                 scene.draw(message)
+            written.expect_no_error()
     scene.finish()
-    stream.flush()
     stream.disconnect()
+    written.join()
+    written.expect_no_error()
     yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"
+
+
+class _Written(threading.Thread):
+    """Brings what rerun writes to `pipe` to the file, up to its end.
+
+    It goes on reading after an error, as of a full disk: rerun waits for ever for a file that takes no more.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(name="rrd", daemon=True)
+        self._path = path
+        self._reading, self._writing = os.pipe()
+        self._error: OSError | None = None
+        self.pipe = f"/proc/self/fd/{self._writing}"
+
+    def start(self) -> None:
+        """Begin once rerun has opened the pipe, which ends with it."""
+        os.close(self._writing)
+        super().start()
+
+    def run(self) -> None:
+        with os.fdopen(self._reading, "rb", buffering=0) as pipe:
+            try:
+                with self._path.open("wb") as file:
+                    shutil.copyfileobj(pipe, file)
+            except OSError as error:
+                self._error = OSError(error.errno, error.strerror, str(self._path))
+                self._path.unlink(missing_ok=True)
+                with Path(os.devnull).open("wb") as nowhere:
+                    shutil.copyfileobj(pipe, nowhere)
+
+    def expect_no_error(self) -> None:
+        if self._error is not None:
+            raise self._error

@@ -1,5 +1,6 @@
 """A stretch of a log as a log of its own."""
 
+import math
 from pathlib import Path
 
 from mcap.records import Channel, Schema
@@ -10,23 +11,27 @@ from hsslam_node.errors import UserError
 from hsslam_services.commands.log.progress import LogProgress, log_progress
 from hsslam_services.log.reader import log_reader, start_ns
 
+_MOST_NS = 2.0**63  # later than every message
+
 
 def trim(files: list[Path], out: Path, start_s: float, end_s: float | None) -> int:
     """Copy all messages from `start_s` to before `end_s`, seconds after the first one, of the parts of
     a log into one file, metadata included; returns how many. The file appears when it is whole.
 
     Raises:
-        UserError: nothing lies there, a part is damaged, or `out` is one of them or cannot be written.
+        UserError: nothing lies there, a part is damaged, or `out` is one of them, a folder, or
+            cannot be written.
     """
     if out.exists() and any(out.samefile(path) for path in files):
         raise UserError(f"{out}: is the log itself: expected another file")
+    if out.is_dir():
+        raise UserError(f"{out}: is a folder: expected a file, such as short.mcap")
     copy = out.with_name(f".{out.name}.trimming")
     try:
         try:
             with copy.open("wb") as stream:
-                count = _Trimmed(Writer(stream, compression=CompressionType.LZ4)).copy(
-                    files, start_s, end_s
-                )
+                trimmed = _Trimmed(Writer(stream, compression=CompressionType.LZ4))
+                count = trimmed.copy(files, _ns(start_s), _ns(math.inf if end_s is None else end_s))
             if count == 0:
                 stretch = f"{start_s:g} to {'its end' if end_s is None else f'{end_s:g} s'}"
                 raise UserError(
@@ -48,15 +53,19 @@ class _Trimmed:
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[str, int] = {}
 
-    def copy(self, files: list[Path], start_s: float, end_s: float | None) -> int:
+    def copy(self, files: list[Path], start_after_ns: int, end_after_ns: int) -> int:
         self._writer.start(library=f"hsslam-node {__version__}")
         with log_progress("trimmed", files) as progress:
-            count = self._copy(files, start_s, end_s, progress)
+            count = self._copy(files, start_after_ns, end_after_ns, progress)
         self._writer.finish()
         return count
 
     def _copy(
-        self, files: list[Path], start_s: float, end_s: float | None, progress: LogProgress
+        self,
+        files: list[Path],
+        start_after_ns: int,
+        end_after_ns: int,
+        progress: LogProgress,
     ) -> int:
         count = 0
         first_ns: int | None = None
@@ -66,8 +75,7 @@ class _Trimmed:
                     first_ns = start_ns(reader)
                     for record in reader.iter_metadata():
                         self._writer.add_metadata(record.name, record.metadata)
-                low = first_ns + round(1e9 * start_s)
-                high = None if end_s is None else first_ns + round(1e9 * end_s)
+                low, high = first_ns + start_after_ns, first_ns + end_after_ns
                 for schema, channel, message in reader.iter_messages(
                     starting_at=low, ending_before=high
                 ):
@@ -96,3 +104,7 @@ class _Trimmed:
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(*key)
         return self._schemas[key]
+
+
+def _ns(seconds: float) -> int:
+    return round(min(1e9 * seconds, _MOST_NS))

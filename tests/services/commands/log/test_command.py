@@ -1,5 +1,6 @@
 """`hsslam-log` as a user runs it; what it writes is read by others' readers."""
 
+import contextlib
 import csv
 import os
 import pty
@@ -89,6 +90,44 @@ def test_trim_copies_what_lies_between(tmp_path, capsys):
     kept = [m for m in original if START_NS + 5 * PERIOD_NS <= m[1] < START_NS + 12 * PERIOD_NS]
     assert sorted(found) == sorted(kept)
     assert path.exists()
+
+
+def test_trim_takes_an_end_without_limit(tmp_path, capsys):
+    path, short = write_log(tmp_path, count=4), tmp_path / "short.mcap"
+    for end in ("inf", "1e300"):
+        assert main(["trim", str(path), str(short), "--start", "0.1", "--end", end]) == 0
+        with short.open("rb") as stream:
+            poses = make_reader(stream).iter_messages("hsslam/r/out/pose")
+            assert [m.log_time for _, _, m in poses][-1] == START_NS + 3 * PERIOD_NS
+
+
+def test_the_folder_of_an_export_has_the_whole_name_of_its_run(tmp_path, monkeypatch, capsys):
+    run = tmp_path / "noise0.5"
+    run.mkdir()
+    write_log(run, count=2)
+    monkeypatch.chdir(run)
+    for place in (".", "../noise0.5", str(run)):
+        assert main(["export", place, "--only", "trajectory"]) == 0
+        assert "noise0.5-export/trajectory.txt: 2 poses" in capsys.readouterr().out
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["noise0.5", "noise0.5-export"]
+
+
+def test_an_export_to_a_full_disk_is_one_line_and_leaves_no_recording(tmp_path, disk):
+    path, out = write_log(tmp_path, color="jpeg"), disk.folder / "out"
+    out.mkdir()
+    with (disk.folder / "ballast").open("wb", buffering=0) as ballast:
+        for _ in range(2):  # what the file system holds back for the first is free after it
+            with contextlib.suppress(OSError):
+                while True:
+                    ballast.write(bytes(2**16))
+            os.fsync(ballast)
+    words = ["export", str(path), "--only", "rrd", "--out", str(out)]
+    run = [sys.executable, "-m", "hsslam_services.commands.log.command", *words]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith(f"error: {out}/run.rrd: No space left on device: ")
+    assert not (out / "run.rrd").exists()
 
 
 def test_poses_of_two_map_epochs_are_exported_to_files_of_their_own(tmp_path, capsys):
@@ -238,6 +277,8 @@ def test_rerun_finds_nothing_wrong_with_the_log(tmp_path):
         ("info", "info: no log: expected FILE..."),
         ("info none.mcap", "none.mcap: No such file or directory: expected a log"),
         ("trim LOG out.mcap --start 3 --end 2", "--end 2: expected seconds, more than --start"),
+        ("trim LOG .", ".: is a folder: expected a file, such as short.mcap"),
+        ("trim LOG /out.mcap --start 1e300", "no message from 1e+300 to its end"),
         ("trim LOG LOG", "is the log itself: expected another file"),
         ("trim LOG /out.mcap --start 99", "no message from 99 to its end"),
         ("trim LOG /none/out.mcap", "/none/out.mcap: No such file or directory"),
