@@ -156,6 +156,12 @@ class Bus:
         keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
         return frozenset(_live_process(key) for key in keys)
 
+    def live_robots(self, process: str, timeout_s: float = 1.0) -> list[str]:
+        """The robots of which a process of this name lives, as far as the router holds their tokens."""
+        tokens = f"hsslam/*/sys/live/{process}/*"
+        replies = self._session.liveliness().get(tokens, timeout=timeout_s)
+        return sorted({str(r.ok.key_expr).split("/")[1] for r in replies if r.ok is not None})
+
     def is_connected(self) -> bool:
         """Whether the router is there now; the session reconnects by itself."""
         return not self._closed and bool(self._session.info.routers_zid())

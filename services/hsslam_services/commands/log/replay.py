@@ -29,7 +29,8 @@ _PROG = "hsslam-replay"
 _LONGEST_SLEEP_S = 0.2
 _LONGEST_WAIT_S = 10.0  # of the log's time; its clock may have been set
 _ALL = ("in/**", "out/**")
-_STEP = ("in/**",)
+_INPUT = ("in/**",)
+_SUPERVISOR = "supervisor"
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,10 @@ class ReplayOptions:
       hsslam-replay run.mcap --rate 2
       hsslam-replay run.mcap --step --connect tcp/127.0.0.1:7447
 
-    Without --connect the command is the zenoh router that viewers and tools connect to. With --connect and
-    --step it feeds a service (hsslam-serve --source zenoh: --pace lockstep) one frame at a time and waits
-    until the service has processed it, so a lossless log gives the same poses each time.
+    Without --connect the command is the zenoh router that viewers and tools connect to. With --connect it
+    feeds a service (hsslam-serve --source zenoh:) with the frames, which carry the time of the replay. With
+    --step it sends one frame at a time and waits until the service has processed it, so that a lossless log
+    and --pace lockstep give the same poses each time.
 
     Exit codes: 0 if the log is replayed, 1 if the command is interrupted, 2 if the input is bad.
 
@@ -55,6 +57,7 @@ class ReplayOptions:
         "log": "FILE",
         "only": "KEY...",
         "connect": "ENDPOINT",
+        "robot": "NAME",
         "security": "FOLDER",
         "bind": "ADDRESS",
     }
@@ -66,9 +69,11 @@ class ReplayOptions:
     step: bool = False
     """Publish each frame when the service has tracked the one before (in lockstep: and mapped it)."""
     only: tuple[str, ...] = ()
-    """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --step in/**)."""
+    """Publish only keys below hsslam/ROBOT/, such as in/** (none: all but sys/**, with --connect in/**)."""
     connect: str = ""
-    """Router to connect to, as tcp/HOST:PORT (empty: be the router)."""
+    """Router of the service to feed, as tcp/HOST:PORT (empty: be the router)."""
+    robot: str = ""
+    """Robot in the keys (empty: that of the log)."""
     security: str = ""
     """Folder of your certificate from hsslam-certs, for --connect tls/HOST:PORT."""
     zenoh_port: int = 7447
@@ -102,13 +107,16 @@ def _replay(args: Sequence[str]) -> None:
     options = parse_options(ReplayOptions, _PROG, args)
     if not options.log:
         raise UserError(f"no log: expected FILE; see {_PROG} --help")
-    names = wanted_names(options.only or (_STEP if options.step else _ALL))
+    names = wanted_names(options.only or (_INPUT if options.connect else _ALL))
+    if options.connect:
+        _expect_input(options.only, names)
     files = log_parts(user_path(options.log), _echo)
-    robot = next((logged.robot for logged in bus_messages(files, names)), None)
-    if robot is None:
+    of_log = next((logged.robot for logged in bus_messages(files, names)), None)
+    if of_log is None:
         raise UserError(
             f"{options.log}: none of {', '.join(sorted(names))}: expected such messages"
         )
+    robot = options.robot or of_log
     with contextlib.ExitStack() as stack:
         endpoint = options.connect
         if not endpoint:
@@ -116,6 +124,8 @@ def _replay(args: Sequence[str]) -> None:
             stack.callback(open_router(endpoint).close)
             _echo(f"router at {endpoint}, keys hsslam/{robot}/...")
         bus = stack.enter_context(Bus(endpoint, robot, "replay", options.security))
+        if options.connect:
+            _expect_robot(bus, endpoint)
         if not options.step:
             time.sleep(options.delay)
         progress = stack.enter_context(log_progress("replayed", files))
@@ -123,8 +133,26 @@ def _replay(args: Sequence[str]) -> None:
         if options.step:
             sent = StepByStep(bus, _echo).replay(logged)
         else:
-            sent = publish(bus, logged, options.rate, POSE.name not in names)
+            is_input = bool(options.connect) or POSE.name not in names
+            sent = publish(bus, logged, options.rate, restamp=is_input)
     _show(sent)
+
+
+def _expect_input(patterns: Sequence[str], names: Iterable[str]) -> None:
+    """A service takes what it tracks from others, and publishes the rest itself."""
+    refused = sorted(name for name in names if not name.startswith("in/"))
+    if refused:
+        given = f"--only {' '.join(patterns)}: {refused[0]}"
+        raise UserError(f"{given} comes from the service: expected in/** with --connect")
+
+
+def _expect_robot(bus: Bus, endpoint: str) -> None:
+    """There is a service of this robot, or none at all, as one that starts."""
+    found = bus.live_robots(_SUPERVISOR)
+    if found and bus.robot not in found:
+        known = ", ".join(found)
+        text = f"no service of this robot at {endpoint}: expected {known}"
+        raise UserError(f"--robot {bus.robot}: {text}")
 
 
 def publish(bus: Bus, logged: Iterable[Logged], rate: float, restamp: bool = False) -> Counter[str]:

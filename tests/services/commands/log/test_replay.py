@@ -56,6 +56,31 @@ def test_a_clock_that_was_set_is_not_waited_for(tmp_path, endpoint, capsys):
     assert back == "a gap of -172799.9 s before a message on out/pose: the replay waits 0 s"
 
 
+def test_a_service_gets_new_frames_from_each_replay_and_nothing_else(tmp_path, endpoint):
+    path = write_log(tmp_path, count=3)
+    to_service = ["--connect", endpoint, "--robot", "desk", "--delay", "0.2"]
+    with Bus(endpoint, "desk", "supervisor") as bus:
+        frames, poses = bus.subscribe(topics.FRAME, 16), bus.subscribe(topics.POSE, 16)
+        heard = []
+        for _ in range(2):
+            assert main([str(path), *to_service]) == 0
+            heard += [frames.wait(10.0) for _ in range(3)]
+        assert not poses.pending()
+    assert [message.index for message in heard] == [0, 1, 2] * 2
+    first, second = heard[0].publisher, heard[3].publisher
+    assert first != second
+    assert [message.publisher for message in heard] == [first] * 3 + [second] * 3
+    assert all(abs(time.time_ns() - message.stamp_ns) < 60e9 for message in heard)
+
+
+def test_a_service_of_another_robot_is_named_at_once(tmp_path, endpoint, capsys):
+    with Bus(endpoint, "desk", "supervisor") as bus:
+        bus.live_processes()  # a round trip: the router knows it
+        assert main([str(write_log(tmp_path, count=2)), "--step", "--connect", endpoint]) == 2
+    told = capsys.readouterr().err
+    assert told == f"error: --robot r: no service of this robot at {endpoint}: expected desk\n"
+
+
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_step_sends_a_frame_when_the_last_is_done_with(tmp_path, lockstep):
     path = write_log(tmp_path, count=5)
@@ -104,6 +129,10 @@ def test_keys_choose_topics():
         ("LOG --only out/posse", "--only out/posse: no such topic: expected some of in/frame"),
         ("LOG --only /a//b", "--only /a//b: expected keys such as in/**"),
         ("LOG --only sys/stop", "none of sys/stop"),
+        (
+            "LOG --only out/pose in/** --connect tcp/127.0.0.1:1",
+            "--only out/pose in/**: out/pose comes from the service: expected in/** with --connect",
+        ),
         ("LOG --zenoh-port 0", "--zenoh-port 0: expected 1 to 65535"),
     ],
 )
