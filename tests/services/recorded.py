@@ -1,11 +1,16 @@
-"""What a log holds; apart as several tests of the recorder read it."""
+"""What a log and its file for rerun hold; apart as several tests of the recorder read them."""
 
+import re
+import subprocess
 from pathlib import Path
 
+import rerun_cli
 from mcap.reader import make_reader
 
 from hsslam_proto import topics
 from hsslam_proto.codec import decode, encoding_of
+
+RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
 
 
 def read_log(path: Path) -> dict[str, list]:
@@ -19,3 +24,15 @@ def read_log(path: Path) -> dict[str, list]:
                 decoded = decode(topic, message.data, encoding_of(topic))
                 out.setdefault(topic.name, []).append(decoded)
     return out
+
+
+def rrd(*command: str | Path) -> str:
+    """What `rerun rrd ...` prints."""
+    whole = [RERUN, "rrd", *command]
+    return subprocess.run(whole, check=True, capture_output=True, text=True).stdout
+
+
+def rrd_rows(path: Path, entity: str) -> int:
+    """How often something was drawn there."""
+    chunks = re.findall(rf"with (\d+) rows .* {entity} ", rrd("print", path))
+    return sum(int(rows) for rows in chunks)

@@ -31,12 +31,14 @@ class Intervals:
 
     `flush_s`: what is drawn of an entity leaves as a chunk this often. The end of a file lists all its
     chunks, so rerun keeps 2.4 kB of each in memory until then.
+    `again_s`: what was drawn once is drawn again this often, as a server forgets what is old.
     """
 
     images_s: float
     meshes_s: float
     poses_s: float
     flush_s: float
+    again_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class Drawing(threading.Thread):
         self._drawn_s = math.inf  # the thread has not begun
         self._report, self._watch = report, watch
         self.images_s = intervals.images_s
+        self._again_s = intervals.again_s
         self._image_ns = 0
         self._stream = rr.RecordingStream(
             "hsslam",
@@ -113,12 +116,16 @@ class Drawing(threading.Thread):
                 self._stream.disconnect()
                 return
             self._begin()
+        again_s = self._drawn_s + self._again_s
         while (message := self._next()) is not None:
             if isinstance(message, NextFile):
                 self._begin_file(message.rrd)
             else:
                 self._scene.draw(message)
             self._drawn_s = time.monotonic()
+            if self._drawn_s >= again_s:
+                self._scene.draw_again()
+                again_s = self._drawn_s + self._again_s
             if self._watch is not None and self._watch.is_gone(self._stream):
                 self._gone = True
                 break

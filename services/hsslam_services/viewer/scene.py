@@ -109,9 +109,13 @@ class RerunScene:
         self._poses.draw()
 
     def begin_file(self) -> None:
-        """Draw again what a file needs to open alone; the blocks of the mesh come from the mesher."""
+        """Draw what a file needs to open alone; the blocks of the mesh come from the mesher."""
         self._log_styles()
         self._intrinsics = ()
+        self.draw_again()
+
+    def draw_again(self) -> None:
+        """Draw camera, path, keyframes and loops for those who have nothing of before."""
         self._restore_time()
         self._poses.draw_again()
         self._draw_keyframes(self._keyframes)
@@ -162,7 +166,7 @@ class RerunScene:
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=_IMAGE_PLANE_M,
             )
-            self._stream.log("world/camera/image", pinhole)
+            self._stream.log("world/camera/image", pinhole, static=True)
         image = rr.EncodedImage(contents=jpeg(frame), media_type="image/jpeg")
         self._stream.log("world/camera/image", image)
         if self._frustum is None:

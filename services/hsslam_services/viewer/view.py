@@ -13,7 +13,7 @@ from hsslam_services.viewer.watch import ViewerWatch
 
 _CLOSE_S = 10.0
 _FILE = Intervals(images_s=0.1, meshes_s=10.0, poses_s=1.0, flush_s=10.0)
-_LIVE = Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2)
+_LIVE = Intervals(images_s=0.0, meshes_s=0.3, poses_s=0.1, flush_s=0.2, again_s=30.0)
 
 
 class RerunView:

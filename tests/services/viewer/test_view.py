@@ -2,22 +2,20 @@ import os
 import re
 import signal
 import socket
-import subprocess
 import time
 import urllib.request
-from pathlib import Path
 
 import msgspec
 import pytest
-import rerun_cli
+import rerun as rr
 
 from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages
+from hsslam_services.viewer.drawing import Drawing, Intervals
 from hsslam_services.viewer.rerun_process import ViewerProcess
 from hsslam_services.viewer.view import RerunView
+from tests.services.recorded import rrd, rrd_rows
 from tests.services.wire_samples import frame, keyframe, mesh, pose
-
-RERUN = str(Path(rerun_cli.__file__).parent / "rerun")
 
 
 def test_the_file_has_the_whole_scene(tmp_path):
@@ -27,8 +25,8 @@ def test_the_file_has_the_whole_scene(tmp_path):
     view.close()
     assert events == []
     assert view.dropped == 0
-    _rrd("verify", tmp_path / "run.rrd")
-    printed = _rrd("print", "-vv", tmp_path / "run.rrd")
+    rrd("verify", tmp_path / "run.rrd")
+    printed = rrd("print", "-vv", tmp_path / "run.rrd")
     for entity in (
         "/world",
         "/world/camera",
@@ -50,8 +48,8 @@ def test_the_file_has_the_whole_scene(tmp_path):
     ):
         assert f"{entity} " in printed or f"{entity}\n" in printed or f"{entity}`" in printed
     assert "Mesh3D:vertex_colors" in printed
-    assert _rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100  # its style, every pose
-    assert _rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
+    assert rrd_rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100  # its style, every pose
+    assert rrd_rows(tmp_path / "run.rrd", "/world/camera") == 99  # one pose is lost
 
 
 def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
@@ -60,7 +58,7 @@ def test_keyframes_of_long_ago_are_not_drawn_any_more(tmp_path):
     for k in range(32 * 70):
         view.show(msgspec.structs.replace(keyframe(0), id=k))
     view.close()
-    printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
+    printed = rrd("print", "-vvv", tmp_path / "run.rrd")
     assert printed.count("Clear:is_recursive") >= 70 - 64
 
 
@@ -71,7 +69,7 @@ def test_a_new_map_epoch_clears_what_was_drawn_of_the_old(tmp_path):
     view.show(pose(102))  # a straggler of the old map epoch is not drawn
     view.show(msgspec.structs.replace(pose(103), map_epoch=1))
     view.close()
-    printed = _rrd("print", "-vvv", tmp_path / "run.rrd")
+    printed = rrd("print", "-vvv", tmp_path / "run.rrd")
     assert printed.count("Clear:is_recursive") >= 6
     rows = re.findall(r"with (\d+) rows .* - /world/trajectory/0 ", printed)
     assert sum(map(int, rows)) == 2  # the old path, and from pose 101 to pose 103
@@ -86,9 +84,9 @@ def test_the_next_file_opens_alone(tmp_path):
     view.show(frame(1))
     view.show(mesh(), in_file=False)
     view.close()
-    for rrd in (first, second):
-        _rrd("verify", rrd)
-    printed = _rrd("print", "-vvv", second)
+    for path in (first, second):
+        rrd("verify", path)
+    printed = rrd("print", "-vvv", second)
     for name in (
         "ViewCoordinates:xyz",
         "Pinhole:image_from_camera",
@@ -100,10 +98,28 @@ def test_the_next_file_opens_alone(tmp_path):
         *("world/camera", "world/trajectory/0", "world/trajectory/1", "world/keyframes/0"),
         "world/loops",
     ):
-        assert _rows(second, f"/{entity}") == 1
+        assert rrd_rows(second, f"/{entity}") == 1
     assert "/world/mesh" not in printed
-    assert _rows(first, "/plots/quality") == 1 + 100
-    assert _rows(second, "/plots/quality") == 1
+    assert rrd_rows(first, "/plots/quality") == 1 + 100
+    assert rrd_rows(second, "/plots/quality") == 1
+
+
+def test_what_was_drawn_once_is_drawn_again_for_a_page_that_comes_late(tmp_path):
+    path = tmp_path / "run.rrd"
+    always = Intervals(images_s=0.0, meshes_s=0.0, poses_s=0.0, flush_s=10.0, again_s=0.0)
+    drawing = Drawing(rr.FileSink(path), "run-1", always, lambda *_: None)
+    for message in (
+        frame(0, compressed=True),
+        keyframe(0),
+        pose(0),
+        pose(1),
+        frame(1, compressed=True),
+    ):
+        drawing.put(message)
+    drawing.stop()
+    drawing.join()
+    assert rrd_rows(path, "/world/keyframes/0") > 1
+    assert rrd_rows(path, "/world/trajectory/0") > 1
 
 
 def test_a_file_that_cannot_be_written_is_reported_and_the_file_before_goes_on(tmp_path):
@@ -114,8 +130,8 @@ def test_a_file_that_cannot_be_written_is_reported_and_the_file_before_goes_on(t
     view.close()
     [(level, text)] = events
     assert level == "warning" and "run.1.rrd: " in text
-    _rrd("verify", tmp_path / "run.rrd")
-    assert _rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100
+    rrd("verify", tmp_path / "run.rrd")
+    assert rrd_rows(tmp_path / "run.rrd", "/plots/quality") == 1 + 100
 
 
 def test_show_does_not_wait_for_the_drawing(tmp_path):
@@ -149,7 +165,7 @@ def test_a_viewer_that_is_closed_is_one_event(tmp_path):
     view.close()
     assert [level for level, _ in events] == ["warning"]
     assert "is closed" in events[0][1]
-    subprocess.run([RERUN, "rrd", "verify", tmp_path / "run.rrd"], check=True, capture_output=True)
+    rrd("verify", tmp_path / "run.rrd")
 
 
 def test_a_frozen_viewer_holds_nobody_up_and_goes_on_when_it_thaws(tmp_path):
@@ -231,17 +247,6 @@ def _status(page, patience_s=10.0) -> int:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)
-
-
-def _rows(rrd: Path, entity: str) -> int:
-    chunks = re.findall(rf"with (\d+) rows .* {entity} ", _rrd("print", rrd))
-    return sum(int(rows) for rows in chunks)
-
-
-def _rrd(*command: str | Path) -> str:
-    """What `rerun rrd ...` prints."""
-    whole = [RERUN, "rrd", *command]
-    return subprocess.run(whole, check=True, capture_output=True, text=True).stdout
 
 
 def _show_a_run(view: RerunView) -> None:
