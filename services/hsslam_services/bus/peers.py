@@ -71,3 +71,23 @@ class Peers:
         self._pids[health.process] = health.pid
         counts = health.topics.get(topics.FRAME.name)
         self._frames[health.process] = counts.received if counts else 0, time.monotonic()
+
+
+class AtWork:
+    """Which of the other processes go on sending: the last heartbeat of each follows all that it sends."""
+
+    def __init__(self, own: str) -> None:
+        self._own = own
+        self._beating: set[str] = set()
+
+    def __bool__(self) -> bool:
+        return bool(self._beating)
+
+    def hear(self, health: Health) -> None:
+        """Take in a heartbeat."""
+        if health.process == self._own:
+            return
+        if health.state == "stopping":
+            self._beating.discard(health.process)
+        else:
+            self._beating.add(health.process)

@@ -1,4 +1,4 @@
-"""Which frames the tracker takes from the bus."""
+"""Which frames tracker and recorder take from the bus."""
 
 from pathlib import Path
 
@@ -11,28 +11,23 @@ from hsslam_services.run.camera_progress import CameraProgress
 class FrameInlet:
     """Refuses frames that cannot be of the run's camera; the topic counts them as rejected.
 
-    A run with a camera process takes the frames of that one alone. A camera outside is known by the number in
-    its frames, else by the publisher of their attachments.
+    A run with a camera process, which leaves its number in `camera_arena`, takes the frames of that one
+    alone. A camera outside is known by the number in its frames, else by the publisher of their attachments.
     """
 
     def __init__(
-        self,
-        frames: Subscription[Frame],
-        order: FrameOrder,
-        arena_dir: Path,
-        has_camera_process: bool,
+        self, frames: Subscription[Frame], order: FrameOrder, camera_arena: Path | None
     ) -> None:
         self._frames = frames
         self._order = order
-        self._arena_dir = arena_dir
-        self._has_camera_process = has_camera_process
+        self._camera_arena = camera_arena
         self._camera = 0  # number of the run's own camera, once it has sent anything
 
     def admit(self, received: Received[Frame]) -> Place | None:
         """Where a frame stands among those of its camera; None if it is refused."""
         frame, envelope = received.message, received.envelope
         publisher = frame.publisher or (envelope.publisher if envelope else 0)
-        if self._has_camera_process and not self._is_own(publisher):
+        if self._camera_arena and not self._is_own(self._camera_arena, publisher):
             self._frames.refuse(f"frame {frame.index} of another publisher than the run's camera")
             return None
         place = self._order.place(publisher, frame.index, frame.stamp_ns)
@@ -43,8 +38,15 @@ class FrameInlet:
             return None
         return place
 
-    def _is_own(self, publisher: int) -> bool:
+    def takes(self, received: Received[Frame]) -> bool:
+        """Whether a frame is admitted; it is done with then."""
+        place = self.admit(received)
+        if place is not None and place.kind == "new":
+            self._order.take(place)
+        return place is not None
+
+    def _is_own(self, arena: Path, publisher: int) -> bool:
         """Whether the frame is of the run's camera, which leaves its number before the first frame."""
-        if not self._camera and CameraProgress.exists(self._arena_dir):
-            self._camera = CameraProgress.read(self._arena_dir).publisher
+        if not self._camera and CameraProgress.exists(arena):
+            self._camera = CameraProgress.read(arena).publisher
         return publisher == self._camera

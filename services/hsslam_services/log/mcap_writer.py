@@ -76,8 +76,8 @@ class McapLog:
         self.counts[topic.name] += 1
         return True
 
-    def write_viz(self, message: VizMessage, stamp_ns: int) -> None:
-        """Log one message of the /viz layer."""
+    def write_viz(self, message: VizMessage, log_ns: int, stamp_ns: int) -> None:
+        """Log one message of the /viz layer: when it came, and the stamp of what it shows."""
         if self._is_full():
             return
         if message.topic not in self._channels:
@@ -91,7 +91,7 @@ class McapLog:
         sequence = self._viz_sequence[message.topic]
         self._viz_sequence[message.topic] += 1
         self._writer.add_message(
-            self._channels[message.topic], stamp_ns, message.payload, stamp_ns, sequence
+            self._channels[message.topic], log_ns, message.payload, stamp_ns, sequence
         )
 
     @property

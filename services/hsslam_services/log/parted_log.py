@@ -73,9 +73,9 @@ class PartedLog:
         self._turn_if_full()
         return self._part.write(topic, payload, log_ns, publish_ns, sequence)
 
-    def write_viz(self, message: VizMessage, stamp_ns: int) -> None:
+    def write_viz(self, message: VizMessage, log_ns: int, stamp_ns: int) -> None:
         """Log one message of the /viz layer, in the part of what it shows."""
-        self._part.write_viz(message, stamp_ns)
+        self._part.write_viz(message, log_ns, stamp_ns)
 
     @property
     def refused(self) -> int:

@@ -15,25 +15,17 @@ import cv2
 import msgspec
 
 from hsslam_node.errors import UserError
+from hsslam_proto import topics
 from hsslam_proto.codec import encode
+from hsslam_proto.frame_order import FrameOrder
 from hsslam_proto.messages import Frame
 from hsslam_proto.run_messages import Health, SourceEnd, Step
-from hsslam_proto.topics import (
-    EVENT,
-    FRAME,
-    GRID,
-    KEYFRAME,
-    MESH,
-    MESH_BLOCKS,
-    POSE,
-    STEP,
-    TOPICS,
-    VIEW,
-    Topic,
-)
+from hsslam_proto.topics import Topic
 from hsslam_services.bus.bus import Bus
+from hsslam_services.bus.peers import AtWork
 from hsslam_services.bus.publisher import Report
 from hsslam_services.bus.subscription import Received, Subscription
+from hsslam_services.camera.frame_inlet import FrameInlet
 from hsslam_services.governor.shared_level import SharedLevel
 from hsslam_services.launch.run_worker import run_worker
 from hsslam_services.launch.worker import Worker
@@ -48,9 +40,15 @@ from hsslam_services.viewer.leave_out_pandas import leave_out_pandas
 from hsslam_services.viewer.view import RerunView
 from hsslam_services.viewer.whole_mesh import WholeMesh
 
-_DEPTHS = {FRAME: 16, VIEW: 16, GRID: 16, MESH: 4, MESH_BLOCKS: 64}  # of large messages
+_LARGE = {  # and how many of them may wait
+    topics.FRAME: 16,
+    topics.VIEW: 16,
+    topics.GRID: 16,
+    topics.MESH: 4,
+    topics.MESH_BLOCKS: 64,
+}
 _DEPTH = 8192
-_LARGE = (FRAME, VIEW, GRID, MESH, MESH_BLOCKS)
+_DRAWN_AGAIN = (topics.POSE, topics.KEYFRAME, topics.CORRECTION)  # for a new viewer or file
 _DRAIN_S = 5.0  # at the end, for the last heartbeats of the others; one that was killed sends none
 _OUTSIDE_S = 2.0  # at the end, for frames and inputs on their way
 _TURN_S = 0.3  # for messages on their way from senders without heartbeats
@@ -59,11 +57,12 @@ _TURN_S = 0.3  # for messages on their way from senders without heartbeats
 class Recorder:
     """Logs all topics of the table that are logged and draws those that are drawn.
 
-    A restarted recorder opens the next part at once, finishes that of its predecessor beside it, and
-    logs what publishers kept meanwhile once. Nearly full disk: frames, meshes and run.rrd are left out,
-    all else goes on. `report(level, text)` takes its events.
+    A restarted recorder opens the next part at once, finishes that of its predecessor beside it, logs what
+    publishers kept meanwhile once, and draws again the path and keyframes that they keep. Nearly full disk:
+    frames, meshes and run.rrd are left out, all else goes on. `report(level, text)` takes its events.
     `viewer_memory_gb`: limit of a viewer that is started here (None: its default). `is_lockstep`: publishes
-    a step for each frame that is logged; otherwise only once the source has ended.
+    a step for each frame that is logged; otherwise only once the source has ended. `camera_arena`: of the
+    camera process whose frames are logged, and no others (None: those of any camera).
 
     Raises:
         UserError: the run folder cannot be written, or the viewer cannot be started.
@@ -79,6 +78,7 @@ class Recorder:
         log: LogSettings | None = None,
         viewer_memory_gb: float | None = None,
         is_lockstep: bool = False,
+        camera_arena: Path | None = None,
     ) -> None:
         self._bus = bus
         self._run_dir = run_dir
@@ -86,7 +86,7 @@ class Recorder:
         self._skipped: Counter[str] = Counter()
         self._disk = DiskReport(run_dir, report)
         self._unusable = 0
-        self._beating: set[str] = set()
+        self._senders = AtWork(bus.process)
         try:
             self._recorded = RecordedSoFar(run_dir, run_id)
             self._unfinished = UnfinishedParts(run_dir, report)  # after it has read their ends
@@ -99,18 +99,20 @@ class Recorder:
         self._foxglove = FoxgloveLayer(self._log.write_viz)
         rrd = self._log.path.with_suffix(".rrd")
         self._view = RerunView(rrd, viewer, run_id, report, viewer_memory_gb)
-        self._steps = bus.publisher(STEP)
+        self._steps = bus.publisher(topics.STEP)
         self._confirms = is_lockstep
         self._logged: Step | None = None  # the newest frame
         self._subscriptions: list[Subscription] = [
             bus.subscribe(
                 topic,
-                _DEPTHS.get(topic, _DEPTH),
+                _LARGE.get(topic, _DEPTH),
                 history=topic.history > 0 or topic.keeps_state,
             )
-            for topic in sorted(TOPICS, key=lambda topic: topic is FRAME)  # frames come last
+            for topic in sorted(topics.TOPICS, key=lambda each: each is topics.FRAME)  # it is last
             if topic.logged
         ]
+        frames = next(s for s in self._subscriptions if s.topic is topics.FRAME)
+        self._inlet = FrameInlet(frames, FrameOrder(), camera_arena)
 
     def spin_once(self, timeout_s: float = 0.2) -> bool:
         """Log what waits: all small messages, one of each large kind, a frame last; False if nothing came."""
@@ -120,8 +122,11 @@ class Recorder:
         for subscription in self._subscriptions:
             while (received := subscription.poll_received()) is not None:
                 worked = True
+                frame = received.message if subscription.topic is topics.FRAME else None
+                if frame and not self._inlet.takes(received):
+                    continue
                 self._record(subscription.topic, received)
-                if isinstance(frame := received.message, Frame):
+                if frame:
                     self._logged = Step(
                         stage="logged", index=frame.index, publisher=frame.publisher
                     )
@@ -130,7 +135,7 @@ class Recorder:
                     break
         self._foxglove.write_blocks()
         if self._whole_mesh.is_due(self._log.path, time.monotonic()):
-            next(s for s in self._subscriptions if s.topic is MESH_BLOCKS).ask_state()
+            next(s for s in self._subscriptions if s.topic is topics.MESH_BLOCKS).ask_state()
         if self._log.tick():
             self._recorded.save(*self._log.place)
         self._disk.tell_of(self._log)
@@ -138,17 +143,18 @@ class Recorder:
 
     def counters(self) -> dict[str, int]:
         """Counts since the start of the run, earlier parts included."""
-        counts = Counter({topic.name: self._recorded.counts[self._key(topic)] for topic in TOPICS})
+        logged = self._recorded.counts
+        counts = Counter({topic.name: logged[self._key(topic)] for topic in topics.TOPICS})
         dropped = {s.topic.name: s.dropped for s in self._subscriptions}
         return {
-            "frames_logged": counts[FRAME.name],
-            "poses_logged": counts[POSE.name],
-            "keyframes_logged": counts[KEYFRAME.name],
-            "events_logged": counts[EVENT.name],
+            "frames_logged": counts[topics.FRAME.name],
+            "poses_logged": counts[topics.POSE.name],
+            "keyframes_logged": counts[topics.KEYFRAME.name],
+            "events_logged": counts[topics.EVENT.name],
             "messages_logged": counts.total(),
-            "frames_dropped": dropped[FRAME.name] + self._skipped[FRAME.name],
+            "frames_dropped": dropped[topics.FRAME.name] + self._skipped[topics.FRAME.name],
             "frames_unusable": self._unusable,
-            "poses_dropped": dropped[POSE.name],
+            "poses_dropped": dropped[topics.POSE.name],
             "viewer_dropped": self._view.dropped,
         }
 
@@ -189,17 +195,18 @@ class Recorder:
 
     def _is_owed(self) -> bool:
         """Whether heartbeats are to come: without the router, as after the supervisor's death, none are."""
-        return bool(self._beating) and self._bus.is_connected()
+        return bool(self._senders) and self._bus.is_connected()
 
     def _record(self, topic: Topic, received: Received) -> None:
         envelope, key = received.envelope, self._key(topic)
         publish_ns = envelope.publish_ns if envelope else received.arrival_ns
         sequence = envelope.sequence if envelope else 0
-        if self._recorded.has(key, envelope):
+        is_logged = self._recorded.has(key, envelope)
+        if is_logged and topic not in _DRAWN_AGAIN:
             return
         message, payload = received.message, received.payload
         if isinstance(message, Health):
-            self._follow(message)
+            self._senders.hear(message)
         if isinstance(message, SourceEnd):
             self._confirms = True
             self._confirm()
@@ -213,14 +220,14 @@ class Recorder:
             except UserError:  # no image: the tracker tells it
                 self._unusable += 1
                 return
-            payload = encode(FRAME, logged)
+            payload = encode(topics.FRAME, logged)
         is_short = self._log.space_is_short
         if is_short and topic in _LARGE:
             self._skipped[topic.name] += 1
-        else:
+        elif not is_logged:
             if self._log.write(topic, payload, received.arrival_ns, publish_ns, sequence):
                 self._recorded.add(key, envelope)
-            self._foxglove.add(message, getattr(message, "stamp_ns", received.arrival_ns))
+            self._foxglove.add(message, received.arrival_ns)
         if topic.drawn:
             self._view.write_to(self._log.path.with_suffix(".rrd"))
             self._view.show(
@@ -232,15 +239,6 @@ class Recorder:
     def _confirm(self) -> None:
         if self._confirms and self._logged:
             self._steps.put(self._logged)
-
-    def _follow(self, health: Health) -> None:
-        """Keep which of the other processes are at work."""
-        if health.process == self._bus.process:
-            return
-        if health.state == "stopping":
-            self._beating.discard(health.process)
-        else:
-            self._beating.add(health.process)
 
     def _key(self, topic: Topic) -> str:
         return topic.key(self._bus.robot)
@@ -259,6 +257,7 @@ def record(worker: Worker) -> None:
         log_settings(run),
         run.options.viewer_memory_gb,
         run.options.pace == "lockstep",
+        run.camera_arena,
     )
     level = SharedLevel(run.arena_dir)
     worker.ready()

@@ -10,7 +10,6 @@ Arena: reads map_state, map; writes keyframes, pose_log, load_level
 import math
 import time
 from functools import partial
-from pathlib import Path
 
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
@@ -51,7 +50,7 @@ def _run(worker: Worker) -> None:
     frames = worker.bus.subscribe(topics.FRAME, depth=4 if is_lockstep else 1)
     order = FrameOrder()
     loop = _TrackerLoop(worker, order)
-    inlet = FrameInlet(frames, order, Path(worker.run.arena_dir), worker.options.has_camera_process)
+    inlet = FrameInlet(frames, order, worker.run.camera_arena)
     warm = warm_start(worker.options.slam)
     if not warm.is_inherited:
         text = f"the tracker loaded the kernels itself, in {warm.took_s:.1f} s: the fork server had none"

@@ -34,6 +34,11 @@ class RunInfo:
         return Path(self.run_dir)
 
     @property
+    def camera_arena(self) -> Path | None:
+        """The arena, where the camera process leaves its number; None if the camera is outside."""
+        return Path(self.arena_dir) if self.options.has_camera_process else None
+
+    @property
     def ros_endpoint(self) -> str:
         """The router where this run meets ROS nodes: its own, unless another has their usual port."""
         own = self.endpoint if self.options.has_usual_port else ROS_ROUTER

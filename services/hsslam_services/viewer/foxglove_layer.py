@@ -23,44 +23,52 @@ _BLOCKS_AT_ONCE = 128  # 20 ms; frames wait meanwhile
 class FoxgloveLayer:
     """Poses, images and path at once; the grid once a second, each block of the mesh that changed every 10 s.
 
-    `write(message, stamp_ns)` puts a message of the layer into the log.
+    `write(message, log_ns, stamp_ns)` puts a message of the layer into the log. Its time there is that of its
+    arrival, and of its writing for the mesh: Foxglove removes what is older than the removal. The stamp is
+    the sensor's, whose clock may be any.
     """
 
-    def __init__(self, write: Callable[[VizMessage, int], None]) -> None:
+    def __init__(self, write: Callable[[VizMessage, int, int], None]) -> None:
         self._write = write
         self._blocks = PendingBlocks()
         self._mesh_s = float("-inf")
-        self._next_grid_ns = 0
+        self._grid_ns = 0
         self._epochs = EpochOrder()
 
-    def add(self, message: Message, stamp_ns: int) -> None:
+    def add(self, message: Message, arrival_ns: int) -> None:
         """Write what a message of the run looks like, or keep it for later."""
         if self._epochs.begins_with(message):
             self._blocks.forget_before(self._epochs.now)
-            self._write(cleared_scene(stamp_ns), stamp_ns)
+            self._clear()
         elif self._epochs.is_past(message):
             return
         if isinstance(message, MeshBlocks):
             self._blocks.add(message)
         if isinstance(message, Mesh):
             self._blocks.take()  # the mesh of the saver is in their place
+            arrival_ns = time.time_ns()
         if isinstance(message, Grid):
-            if stamp_ns < self._next_grid_ns:
+            if 0 <= arrival_ns - self._grid_ns < _GRID_INTERVAL_NS:
                 return
-            self._next_grid_ns = stamp_ns + _GRID_INTERVAL_NS
-        for viz in viz_messages(message, stamp_ns):
-            self._write(viz, stamp_ns)
+            self._grid_ns = arrival_ns
+        stamp_ns = getattr(message, "stamp_ns", arrival_ns)
+        for viz in viz_messages(message, arrival_ns):
+            self._write(viz, arrival_ns, stamp_ns)
 
     def write_blocks(self, at_once: bool = False) -> None:
         """Write blocks that have changed, if it is time; `at_once`: all of them."""
         now_s = time.monotonic()
         if not at_once and now_s - self._mesh_s < _MESH_INTERVAL_S:
             return
-        stamp_ns = time.time_ns()
         news = self._blocks.take(None if at_once else _BLOCKS_AT_ONCE)
         if not self._blocks:
             self._mesh_s = now_s
         if news.anew:
-            self._write(cleared_scene(stamp_ns), stamp_ns)
+            self._clear()
         if news.blocks:
-            self._write(viz_blocks(news.blocks, stamp_ns), stamp_ns)
+            now_ns = time.time_ns()
+            self._write(viz_blocks(news.blocks, now_ns), now_ns, now_ns)
+
+    def _clear(self) -> None:
+        now_ns = time.time_ns()
+        self._write(cleared_scene(now_ns), now_ns, now_ns)

@@ -30,7 +30,7 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
         at = START_NS + PERIOD_NS * index
         log.write(topic, encode(topic, message), at, at - 1000, index)
         for viz in viz_messages(message, at):
-            log.write_viz(viz, at)
+            log.write_viz(viz, at, at)
 
     for index in range(count):
         put(topics.FRAME, compress_frame(textured(index), color), index)
@@ -49,9 +49,8 @@ def write_log(folder: Path, count: int = 20, color="png", second_epoch_at=None, 
     )
     put(topics.CORRECTION, moved, count - 1)
     put(topics.MESH_BLOCKS, blocks(1, 0, 1), 2)
-    log.write_viz(
-        viz_blocks({(0, 0, 2): None, **block_triangles(blocks(1, 1))}, START_NS), START_NS
-    )
+    drawn = viz_blocks({(0, 0, 2): None, **block_triangles(blocks(1, 1))}, START_NS)
+    log.write_viz(drawn, START_NS, START_NS)
     put(topics.MESH, mesh(final=True), count - 1)
     put(topics.GRID, grid(count - 1), count - 1)
     event = run_messages.Event(process="mapper", level="info", text="a line", stamp_ns=START_NS)

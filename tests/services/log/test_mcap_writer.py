@@ -41,7 +41,7 @@ def test_the_viz_layer_is_foxglove_protobuf(tmp_path):
     event = run_messages.Event(process="mapper", level="warning", text="slow", stamp_ns=7)
     for message in (frame(3, compressed=True), pose(3), pose(4, status="lost"), mesh(), event):
         for viz in viz_messages(message, 50):
-            log.write_viz(viz, 50)
+            log.write_viz(viz, 50, 40)
     log.close()
     with (tmp_path / "run.mcap").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])

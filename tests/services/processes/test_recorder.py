@@ -14,6 +14,7 @@ from hsslam_services.bus.bus import Bus
 from hsslam_services.bus.publisher import Publisher
 from hsslam_services.log.parted_log import LogSettings
 from hsslam_services.processes.recorder import Recorder
+from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.process_result import read_result
 from hsslam_services.run.stop_signals import END_SIGNAL
 from tests.services.recorded import read_log
@@ -33,6 +34,32 @@ def test_in_lockstep_each_frame_that_is_logged_or_refused_has_a_step(endpoint, t
         recorder.close()
         told = [(step.stage, step.index) for step in steps.drain()]
     assert told == [("logged", 0), ("logged", 1), ("logged", 2)]
+
+
+def test_frames_of_others_than_the_runs_camera_are_neither_logged_nor_told(endpoint, tmp_path):
+    camera = CameraProgress()
+    camera.write(tmp_path)
+    with Bus(endpoint, "r", "camera") as outside, Bus(endpoint, "r", "recorder") as bus:
+        steps = outside.subscribe(topics.STEP, 64)
+        recorder = Recorder(
+            bus,
+            tmp_path,
+            "run-1",
+            "none",
+            lambda *_: None,
+            is_lockstep=True,
+            camera_arena=tmp_path,
+        )
+        frames = outside.publisher(topics.FRAME)
+        _wait_for_subscriber(frames)
+        for index, publisher in enumerate((camera.publisher, 7, camera.publisher)):
+            frames.put(msgspec.structs.replace(frame(index), publisher=publisher))
+        _spin(recorder, 0.3)
+        recorder.close()
+        (rejected,) = (s.rejected for s in bus.subscriptions if s.topic is topics.FRAME)
+        told = [step.index for step in steps.drain()]
+    logged = [message.index for message in read_log(tmp_path / "run.mcap")["in/frame"]]
+    assert (logged, told, rejected) == ([0, 2], [0, 2], 1)
 
 
 def test_once_the_source_has_ended_the_newest_frame_in_the_log_is_named(endpoint, tmp_path):

@@ -15,7 +15,7 @@ from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
 from hsslam_services.commands.log.newest_mesh import newest_mesh
 from hsslam_services.log.file_index import is_finished
-from tests.services.recorded import read_log
+from tests.services.recorded import read_log, rrd_rows
 from tests.services.wire_samples import blocks, frame, keyframe, pose
 
 _LATE_BYTES = 100e6
@@ -84,6 +84,7 @@ def test_a_killed_recorder_is_continued_in_the_next_part(endpoint, tmp_path, sta
     assert sorted(indices) == list(range(140))  # none lost, none twice
     assert [m.id for m in one["out/keyframe"] + two.get("out/keyframe", [])] == list(range(10))
     assert two["out/mesh_blocks"]  # a part opens alone: it has all blocks
+    assert rrd_rows(tmp_path / "run.1.rrd", "/plots/quality") == 1 + 140  # its style, every pose
     for part in ("run.mcap", "run.1.mcap"):
         mesh = newest_mesh([tmp_path / part])
         assert mesh is not None and len(mesh.faces) == 3
