@@ -185,7 +185,7 @@ def expect_closed(path: Path) -> None:
 
 
 def _run_lives(folder: Path) -> bool:
-    return any(run.path.exists() and run.path.samefile(folder) for run in running_runs())
+    return any(Path(place).exists() and Path(place).samefile(folder) for place in running_runs())
 
 
 def bus_messages(files: list[Path], names: Container[str] | None = None) -> Iterator[Logged]:
