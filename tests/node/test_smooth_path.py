@@ -7,14 +7,8 @@ import pytest
 
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
-from hsslam_node.map.pose_log import (
-    DEAD_RECKONED,
-    LOST,
-    TRACKED,
-    PoseLog,
-    final_trajectory,
-    pose_row,
-)
+from hsslam_node.map.epoch_poses import final_trajectory
+from hsslam_node.map.pose_log import DEAD_RECKONED, LOST, TRACKED, PoseLog, pose_row
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.smooth_path import SmoothPath
 from tests.small_room import displaced, room_frames

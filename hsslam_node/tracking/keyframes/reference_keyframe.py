@@ -17,7 +17,7 @@ PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term,
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
 # Neighbouring pixels of one surface differ by a smaller share of their depth, if the focal length is no
 # shorter than this; else a pixel spans more of a slope.
-_DEPTH_STEP, _DEPTH_STEP_FOCAL_PX = 0.05, 240.0
+_DEPTH_STEP, _DEPTH_STEP_FOCAL_PX = 0.05, 120.0
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class ServeOptions:
     exposure: Literal["none", "drift"] = "none"
     """Brightness drift and jumps of 20 to 30 % added to the images."""
     rate_hz: float | None = None
-    """Frame rate of the sensor clock, Hz (none: the rate of the source); lockstep has no clock."""
+    """Rate of the sensor clock, Hz; lockstep has none (none: that of the source)."""
     start: int = 0
     """Skip the first N frames of the source."""
     stride: int = 1

@@ -87,6 +87,7 @@ def test_without_locks_an_unfinished_log_is_left_alone_while_its_run_lives(
             options=ServeOptions(),
         )
         run.write()
+        run.write_into_arena()
         for command in ("info", "recover"):
             assert main([command, str(path)]) == 2
             assert "a run is still writing it" in capsys.readouterr().err
