@@ -1,5 +1,6 @@
 """Results that are not saved stay in memory until a rescue; a killed supervisor costs none of them."""
 
+import contextlib
 import json
 import os
 import signal
@@ -105,7 +106,11 @@ def test_a_rescue_that_is_interrupted_has_not_saved_everything(tmp_path: Path):
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
         (tmp_path / "run.json").open("wb"),  # it is at work, and waits there
     ):
-        process.send_signal(signal.SIGINT)
-        _, told = process.communicate(timeout=60)
+        while process.poll() is None:  # a signal just before it waits is seen only after
+            process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=2)
+        assert process.stderr is not None
+        told = process.stderr.read()
     assert process.returncode == ExitCode.NOT_SAVED
     assert told == "rescue interrupted: what it has not saved stays in memory\n"
