@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -102,8 +103,10 @@ def test_a_killed_run_is_rescued_before_the_next_one_in_its_folder_begins(serve,
 def test_a_rescue_that_is_interrupted_has_not_saved_everything(tmp_path: Path):
     os.mkfifo(tmp_path / "run.json")
     command = [sys.executable, "-m", "hsslam_services.commands.serve", "rescue", str(tmp_path)]
+    # a job in the background ignores the signal
+    hears = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with (
-        subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
+        subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=hears) as process,
         (tmp_path / "run.json").open("wb"),  # it is at work, and waits there
     ):
         while process.poll() is None:  # a signal just before it waits is seen only after
