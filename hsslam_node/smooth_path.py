@@ -7,9 +7,9 @@ import numpy as np
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.pose_log import LOST, PoseLog
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.odometry.spread_errors import GAP, usual_step_ns
 from hsslam_node.tracking.tracked_frame import orthonormal
 
-_GAP = 1.5  # times the usual time between frames; less is no gap
 _FRAMES = 10  # newest ones, whose times tell what is usual
 
 
@@ -50,8 +50,9 @@ class SmoothPath:
         if last is None or last["map_epoch"] != row["map_epoch"]:
             return False
         gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
-        usual_ns = float(np.median(np.diff(self._stamps_ns)))
-        return 0 < gap_ns <= max(self._longest_gap_ns, _GAP * usual_ns)
+        if gap_ns <= self._longest_gap_ns:
+            return gap_ns > 0
+        return gap_ns <= GAP * usual_step_ns(np.array(self._stamps_ns))
 
     def _motion(
         self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None

@@ -58,7 +58,7 @@ class Joining:
         self._staging.give_up()
 
     def _begins(self) -> bool:
-        """Whether there is room now; else the mapper is told for how many."""
+        """Whether there is room now; if not, ask the mapper for it."""
         free, kept = self._store.free, len(self._fragment.store.kept())
         wanted = min(kept + _SPARE, self._store.most_kept // _PARTS)
         if free < wanted:

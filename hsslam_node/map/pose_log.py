@@ -210,9 +210,8 @@ class PoseLog:
         row = self._row(n - 1)
         publisher = int(row["publisher"])
         if publisher not in self._noted_at:
-            k = int(
-                self._newest.argmin()
-            )  # free, or of the camera that has been silent for longest
+            # free, or of the camera that has been silent for longest
+            k = int(self._newest.argmin())
             self._noted_at = {p: j for p, j in self._noted_at.items() if j != k} | {publisher: k}
         store_ordered(self._newest, self._noted_at[publisher], n)
         if row["fragment"] > self._header[_FRAGMENT]:

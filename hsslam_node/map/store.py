@@ -97,7 +97,7 @@ class KeyframeStore:
         return load_ordered(self._header, WANTED)
 
     def want(self, keyframes: int) -> None:
-        """The tracker only: so many are to come at once, and there is no room for them; 0: none waits."""
+        """The tracker only: note how many keyframes wait for room, 0: none."""
         store_ordered(self._header, WANTED, keyframes)
 
     def lacks_room(self) -> bool:

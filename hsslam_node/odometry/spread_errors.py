@@ -11,7 +11,7 @@ from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
 _STILL = 1e-12  # m^2, rad^2: of a step without motion
-_GAP = 1.5  # times the usual time between frames; over a longer one the path may stand still
+GAP = 1.5  # times the usual time between frames; over a longer one the path may stand still
 
 
 def spread_errors(
@@ -35,6 +35,8 @@ def spread_errors(
     """
     out = T_world_cam
     stretches = list(_stretches(is_dead_reckoned))
+    if not stretches:
+        return out
     if usual_ns is None:
         usual_ns = usual_step_ns(stamps_ns)
     for before, after in stretches:
@@ -65,7 +67,7 @@ def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
 def _has_unknown_step(T_odom_cam: np.ndarray, stamps_ns: np.ndarray, usual_ns: float) -> bool:
     """Whether a path [n, 4, 4] stands still over a gap, to the last bit."""
     stands = (T_odom_cam[1:] == T_odom_cam[:-1]).all(axis=(1, 2))
-    return bool((stands & (np.diff(stamps_ns) > _GAP * usual_ns)).any())
+    return bool((stands & (np.diff(stamps_ns) > GAP * usual_ns)).any())
 
 
 def _bent(path: np.ndarray, T_end: np.ndarray) -> np.ndarray:

@@ -11,8 +11,9 @@ from hsslam_services.run.camera_progress import CameraProgress
 class FrameInlet:
     """Refuses frames that cannot be of the run's camera; the topic counts them as rejected.
 
-    A run with a camera process, which leaves its number in `camera_arena`, takes the frames of that one
-    alone. A camera outside is known by the number in its frames, else by the publisher of their attachments.
+    A run with a camera process takes the frames of that process alone, by the number that it leaves in
+    `camera_arena`. A camera outside is known by the number in its frames, else by the publisher of their
+    attachments.
     """
 
     def __init__(

@@ -85,7 +85,7 @@ _SAVED_POSES_PER_S = 10_000  # at least, on a slow disk; an hour has 108 000 at 
 
 
 def one_shot_timeout_s(module: str, poses: int) -> float:
-    """How long a process may take that ends by itself, in a run that has so many poses."""
+    """The time limit of a process that ends by itself, s; `poses`: how many the run has."""
     saving_s = poses / _SAVED_POSES_PER_S if module == TRAJECTORY_SAVER else 0.0
     return ONE_SHOT_TIMEOUT_S[module] + saving_s
 
