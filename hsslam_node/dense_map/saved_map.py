@@ -1,12 +1,15 @@
 """A saved map, ready to be asked; alone beside the map that it is, as that knows no file."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import camera_of, keyframes_of_checkpoint
+from hsslam_node.dense_map.seen_space import SeenSpace
 from hsslam_node.device.choose_device import DeviceChoice, choose_device
+from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint, save_checkpoint
 from hsslam_node.presets import REALTIME
@@ -21,24 +24,37 @@ class SavedMap(DenseMap):
         >>> free = saved.is_free(Spheres([[0.5, 0.0, 2.0]], radius_m=0.2))
     """
 
-    def __init__(self, path: Path, checkpoint: MapCheckpoint, device: DeviceChoice) -> None:
+    def __init__(
+        self, path: Path, checkpoint: MapCheckpoint, device: DeviceChoice, far_m: float = FAR_M
+    ) -> None:
         self.checkpoint = checkpoint
+        keyframes = keyframes_of_checkpoint(checkpoint, path, self._depth_of_view)
+        space = SeenSpace(checkpoint.layout.config.truncation_m, far_m=far_m)
         super().__init__(
             checkpoint.layout,
             checkpoint.params,
-            keyframes_of_checkpoint(checkpoint, path, self._depth_of_view),
+            keyframes,
             checkpoint.sampling or REALTIME.sampling,
             choose_device(device),
+            partial(space.follow, keyframes),
         )
 
     @classmethod
-    def open(cls, path: Path | str, device: DeviceChoice = "auto") -> "SavedMap":
-        """Read a map that `save` or a run wrote; `path`: the file, or the folder of the run.
+    def open(
+        cls, path: Path | str, device: DeviceChoice = "auto", far_m: float = FAR_M
+    ) -> "SavedMap":
+        """Read a map that `save` or a run wrote.
+
+        Args:
+            path: the file, or the folder of the run.
+            device: where the field is asked.
+            far_m: surfaces and free space that keyframes saw only from farther do not count in `query` and
+                `is_free`.
 
         Raises:
             UserError: no such file, another format or version, a damaged file; the device.
         """
-        return cls(Path(path), load_checkpoint(Path(path)), device)
+        return cls(Path(path), load_checkpoint(Path(path)), device, far_m)
 
     @property
     def camera(self) -> Camera:

@@ -9,7 +9,7 @@ import numpy as np
 from hsslam_node.dense_map.keyframes import MapKeyframes
 from hsslam_node.distance.distance_map import DistanceMap
 from hsslam_node.distance.distance_meter import DistanceMeter
-from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.occupancy import FAR_M, Occupancy
 from hsslam_node.distance.voxel_grid import VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
@@ -63,6 +63,7 @@ class SeenSpace:
         reach_m: how far behind a surface still counts as seen, m.
         cell_m: side of a cell, m.
         max_depth_m: farther depth counts as none, as in the mapping.
+        far_m: depth from here on gives certainty, but neither free space beyond nor surfaces.
     """
 
     def __init__(
@@ -70,8 +71,10 @@ class SeenSpace:
         reach_m: float,
         cell_m: float = 0.05,
         max_depth_m: float = REALTIME.mapper.max_depth_m,
+        far_m: float = FAR_M,
     ) -> None:
         self._reach_m = reach_m
+        self._far_m = far_m
         self._cell_m = cell_m
         self._max_depth_m = max_depth_m
         self._ids = np.zeros(0, np.int64)  # of the marked keyframes
@@ -141,7 +144,7 @@ class SeenSpace:
         if occupancy is None:
             grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), self._cell_m)
             self._information = np.zeros(grid.shape, np.float32, order="F")
-            self._occupancy = Occupancy(grid, max_depth_m=self._max_depth_m)
+            self._occupancy = Occupancy(grid, far_m=self._far_m, max_depth_m=self._max_depth_m)
             return self._occupancy
         before = occupancy.grid
         is_low, is_high = low < before.low, high > before.high

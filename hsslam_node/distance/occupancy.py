@@ -20,6 +20,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.kernels.compiled import njit
 from hsslam_node.presets import REALTIME
 
+FAR_M = 4.0  # with 6 m, noise of a Kinect leaves surfaces in free space (docs/maps.md)
 _SLACK = 8  # a window moves when its wanted middle is this share of its side away
 _RECORD_BYTES = 8
 
@@ -41,7 +42,7 @@ class Occupancy:
         self,
         grid: VoxelGrid,
         T_grid_world: np.ndarray | None = None,
-        far_m: float = 4.0,
+        far_m: float = FAR_M,
         max_depth_m: float = REALTIME.mapper.max_depth_m,
     ) -> None:
         if not far_m > 0:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hsslam_node.distance.floor_plane import FloorPlane
-from hsslam_node.distance.occupancy import Occupancy
+from hsslam_node.distance.occupancy import FAR_M, Occupancy
 from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
@@ -22,7 +22,7 @@ def whole_map(
     camera: Camera,
     floor: FloorPlane,
     voxel_m: float = VOXEL_M,
-    far_m: float = 4.0,
+    far_m: float = FAR_M,
 ) -> Occupancy:
     """Free and occupied voxels of all views, in the frame of the floor; later views have the last word.
 

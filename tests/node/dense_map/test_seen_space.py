@@ -128,6 +128,13 @@ def test_depth_beyond_that_of_the_mapping_counts_as_none():
     assert farther.grid.high[2] > 20.0
 
 
+def test_surfaces_count_that_were_seen_from_less_than_far():
+    before = np.array([[0.1, 0.1, 1.8]])  # 20 cm before a wall
+    near, far = (SeenSpace(REACH_M, CELL_M, far_m=far_m).follow(_wall(2.0)) for far_m in (1.5, 4.0))
+    assert not near.distances.query(before).known[0]
+    assert far.distances.query(before).distance_m[0] == pytest.approx(0.2, abs=0.03)
+
+
 def test_a_map_without_keyframes_is_one_line():
     poses, none = np.zeros((0, 4, 4)), np.zeros(0, np.int64)
     keyframes = MapKeyframes(CAMERA, none, none, poses, lambda _: np.zeros((60, 80), np.float32))

@@ -10,8 +10,10 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.distance_meter import DistanceMeter
 from hsslam_node.distance.esdf_file import write_esdf
+from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.distance.states import FREE, OCCUPIED
 from hsslam_services.commands.maps.whole_space import (
+    expect_far,
     expect_out,
     expect_space,
     floor_and_space,
@@ -54,16 +56,21 @@ class EsdfOptions:
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
     voxel: float = 0.05
     """Side of a voxel, m."""
+    far_m: float = FAR_M
+    """Surfaces and free space that keyframes saw only from farther do not count, m."""
 
     def __post_init__(self) -> None:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
+        expect_far(self.far_m)
 
 
 def write_distances(options: EsdfOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "esdf"), "cpu")
     expect_out(options.out, ".npz")
-    floor, space = floor_and_space(saved, options.up, options.base_T_camera, options.voxel)
+    floor, space = floor_and_space(
+        saved, options.up, options.base_T_camera, options.voxel, options.far_m
+    )
     distances = DistanceMeter().measure(space).between(options.from_height_m, options.to_height_m)
     write_esdf(options.out, distances, floor)
     shape = " x ".join(map(str, distances.grid.shape))

@@ -9,8 +9,10 @@ import numpy as np
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.grid_map import CELL_FREE, CELL_OCCUPIED, grid_map
 from hsslam_node.distance.nav2_files import write_nav2_files
+from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.errors import UserError
 from hsslam_services.commands.maps.whole_space import (
+    expect_far,
     expect_out,
     expect_space,
     floor_and_space,
@@ -26,12 +28,12 @@ class GridOptions:
     Example:
       hsslam-map grid runs/desk --out map.yaml --to-height-m 0.6
 
-    A cell is occupied if a keyframe measured a surface over it, between the two heights above the floor.
-    A cell is free if no keyframe measured a surface there and keyframes saw a third of that height or more.
-    All other cells are unknown. The frame of the map has z up and the floor at z = 0. It is that of
-    hsslam-serve --grid: of a run with --base-T-camera or --ros2-out, x and y are those of the frame map in
-    ROS. Of another, up is against gravity if it had an IMU, else the normal of the floor that the keyframes
-    saw, else the mean up of their images. The command says which.
+    A cell is occupied if a keyframe measured a surface over it from less than --far-m and between the two
+    heights above the floor. A cell is free if no keyframe measured a surface there and keyframes saw a third
+    of that height or more. All other cells are unknown. The frame of the map has z up and the floor at z = 0.
+    It is that of hsslam-serve --grid: of a run with --base-T-camera or --ros2-out, x and y are those of the
+    frame map in ROS. Of another, up is against gravity if it had an IMU, else the normal of the floor that
+    the keyframes saw, else the mean up of their images. The command says which.
 
     Raises:
         UserError: an option has a value that cannot be used.
@@ -55,9 +57,12 @@ class GridOptions:
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: as in the run that made the map)."""
     voxel: float = 0.05
     """Side of a cell and height of a layer, m; layers that begin between the two heights count."""
+    far_m: float = FAR_M
+    """Surfaces and free space that keyframes saw only from farther do not count, m."""
 
     def __post_init__(self) -> None:
         expect_space(self.from_height_m, self.to_height_m, self.up, self.base_T_camera, self.voxel)
+        expect_far(self.far_m)
         if 0 < self.from_height_m < self.voxel:
             raise UserError(
                 f"--voxel {self.voxel:g} --from-height-m {self.from_height_m:g}: expected --voxel of at most "
@@ -69,7 +74,9 @@ def write_grid(options: GridOptions) -> None:
     """Run the command."""
     saved = SavedMap.open(map_file(options.run, "grid"), "cpu")
     expect_out(options.out, ".yaml")
-    floor, space = floor_and_space(saved, options.up, options.base_T_camera, options.voxel)
+    floor, space = floor_and_space(
+        saved, options.up, options.base_T_camera, options.voxel, options.far_m
+    )
     grid = grid_map(space, options.from_height_m, options.to_height_m)
     picture = write_nav2_files(options.out, grid, floor)
     height, width = grid.cells.shape

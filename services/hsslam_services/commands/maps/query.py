@@ -7,8 +7,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from hsslam_node.dense_map.saved_map import SavedMap
+from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.errors import UserError
-from hsslam_services.commands.maps.whole_space import map_file
+from hsslam_services.commands.maps.whole_space import expect_far, map_file
 from hsslam_services.commands.point_table import print_answers
 
 
@@ -40,10 +41,13 @@ class QueryOptions:
     """File with more places: lines X Y Z, with spaces or commas between, or a NumPy array [N, 3] (.npy)."""
     json: bool = False
     """Print JSON instead of a table."""
+    far_m: float = FAR_M
+    """Surfaces and free space that keyframes saw only from farther do not count, m."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
     """Where the map is evaluated; auto: an NVIDIA GPU if one works."""
 
     def __post_init__(self) -> None:
+        expect_far(self.far_m)
         if len(self.point) % 3 or not np.isfinite(self.point).all():
             given = " ".join(f"{number:g}" for number in self.point)
             raise UserError(
@@ -67,7 +71,7 @@ def query_map(options: QueryOptions) -> None:
     """Run the command."""
     path = map_file(options.map, "query")
     places = options.places()
-    saved = SavedMap.open(path, options.device)
+    saved = SavedMap.open(path, options.device, options.far_m)
     print_answers(places, saved.query(places), as_json=options.json)
 
 

@@ -12,6 +12,7 @@ from hsslam_node.distance.voxel_grid import GridSizeError
 from hsslam_node.distance.whole_map import whole_map
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.robot_frames import RobotFrames, level_frame
+from hsslam_node.presets import REALTIME
 
 MAP_NAME = "map.safetensors"
 
@@ -50,6 +51,14 @@ def expect_space(
         raise UserError(f"--voxel {voxel_m}: expected 0.01 to 0.5 m")
 
 
+def expect_far(far_m: float) -> None:
+    """UserError unless `--far-m` is a depth that the mapping may use."""
+    if not 0 < far_m <= REALTIME.mapper.max_depth_m:
+        raise UserError(
+            f"--far-m {far_m}: expected metres above 0, {REALTIME.mapper.max_depth_m:g} at most"
+        )
+
+
 def expect_out(path: Path, suffix: str) -> None:
     """UserError unless `--out` is a file of this kind in a folder that exists."""
     if path.suffix.lower() != suffix or not path.absolute().parent.is_dir():
@@ -57,7 +66,11 @@ def expect_out(path: Path, suffix: str) -> None:
 
 
 def floor_and_space(
-    saved: SavedMap, up: tuple[float, ...], base_T_camera: tuple[float, ...], voxel_m: float
+    saved: SavedMap,
+    up: tuple[float, ...],
+    base_T_camera: tuple[float, ...],
+    voxel_m: float,
+    far_m: float,
 ) -> tuple[FloorPlane, Occupancy]:
     """The floor, and what is free and occupied in voxels whose frame has z up and the floor at z = 0.
 
@@ -76,7 +89,7 @@ def floor_and_space(
         level = known.T_level_world if given is None else given
         floor = floor_by(known.gravity, views, camera, level)
     try:
-        return floor, whole_map(views, camera, floor, voxel_m)
+        return floor, whole_map(views, camera, floor, voxel_m, far_m)
     except GridSizeError as error:
         raise UserError(f"--voxel {voxel_m:g}: {error}") from None
 

@@ -136,6 +136,7 @@ def test_distances_in_the_file_are_those_of_the_map(run_folder, tmp_path):
             ("grid", "m", "--voxel", "0.4"),
             "--from-height-m 0.15: expected --voxel of at most 0.15",
         ),
+        (("grid", "m", "--far-m", "0"), "--far-m 0.0: expected metres above 0, 12 at most"),
         (("esdf", "m", "--voxel", "0"), "--voxel 0.0: expected 0.01 to 0.5 m"),
         (("grid", "m", "--to-height-m", "0.1"), "--from-height-m 0.15 --to-height-m 0.1: expected"),
         (("esdf", "m", "--to-height-m", "nan"), "--to-height-m nan: expected the second above"),
@@ -145,6 +146,14 @@ def test_bad_input_is_one_line_and_code_2(arguments, text, capsys):
     assert main(arguments) == 2
     told = capsys.readouterr().err
     assert text in told and told.count("\n") == 1
+
+
+def test_what_was_seen_from_far_alone_counts_if_that_is_wanted(run_folder, tmp_path):
+    near, far = tmp_path / "near.npz", tmp_path / "far.npz"
+    for path, far_m in ((near, "1.5"), (far, "4")):
+        assert main(["esdf", str(run_folder), "-o", str(path), "--far-m", far_m]) == 0
+    sizes = [np.count_nonzero(read_esdf(path)[0].states) for path in (near, far)]
+    assert sizes[0] < 0.9 * sizes[1]
 
 
 @pytest.mark.parametrize(("command", "out"), [("grid", "map.png"), ("esdf", "/nowhere/x.npz")])

@@ -64,6 +64,7 @@ def test_the_table_has_a_line_for_each_place(saved, capsys):
         (("query", "m", "--point", "1", "2"), "--point 1 2: expected X Y Z in metres"),
         (("query", "m", "--point", "1", "2", "inf"), "--point 1 2 inf: expected X Y Z in metres"),
         (("query", "m", "--point", "1", "2", "east"), "--point east: expected a number"),
+        (("query", "m", "--far-m", "13"), "--far-m 13.0: expected metres above 0, 12 at most"),
         (("query", "m", "--points", "/nowhere"), "--points /nowhere: No such file"),
         (("query", "/nowhere", "--point", "1", "2", "3"), "/nowhere: no such file: expected a map"),
     ],
