@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
+from hsslam_node.evaluation.mesh.nearest_triangle import nearest_points, parts
 from hsslam_node.evaluation.mesh.visibility import Observer, Views
 
 SAMPLES = 200_000
@@ -79,14 +79,13 @@ def sample_surface(
 ) -> SurfaceSamples:
     """Up to `count` observed points, uniform over the area; one seed always gives the same."""
     rng = np.random.default_rng(seed)
-    corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]  # [F, 3, 3]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    cumulative = np.cumsum(np.linalg.norm(cross, axis=1))
+    vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
+    cumulative = np.cumsum(_areas(vertices, triangles))
     points, faces, found = [np.empty((0, 3))], [np.empty(0, np.int64)], 0
-    for _ in range(_MOST_DRAWS if len(corners) and cumulative[-1] > 0 else 0):
+    for _ in range(_MOST_DRAWS if len(triangles) and cumulative[-1] > 0 else 0):
         rows = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
-        rows = np.minimum(rows, len(corners) - 1)
-        chosen = corners[rows]
+        rows = np.minimum(rows, len(triangles) - 1)
+        chosen = vertices[triangles[rows]]  # [count, 3, 3]
         a, b = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
         drawn = (1 - a) * chosen[:, 0] + a * (1 - b) * chosen[:, 1] + a * b * chosen[:, 2]
         seen = views.observed(drawn) if views else np.ones(count, bool)
@@ -98,20 +97,18 @@ def sample_surface(
     return SurfaceSamples(np.concatenate(points)[:count], np.concatenate(faces)[:count])
 
 
+def _areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Twice the areas [F] m2 of triangles [F, 3]."""
+    found = np.empty(len(faces))
+    for rows in parts(len(faces)):
+        a, b, c = (vertices[faces[rows, k]] for k in range(3))
+        found[rows] = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return found
+
+
 def distances(points: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
     """Exact distance [N] m of points [N, 3] to the triangles `faces` [F, 3] between vertices [V, 3], m."""
-    return _nearest(points, vertices, faces)[0]
-
-
-def _nearest(
-    points: ArrayLike, vertices: ArrayLike, faces: ArrayLike
-) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [N] m as from `distances`, and the nearest points [N, 3]."""
-    vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    tree = igl.AABB()
-    tree.init(vertices, faces)
-    squared, _, feet = tree.squared_distance(vertices, faces, np.asarray(points, np.float64))
-    return np.sqrt(squared), np.asarray(feet)
+    return nearest_points(points, vertices, faces)[0]
 
 
 def _observed_distances(
@@ -119,12 +116,15 @@ def _observed_distances(
 ) -> np.ndarray:
     """Distances [N] m of points [N, 3] to what the views saw of a mesh, of which `samples` are observed."""
     faces = np.asarray(mesh.faces)
-    found, feet = _nearest(points, mesh.vertices, faces)
+    found, feet = nearest_points(points, mesh.vertices, faces)
     if views is None:
         return found
     hidden = ~views.observed(feet)
     if hidden.any():
-        seen = views.observed(np.asarray(mesh.vertices, np.float64)[faces].mean(axis=1))
+        vertices = np.asarray(mesh.vertices, np.float64)
+        seen = np.concatenate(
+            [views.observed(vertices[faces[rows]].mean(axis=1)) for rows in parts(len(faces))]
+        )
         seen[samples.faces] = True
         found[hidden] = distances(points[hidden], mesh.vertices, faces[seen])
     return found
