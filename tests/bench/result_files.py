@@ -1,9 +1,10 @@
 """Rows and result files as the benchmark writes them."""
 
+import dataclasses
 from pathlib import Path
 
 from hsslam_bench.checks.catalogue import catalogue
-from hsslam_bench.checks.check import Row
+from hsslam_bench.checks.check import Row, unmeasured
 from hsslam_bench.results.report import machine, read_report, report, write_report
 from hsslam_bench.runs.session import Session
 
@@ -11,7 +12,7 @@ from hsslam_bench.runs.session import Session
 def row_of(name: str, measured: str = "12", verdict="measured") -> Row:
     """A row of the catalogue that was measured so."""
     (check,) = (check for check in catalogue() if check.name == name)
-    return Row(name, check.what, check.bound, measured, verdict)
+    return dataclasses.replace(unmeasured(check), measured=measured, verdict=verdict)
 
 
 def stored(path: Path, *rows: Row) -> Path:

@@ -34,6 +34,7 @@ class Check:
     measure: Callable[[Session], Measured]
     by_name_only: bool = False  # takes long, or is no figure of the documents
     is_lockstep: bool = False  # of runs whose results do not depend on what else the machine does
+    version: int = 1  # raised if figures come about otherwise while `what` and `bound` stay
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,12 @@ class Row:
     values: Mapping[str, Any] = field(default_factory=dict)
     figure: float | None = None
     better: Better = ""
+    version: int = 1  # of the check that was measured; stored rows without it have 1
+
+    @property
+    def definition(self) -> tuple[str, str, int]:
+        """Equal for rows that measure the same."""
+        return self.what, self.bound, self.version
 
 
 def perform(check: Check, session: Session) -> Row:
@@ -55,16 +62,25 @@ def perform(check: Check, session: Session) -> Row:
 
     What cannot be measured on this machine is not measured, with the reason.
     """
-    verdict: Verdict
     try:
         result = check.measure(session)
     except Skipped as skipped:
-        return Row(check.name, check.what, check.bound, str(skipped), "skipped")
+        return _row(check, Measured(str(skipped)), "skipped")
     except NotMeasured as reason:
-        return Row(check.name, check.what, check.bound, str(reason), "not measured")
+        return _row(check, Measured(str(reason)), "not measured")
     except RunFailedError as failure:
-        return Row(check.name, check.what, check.bound, str(failure), "NOT MET")
-    verdict = "measured" if result.ok is None else "ok" if result.ok else "NOT MET"
+        return _row(check, Measured(str(failure)), "NOT MET")
+    return _row(
+        check, result, "measured" if result.ok is None else "ok" if result.ok else "NOT MET"
+    )
+
+
+def unmeasured(check: Check) -> Row:
+    """The row of something that was not measured."""
+    return _row(check, Measured(""), "not measured")
+
+
+def _row(check: Check, result: Measured, verdict: Verdict) -> Row:
     return Row(
         name=check.name,
         what=check.what,
@@ -74,12 +90,8 @@ def perform(check: Check, session: Session) -> Row:
         values=dict(result.values),
         figure=result.figure,
         better=result.better,
+        version=check.version,
     )
-
-
-def unmeasured(check: Check) -> Row:
-    """The row of something that was not measured."""
-    return Row(check.name, check.what, check.bound, "", "not measured")
 
 
 def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from statistics import fmean
 from typing import Any
 
-from hsslam_bench.checks.accuracy import Accuracy
+from hsslam_bench.checks.accuracy import MESH_VERSION, Accuracy
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import RunFailedError, finished
 from hsslam_bench.runs.session import NotMeasured, Session
@@ -32,12 +32,14 @@ def faithful_checks() -> list[Check]:
             f"{mesh}: mean distance of the mesh to the truth",
             f"{100 * _ACCURACY_M:g} cm, below the TSDF",
             _mesh_accuracy,
+            version=MESH_VERSION,
         ),
         Check(
             f"faithful:{_NOISY}:completion",
             f"{mesh}: share of the truth within 5 cm of the mesh",
             f"{_COMPLETION:.0%}, above the TSDF",
             _mesh_completion,
+            version=MESH_VERSION,
         ),
         Check(
             "faithful:kitchen:depth",

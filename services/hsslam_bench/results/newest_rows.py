@@ -24,15 +24,16 @@ class NewestRows:
     def of(reports: Sequence[Report]) -> "NewestRows":
         """A row comes from the last report that measured it; without one, the last that says why not.
 
-        A row that was measured as something else, or against another bound, does not count.
+        A row that was measured as something else, against another bound or by another version of its
+        check does not count.
         """
         checks = {check.name: check for check in catalogue()}
-        rows = {name: unmeasured(check) for name, check in checks.items()}
+        wanted = {name: unmeasured(check) for name, check in checks.items()}
+        rows = dict(wanted)
         origin: dict[str, Report] = {}
         for found in reports:
             for row in found.rows:
-                check = checks.get(row.name)
-                if check is None or (row.what, row.bound) != (check.what, check.bound):
+                if row.name not in rows or row.definition != wanted[row.name].definition:
                     continue
                 is_measured = row.verdict not in ("skipped", "not measured")
                 if is_measured or row.verdict == rows[row.name].verdict == "not measured":

@@ -1,6 +1,7 @@
 """The tables of the documents, and the figures that are kept for them."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import msgspec
@@ -92,6 +93,19 @@ def test_a_row_measured_against_another_bound_is_not_in_the_document(tmp_path: P
     row = dataclasses.replace(row_of("memory", "9 GB"), bound="10 GB")
     fill_document(document, [stored(tmp_path / "1.json", row)])
     assert "9 GB" not in document.read_text()
+
+
+def test_a_row_of_another_version_of_its_check_is_neither_kept_nor_in_the_document(tmp_path: Path):
+    document = tmp_path / "results.md"
+    document.write_text(f"{BEGIN}\n{END}\n")
+    path = stored(tmp_path / "1.json", row_of("mesh:house:accuracy", "0.31 cm"), row_of("memory"))
+    fill_document(document, [path])
+    assert "0.31 cm" in document.read_text()
+    path.write_text(re.sub(r',\s*"version": 2', "", path.read_text()))  # as before versions
+    fill_document(document, [path])
+    assert "0.31 cm" not in document.read_text()
+    (kept,) = keep(tmp_path / "figures", [path])
+    assert [row.name for row in read_report(kept).rows] == ["memory"]
 
 
 def test_document_holds_chosen_rows_and_their_values_by_run(tmp_path: Path):
