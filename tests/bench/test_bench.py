@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import re
 import subprocess
 import sys
@@ -153,6 +154,25 @@ def test_figures_are_compared_as_ratios(tmp_path: Path):
     assert found["memory"].is_better
     assert found["stages run track"].is_better is None
     assert "only in A: budget" in circumstances(before, after)
+
+
+def test_what_a_ratio_cannot_show_is_told(tmp_path: Path):
+    was = dataclasses.replace(row_of("ate:house", "0.4 cm", "ok"), figure=0.004, better="lower")
+    failed = dataclasses.replace(was, measured="code 3", verdict="NOT MET", figure=None, version=2)
+    none_wrong = dataclasses.replace(row_of("memory", "0"), figure=0.0, better="lower")
+    some_wrong = dataclasses.replace(none_wrong, figure=5.0, bound="9 GB")
+    before = report(Session(tmp_path, tmp_path), machine(), [was, none_wrong])
+    after = report(
+        Session(tmp_path, tmp_path, extra=["--seed", "1"]), machine(), [failed, some_wrong]
+    )
+    (pair,) = pairs(before, after)
+    assert (pair.ratio, pair.is_better) == (math.inf, False)
+    assert circumstances(before, after)[2:] == [
+        "options of hsslam-serve: A none, B --seed 1: ratios say little",
+        "ate:house: version differs: A 1, B 2",
+        "ate:house: A ok, 0.4 cm; B NOT MET, code 3",
+        f"memory: bound differs: A {none_wrong.bound}, B 9 GB",
+    ]
 
 
 def test_results_of_another_version_are_refused(tmp_path: Path):

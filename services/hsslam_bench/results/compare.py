@@ -1,5 +1,6 @@
 """Two result files side by side, as ratios."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ from rich.text import Text
 from hsslam_bench.checks.check import Better, Row
 from hsslam_bench.results.report import Report
 
-_NOTABLE = 0.05  # a ratio this far from 1 is coloured
+_NOTABLE = 0.05  # a change by this share of what was before is coloured
 
 
 @dataclass(frozen=True)
@@ -23,38 +24,35 @@ class Pair:
     better: Better = ""
 
     @property
-    def ratio(self) -> float | None:
-        """After over before; None: before was nothing."""
-        return self.after / self.before if self.before else None
+    def ratio(self) -> float:
+        """After over before; infinite from zero on."""
+        if self.before == self.after:
+            return 1.0
+        return self.after / self.before if self.before else math.inf
 
     @property
     def is_better(self) -> bool | None:
         """Whether it is notably better (False: notably worse)."""
-        if self.ratio is None or not self.better or abs(self.ratio - 1) < _NOTABLE:
+        change = self.after - self.before
+        if not self.better or not change or abs(change) < _NOTABLE * abs(self.before):
             return None
-        return (self.ratio < 1) == (self.better == "lower")
+        return (change < 0) == (self.better == "lower")
 
 
 def pairs(before: Report, after: Report) -> list[Pair]:
     """What both have measured: the figure of a row, or each of its numbers where it has no figure."""
-    found: list[Pair] = []
-    old = {row.name: row for row in before.rows}
-    for row in after.rows:
-        if row.name in old:
-            found += _pairs_of(old[row.name], row)
-    return found
+    return [pair for old, new in _in_both(before, after) for pair in _pairs_of(old, new)]
 
 
 def comparison(before: Report, after: Report) -> Table:
     """The pairs as a table for people."""
     table = Table(Column("row", no_wrap=True), "A", "B", "B / A", "")
     for pair in pairs(before, after):
-        ratio = "-" if pair.ratio is None else f"{pair.ratio:.2f}"
         good = pair.is_better
         verdict = "" if good is None else "better" if good else "worse"
         style = "" if good is None else "green" if good else "red"
         numbers = (f"{pair.before:.4g}", f"{pair.after:.4g}")
-        table.add_row(pair.name, *numbers, Text(ratio, style), Text(verdict, style))
+        table.add_row(pair.name, *numbers, Text(f"{pair.ratio:.2f}", style), Text(verdict, style))
     return table
 
 
@@ -69,11 +67,32 @@ def circumstances(before: Report, after: Report) -> list[str]:
         lines.append("measured on different machines: ratios say little")
     if before.protocol.get("quick") or after.protocol.get("quick"):
         lines.append("measured with --quick: ratios say little")
-    return lines
+    extra = [" ".join(found.protocol.get("extra_options", [])) for found in (before, after)]
+    if extra[0] != extra[1]:
+        shown = (words or "none" for words in extra)
+        lines.append("options of hsslam-serve: A {}, B {}: ratios say little".format(*shown))
+    return lines + [line for pair in _in_both(before, after) for line in _differences(*pair)]
+
+
+def _in_both(before: Report, after: Report) -> list[tuple[Row, Row]]:
+    """The rows that both have measured."""
+    old = {row.name: row for row in before.rows}
+    names = _measured(before) & _measured(after)
+    return [(old[row.name], row) for row in after.rows if row.name in names]
 
 
 def _measured(found: Report) -> set[str]:
     return {row.name for row in found.rows if row.verdict not in ("skipped", "not measured")}
+
+
+def _differences(old: Row, new: Row) -> Iterator[str]:
+    """Lines about what a ratio does not show: another definition or verdict, and a figure that one lacks."""
+    for name in ("what", "bound", "version"):
+        own, other = getattr(old, name), getattr(new, name)
+        if own != other:
+            yield f"{new.name}: {name} differs: A {own or 'none'}, B {other or 'none'}"
+    if old.verdict != new.verdict or (old.figure is None) != (new.figure is None):
+        yield f"{new.name}: A {old.verdict}, {old.measured}; B {new.verdict}, {new.measured}"
 
 
 def _pairs_of(old: Row, new: Row) -> Iterator[Pair]:
