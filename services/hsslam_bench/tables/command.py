@@ -21,7 +21,7 @@ from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.tables.figures import disagreements, markdown_table, measured_rows, rich_table
 from hsslam_bench.tables.options import TableOptions
 from hsslam_bench.tables.paper_tables import LITERATURE, METHOD_OF_PRESET, TABLES, PaperTable
-from hsslam_bench.tables.plan import Plan, RunResult, plan_table
+from hsslam_bench.tables.plan import Plan, RunResult, folder_name, plan_table
 from hsslam_bench.tables.published.scene_settings import settings_of
 from hsslam_bench.tables.result_file import ResultFile
 from hsslam_bench.tables.run_job import rescored, run_job
@@ -78,7 +78,7 @@ def _measure(
                 progress.reset(frames, description=job.name, total=None)
                 result = run_job(
                     job,
-                    runs / job.name,
+                    runs / folder_name(job),
                     commit,
                     lambda done, total: progress.update(frames, completed=done, total=total),
                 )
@@ -102,9 +102,10 @@ def _rescore(
         if result is None or result.error:
             continue
         try:
-            if not (runs / job.name).is_dir():
-                raise RunFailedError(f"{runs / job.name} is not there")
-            result = rescored(job, result, runs / job.name, commit)
+            folder = runs / folder_name(result)
+            if not folder.is_dir():
+                raise RunFailedError(f"{folder} is not there")
+            result = rescored(job, result, folder, commit)
             file.add(result, on)
         except RunFailedError as failure:
             console.print(f"{job.name}: keeps its scores: {failure}", soft_wrap=True)

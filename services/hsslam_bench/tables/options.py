@@ -94,6 +94,8 @@ class TableOptions:
         parts = [f"preset {self.preset}", *self.set, f"{self.frames or 'all'} frames"]
         if self.stride > 1:
             parts.append(f"one in {self.stride}")
+        if self.device != "cpu":
+            parts.append(f"device {self.device}")
         return "; ".join((*parts, f"noise {self.noise}"))
 
 

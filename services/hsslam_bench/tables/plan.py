@@ -76,7 +76,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """For people and for the run's folder."""
+        """For people; runs of other options have the same."""
         return f"{self.row}-{self.sequence.replace('/', '-')}-seed{self.seed}"
 
     @property
@@ -105,6 +105,11 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
         """Whether this is of the job's row, sequence, seed and protocol, be it of another commit."""
         mine = (self.row, self.sequence, self.seed, self.protocol)
         return mine == (job.row, job.sequence, job.seed, job.protocol)
+
+
+def folder_name(run: Job | RunResult) -> str:
+    """Of the folder with the files of a run; a run of other options has another."""
+    return f"{run.row}-{run.sequence.replace('/', '-')}-seed{run.seed}-{run.key}"
 
 
 @dataclass(frozen=True)

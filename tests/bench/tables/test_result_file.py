@@ -3,8 +3,8 @@
 import pytest
 
 from hsslam_bench.results.report import machine
-from hsslam_bench.tables.options import with_overrides
-from hsslam_bench.tables.plan import Job, RunResult
+from hsslam_bench.tables.options import TableOptions, with_overrides
+from hsslam_bench.tables.plan import Job, RunResult, folder_name
 from hsslam_bench.tables.result_file import ResultFile
 from hsslam_node.errors import UserError
 from hsslam_node.presets import PRESETS
@@ -47,6 +47,20 @@ def test_only_the_same_configuration_and_commit_counts_as_done(tmp_path):
         {"config": with_overrides(PRESETS["paper"], {"mapper.rays": 5})},
     )
     assert all(again.done(_job(**change), "abc") is None for change in others)
+
+
+def test_runs_of_other_options_share_no_folder_and_no_figures(tmp_path):
+    job = _job()
+    assert folder_name(_result(job)) == folder_name(job)
+    others = [
+        _job(frames=SourceOptions(noise="kinect")),
+        _job(frames=SourceOptions(frames=5)),
+        _job(config=PRESETS["realtime"]),
+        _job(device="cuda", protocol=TableOptions(device="cuda").protocol),
+    ]
+    assert len({folder_name(each) for each in (job, *others)}) == len(others) + 1
+    of_cpu = _job(protocol=TableOptions().protocol)
+    assert not _result(of_cpu).answers(others[-1])
 
 
 def test_what_failed_or_was_made_from_changed_files_is_run_again(tmp_path):

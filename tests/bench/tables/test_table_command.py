@@ -48,7 +48,8 @@ def test_a_run_that_fails_costs_nothing_else_and_nothing_is_run_twice(tmp_path: 
     elsewhere = ("--data", str(tmp_path / "no"))
     assert "(D) without hash grid" in again("--show", *every, *elsewhere)[1].replace("\n", " ")
     assert out.read_text() == before
-    online = out.with_suffix("") / "D-room-seed0/trajectory_online.txt"
+    (folder,) = out.with_suffix("").glob("D-room-seed0-*")
+    online = folder / "trajectory_online.txt"
     online.write_text("\n".join(online.read_text().splitlines()[:-1]) + "\n")
     assert again("--rescore", *room)[0] == 0
     scored = {run["sequence"]: run for run in json.loads(out.read_text())["runs"]}["room"]
