@@ -22,7 +22,7 @@ from hsslam_bench.options import BenchOptions
 from hsslam_bench.peers.command import peers_command
 from hsslam_bench.result_commands import RESULT_COMMANDS
 from hsslam_bench.results.document import fill_document
-from hsslam_bench.results.report import machine, report, write_report
+from hsslam_bench.results.report import report, with_rows, write_report
 from hsslam_bench.runs.session import Session
 from hsslam_bench.tables.command import table_command
 from hsslam_bench.tables.paper_tables import TABLES
@@ -77,7 +77,8 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
     data = options.data or Path(BENCH_DATA.value() or "../shared/data")
     out = options.out or Path("runs/bench") / f"{time.strftime('%Y%m%d-%H%M%S')}.json"
     session = Session(data, out.with_suffix("").absolute(), options.quick, extra)
-    on = machine()
+    result = report(session)
+    commit = result.commit
     rows: list[Row] = []
     console = Console(emoji=False, highlight=False, markup=False)
     interrupted = False
@@ -85,9 +86,11 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
     order = [check.name for check in checks]
 
     def keep(row: Row) -> None:
+        nonlocal result
         rows.append(row)
         rows.sort(key=lambda kept: order.index(kept.name))
-        write_report(out, report(session, on, rows))
+        result = with_rows(result, session, rows)
+        write_report(out, result)
 
     try:
         _measure(checks, session, options.address, keep, console)
@@ -97,6 +100,9 @@ def _bench(options: BenchOptions, extra: list[str]) -> int:
     for row in rows:
         if row.verdict == "skipped":
             console.print(f"skipped {row.name}: {row.measured}", soft_wrap=True)
+    if result.commit != commit:
+        told = f"warning: files of hsslam changed meanwhile: commits {result.commit}: measure again"
+        console.print(told, soft_wrap=True)
     console.print(f"results: {out}", soft_wrap=True)
     return int(interrupted or any(row.verdict == "NOT MET" for row in rows))
 

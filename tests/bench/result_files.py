@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import Row, unmeasured
-from hsslam_bench.results.report import machine, read_report, report, write_report
+from hsslam_bench.results.report import read_report, report, write_report
 from hsslam_bench.runs.session import Session
 
 
@@ -17,6 +17,6 @@ def row_of(name: str, measured: str = "12", verdict="measured") -> Row:
 
 def stored(path: Path, *rows: Row) -> Path:
     """A result file of these rows."""
-    write_report(path, report(Session(path.parent, path.parent), machine(), rows))
+    write_report(path, report(Session(path.parent, path.parent), rows))
     assert read_report(path).rows == rows
     return path

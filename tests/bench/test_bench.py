@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from hsslam_bench.__main__ import main
@@ -15,7 +16,7 @@ from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import select
 from hsslam_bench.result_commands import RESULT_COMMANDS
 from hsslam_bench.results.compare import circumstances, pairs
-from hsslam_bench.results.report import machine, read_report, report
+from hsslam_bench.results.report import read_report, report, with_rows
 from hsslam_bench.runs.session import Session
 from hsslam_bench.tables.paper_tables import TABLES
 from tests.bench.result_files import row_of, stored
@@ -144,8 +145,8 @@ def test_figures_are_compared_as_ratios(tmp_path: Path):
     slow = dataclasses.replace(fast, figure=2.0, values={"not": "looked at", "number": 3})
     stages = dataclasses.replace(row_of("stages"), values={"run": {"track": 8.0, "same": True}})
     longer = dataclasses.replace(stages, values={"run": {"track": 10.0, "new": 1.0}})
-    before = report(Session(tmp_path, tmp_path), machine(), [slow, stages, row_of("budget")])
-    after = report(Session(tmp_path, tmp_path), machine(), [fast, longer])
+    before = report(Session(tmp_path, tmp_path), [slow, stages, row_of("budget")])
+    after = report(Session(tmp_path, tmp_path), [fast, longer])
     found = {pair.name: pair for pair in pairs(before, after)}
     assert {name: pair.ratio for name, pair in found.items()} == {
         "memory": 0.5,
@@ -161,10 +162,8 @@ def test_what_a_ratio_cannot_show_is_told(tmp_path: Path):
     failed = dataclasses.replace(was, measured="code 3", verdict="NOT MET", figure=None, version=2)
     none_wrong = dataclasses.replace(row_of("memory", "0"), figure=0.0, better="lower")
     some_wrong = dataclasses.replace(none_wrong, figure=5.0, bound="9 GB")
-    before = report(Session(tmp_path, tmp_path), machine(), [was, none_wrong])
-    after = report(
-        Session(tmp_path, tmp_path, extra=["--seed", "1"]), machine(), [failed, some_wrong]
-    )
+    before = report(Session(tmp_path, tmp_path), [was, none_wrong])
+    after = report(Session(tmp_path, tmp_path, extra=["--seed", "1"]), [failed, some_wrong])
     (pair,) = pairs(before, after)
     assert (pair.ratio, pair.is_better) == (math.inf, False)
     assert circumstances(before, after)[2:] == [
@@ -173,6 +172,16 @@ def test_what_a_ratio_cannot_show_is_told(tmp_path: Path):
         "ate:house: A ok, 0.4 cm; B NOT MET, code 3",
         f"memory: bound differs: A {none_wrong.bound}, B 9 GB",
     ]
+
+
+def test_a_commit_that_changes_meanwhile_is_named_beside_that_of_the_start(tmp_path: Path):
+    session = Session(tmp_path, tmp_path)
+    begun = report(session)
+    one = with_rows(begun, session, [row_of("memory")])
+    assert (one.time, one.commit) == (begun.time, begun.commit) and len(one.rows) == 1
+    elsewhere = msgspec.structs.replace(begun, commit="abc")
+    two = with_rows(with_rows(elsewhere, session, one.rows), session, one.rows)
+    assert two.commit == f"abc, {begun.commit}"
 
 
 def test_results_of_another_version_are_refused(tmp_path: Path):

@@ -4,8 +4,9 @@ import dataclasses
 import json
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from rich.console import Console
@@ -50,10 +51,11 @@ def peers_command(args: Sequence[str]) -> int:
     console = Console(emoji=False, highlight=False, markup=False, width=width)
     rows: list[PeerRow] = []
     interrupted = False
+    begun = {"commit": source_commit(), "machine": machine()}
     try:
         for row in _measured(options, console):
             rows.append(row)
-            _write(options.out, rows)
+            _write(options.out, begun, rows)
             if row.error or not console.is_terminal:
                 console.print(f"{row.sequence} {row.peer}: {_told(row)}", soft_wrap=True)
     except KeyboardInterrupt:
@@ -126,11 +128,10 @@ def _told(row: PeerRow) -> str:
     return row.error or ("no ATE" if ate_cm is None else f"ATE {ate_cm:.3f} cm")
 
 
-def _write(path: Path, rows: Sequence[PeerRow]) -> None:
+def _write(path: Path, begun: Mapping[str, Any], rows: Sequence[PeerRow]) -> None:
     """Everything so far, as JSON and as markdown."""
     found = {
-        "commit": source_commit(),
-        "machine": machine(),
+        **begun,
         "settings": {peer.title: peer.settings for peer in PEERS},
         "rows": [dataclasses.asdict(row) for row in rows],
     }

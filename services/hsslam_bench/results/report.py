@@ -38,8 +38,9 @@ class Machine(msgspec.Struct, frozen=True):
 class Report(msgspec.Struct, frozen=True):
     """One result file. New fields have defaults; a change that older readers trip over is a version."""
 
-    time: str  # UTC
-    commit: str  # "" where git does not know; ends with + where files had been changed
+    time: str  # of the start, UTC
+    # "" where git does not know; ends with + where files had been changed; "A, B" if it was changed meanwhile
+    commit: str
     machine: Machine
     versions: dict[str, str]
     protocol: dict[str, Any]
@@ -59,8 +60,8 @@ def machine() -> Machine:
     )
 
 
-def report(session: Session, on: Machine, rows: Sequence[Row]) -> Report:
-    """The result of a session on a machine."""
+def report(session: Session, rows: Sequence[Row] = ()) -> Report:
+    """The result of a session that starts now."""
     protocol = {
         "quick": session.quick,
         "extra_options": list(session.extra),
@@ -74,7 +75,7 @@ def report(session: Session, on: Machine, rows: Sequence[Row]) -> Report:
     return Report(
         time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         commit=source_commit(),
-        machine=on,
+        machine=machine(),
         versions={
             "python": platform.python_version(),
             **{name: importlib.metadata.version(name) for name in _PACKAGES},
@@ -83,6 +84,15 @@ def report(session: Session, on: Machine, rows: Sequence[Row]) -> Report:
         rows=tuple(rows),
         runs=[run.as_json() for run in session.runs.values()],
     )
+
+
+def with_rows(earlier: Report, session: Session, rows: Sequence[Row]) -> Report:
+    """The report with these rows; a commit that was checked out meanwhile joins that of the start."""
+    commit, now = earlier.commit, source_commit()
+    if now not in commit.split(", "):
+        commit = f"{commit}, {now}"
+    runs = [run.as_json() for run in session.runs.values()]
+    return msgspec.structs.replace(earlier, commit=commit, rows=tuple(rows), runs=runs)
 
 
 def write_report(path: Path, result: Report) -> None:

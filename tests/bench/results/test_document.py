@@ -11,7 +11,7 @@ from hsslam_bench.checks.catalogue import catalogue
 from hsslam_bench.checks.check import select
 from hsslam_bench.results.document import BEGIN, END, fill_document, with_tables
 from hsslam_bench.results.newest_rows import keep, read_for_documents
-from hsslam_bench.results.report import machine, read_report, report, write_report
+from hsslam_bench.results.report import read_report, report, write_report
 from hsslam_bench.runs.session import Session
 from hsslam_node.errors import UserError
 from tests.bench.result_files import row_of, stored
@@ -133,7 +133,7 @@ def test_document_takes_no_try_outs(tmp_path: Path):
     document = tmp_path / "results.md"
     document.write_text(f"{BEGIN}\n{END}\n")
     quick = tmp_path / "quick.json"
-    write_report(quick, report(Session(tmp_path, tmp_path, quick=True), machine(), []))
+    write_report(quick, report(Session(tmp_path, tmp_path, quick=True)))
     with pytest.raises(UserError, match="--quick"):
         fill_document(document, [quick])
     with pytest.raises(UserError, match=r"missing\.json"):
