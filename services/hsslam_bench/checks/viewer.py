@@ -1,9 +1,11 @@
 """Everything on at once: recording, a viewer attached to the web viewer or frozen, mesher and BA."""
 
 import contextlib
+from collections.abc import Sequence
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.run_log import LoggedPose
 from hsslam_bench.runs.sequences import Skipped
 from hsslam_bench.runs.serve_run import finished
 from hsslam_bench.runs.session import Session
@@ -93,23 +95,40 @@ def _check(sequence: str) -> Check:
         window = run.outside.get("frozen_ns", [])
         if len(window) < 2:
             return Measured("the viewer was not frozen: too little came", False)
-        poses = run.log.poses
-        inside = [pose.index for pose in poses if window[0] <= pose.publish_ns < window[1]]
-        if not inside:
-            return Measured("no pose while the viewer was frozen", False)
-        span = max(inside) - min(inside) + 1
-        dropped = span - len(set(inside))
-        last = max(pose.index for pose in poses)
-        elsewhere = last + 1 - len({pose.index for pose in poses}) - dropped
+        found = tracked_within(run.log.poses, window[0], window[1])
+        if found is None:
+            return Measured("no pose before or after the viewer was frozen", False)
+        tracked, frames = found
+        last = max(pose.index for pose in run.log.poses)
+        elsewhere = last + 1 - len(_tracked(run.log.poses)) - (frames - tracked)
         seconds = (window[1] - window[0]) / 1e9
         return Measured(
-            f"{len(inside)} of {span} frames in {seconds:.1f} s; {elsewhere} dropped in the rest of "
+            f"{tracked} of {frames} frames in {seconds:.1f} s; {elsewhere} dropped or lost in the rest of "
             f"{last + 1}",
-            dropped == 0,
-            {"dropped": dropped, "frames": span, "elsewhere": elsewhere, "seconds": seconds},
-            float(dropped),
+            tracked == frames,
+            {"tracked": tracked, "frames": frames, "elsewhere": elsewhere, "seconds": seconds},
+            float(frames - tracked),
             "lower",
         )
 
     what = f"{sequence}, 30 Hz, viewer and its server frozen for {FROZEN_S:g} s: frames tracked meanwhile"
-    return Check(f"frozen:{sequence}", what, "none dropped", measure)
+    return Check(f"frozen:{sequence}", what, "none dropped or lost", measure)
+
+
+def tracked_within(
+    poses: Sequence[LoggedPose], begin_ns: int, end_ns: int
+) -> tuple[int, int] | None:
+    """Frames tracked, and all frames, between the last pose before a time and the first one after it.
+
+    So a stall up to its end counts. None: no pose before, or none after.
+    """
+    before = [pose.index for pose in poses if pose.publish_ns < begin_ns]
+    after = [pose.index for pose in poses if pose.publish_ns >= end_ns]
+    if not before or not after:
+        return None
+    frames = range(max(before) + 1, min(after))
+    return len(_tracked(poses).intersection(frames)), len(frames)
+
+
+def _tracked(poses: Sequence[LoggedPose]) -> set[int]:
+    return {pose.index for pose in poses if pose.status != "lost"}
