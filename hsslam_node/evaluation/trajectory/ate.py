@@ -71,6 +71,18 @@ def associated(
     )
 
 
+def at_true_stamps(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> Trajectory:
+    """The same poses, with the stamps of the true poses that they belong to, as `ate` pairs them.
+
+    True poses have the stamps of frames, to the ns; files of other systems have six decimals, or stamps of
+    their own. A pose without a true one keeps its stamp.
+    """
+    stamps_ns = estimate.stamps_ns.copy()
+    rows_e, rows_t = np.array(_pairs(estimate, truth, max_dt_s), np.int64).reshape(-1, 2).T
+    stamps_ns[rows_e] = truth.stamps_ns[rows_t]
+    return Trajectory(stamps_ns, estimate.T_world_cam)
+
+
 def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Rigid transform [4, 4] that maps points `source` [N, 3] to `target` [N, 3], least squares."""
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)

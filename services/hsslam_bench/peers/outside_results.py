@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import GroundTruth
-from hsslam_node.geometry.trajectory import Trajectory, associate, read_tum
+from hsslam_node.evaluation.trajectory.ate import at_true_stamps
+from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.sources.files.truth_files import read_matrices
 from hsslam_node.user_path import user_path
 
 _EXPECTED = "expected NAME=trajectory.txt, NAME=trajectory.txt,mesh.ply or NAME=FOLDER"
 _TRAJECTORY, _MESH = "trajectory.txt", "mesh.ply"
 _MATRIX_NUMBERS = 16
-_MAX_DT_NS = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -55,14 +53,15 @@ def results_in(folder: Path, sequence: str) -> list[OutsideResult]:
 def read_trajectory(path: Path, truth: GroundTruth | None) -> Trajectory:
     """Camera-to-world poses with the stamps of the frames that they belong to.
 
-    TUM format, whose stamps are taken to those of the frames within 20 ms, or 16 numbers a line for
+    TUM format, whose stamps become those of the frames within 20 ms, or 16 numbers a line for
     each frame in turn, as Replica's `traj.txt`; OpenCV axes.
 
     Raises:
         UserError: the file is neither, or has not as many lines as there are frames.
     """
     if not _is_of_matrices(path):
-        return _at_frames(read_tum(path), truth)
+        found = read_tum(path)
+        return found if truth is None else at_true_stamps(found, truth.trajectory)
     poses = read_matrices(path)
     count = None if truth is None else len(truth.stamps_ns)
     if truth is None or len(poses) != count:
@@ -78,15 +77,3 @@ def _is_of_matrices(path: Path) -> bool:
         return False  # read_tum reports it
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     return len(first.split()) == _MATRIX_NUMBERS
-
-
-def _at_frames(trajectory: Trajectory, truth: GroundTruth | None) -> Trajectory:
-    """The same poses with stamps to the ns: systems print six decimals, or none of the frame's own."""
-    if truth is None:
-        return trajectory
-    order = np.argsort(trajectory.stamps_ns, kind="stable")
-    stamps_ns = trajectory.stamps_ns[order]
-    pairs = associate(stamps_ns, truth.stamps_ns, _MAX_DT_NS)
-    rows = np.array([order[i] for i, _ in pairs], np.int64)
-    frames = np.array([j for _, j in pairs], np.int64)
-    return Trajectory(truth.stamps_ns[frames], trajectory.T_world_cam[rows])

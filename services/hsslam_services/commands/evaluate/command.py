@@ -11,7 +11,9 @@ from rich.console import Console
 
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.evaluate import Evaluator, Subject, Wanted
+from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.scores import scores_as_json
+from hsslam_node.evaluation.trajectory.ate import at_true_stamps
 from hsslam_node.geometry.trajectory import Trajectory, read_tum, write_tum
 from hsslam_node.sources.options.source import SourceOptions
 from hsslam_services.camera.open_source import open_any_source
@@ -90,12 +92,21 @@ def _subject(options: EvalOptions) -> tuple[Subject, dict[str, Any]]:
         return subject, about | of_run
     assert source is not None  # expect_subject
     source = recorded_source(source.spec, source.options, _echo)
-    trajectories = {"final": read_tum(options.trajectory)} if options.trajectory else {}
-    if any(len(trajectory) == 0 for trajectory in trajectories.values()):
-        raise UserError(f"--trajectory {options.trajectory}: no poses: expected some in TUM format")
+    trajectories = {}
+    if options.trajectory:
+        trajectories["final"] = _given_poses(options.trajectory, source)
     about |= {"source": options.source, "noise": options.noise}
     spec, used = source.spec, source.options
     return Subject(spec, used, trajectories, options.mesh, open_it=open_any_source), about
+
+
+def _given_poses(path: Path, source: RecordedSource) -> Trajectory:
+    """With the stamps of the source's frames, by which meshes and consistency find them."""
+    found = read_tum(path)
+    if len(found) == 0:
+        raise UserError(f"--trajectory {path}: no poses: expected some in TUM format")
+    truth = open_ground_truth(source.spec, source.options)
+    return found if truth is None else at_true_stamps(found, truth.trajectory)
 
 
 def _own_folder(run: str) -> Path | None:
