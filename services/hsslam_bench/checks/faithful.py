@@ -8,7 +8,7 @@ from typing import Any
 
 from hsslam_bench.checks.accuracy import MESH_VERSION, Accuracy
 from hsslam_bench.checks.check import Check, Measured
-from hsslam_bench.runs.serve_run import RunFailedError, finished
+from hsslam_bench.runs.serve_run import RunFailedError, ServeRun, finished
 from hsslam_bench.runs.session import NotMeasured, Session
 from hsslam_node.evaluation.mesh.tsdf_baseline import TSDF_SETTINGS
 
@@ -17,6 +17,7 @@ _NOISY = "house-kinect"
 _ACCURACY_M, _COMPLETION = 0.008, 0.99
 _DEPTH_M, _ONE_MINUS_NCC = 0.0095, 0.04
 _GAP_FRAMES = 30
+_PAIRS = 0.97  # of those that the given poses have: where poses are worst, frames make no pair
 _MODULE = "hsslam_bench.runs.run_score"
 _PROTOCOLS = ("mesh", "mesh_literature")  # ours, which the bounds are on; the literature's
 
@@ -25,6 +26,7 @@ def faithful_checks() -> list[Check]:
     """One check for each property."""
     mesh = f"{_NOISY}, lockstep, mean of the seeds, a TSDF of the same poses and depth beside"
     frames = f"kitchen, lockstep, frames {_GAP_FRAMES} apart, mean of the seeds"
+    pairs = f"{_PAIRS:.0%} of the pairs of the given poses, none lost"
     return [
         *(_ate_check(name, bound_m) for name, bound_m in _ATE_BOUNDS_M.items()),
         Check(
@@ -44,13 +46,13 @@ def faithful_checks() -> list[Check]:
         Check(
             "faithful:kitchen:depth",
             f"{frames}: median depth difference",
-            f"{1000 * _DEPTH_M:g} mm",
+            f"{1000 * _DEPTH_M:g} mm; {pairs}",
             _consistency("depth_median_m", 1000, " mm", _DEPTH_M),
         ),
         Check(
             "faithful:kitchen:color",
             f"{frames}: 1 - NCC of grey values",
-            f"{_ONE_MINUS_NCC:g}",
+            f"{_ONE_MINUS_NCC:g}; {pairs}",
             _consistency("one_minus_ncc", 1, "", _ONE_MINUS_NCC),
         ),
     ]
@@ -108,7 +110,8 @@ def _scored_meshes(session: Session) -> dict[str, list[dict[str, Any]]]:
     """The scores of our mesh and of each TSDF by its name, one for each seed."""
     if importlib.util.find_spec("open3d") is None:
         raise NotMeasured("Open3D is not installed: pip install '.[dev]'")
-    found = [_scores(session, _NOISY, seed, "tsdf") for seed in session.seeds]
+    runs = [finished(session.lockstep(_NOISY, seed)) for seed in session.seeds]
+    found = [_scores(session, run, "tsdf") for run in runs]
     ours = [{protocol: score.get(protocol, {}) for protocol in _PROTOCOLS} for score in found]
     names = [options.name for options in TSDF_SETTINGS]
     return {"ours": ours, **{name: [score["tsdf"][name] for score in found] for name in names}}
@@ -129,7 +132,8 @@ def _percent(value: float) -> str:
 
 def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[Session], Measured]:
     def measure(session: Session) -> Measured:
-        found = [_scores(session, "kitchen", seed, "consistency") for seed in session.seeds]
+        runs = [finished(session.lockstep("kitchen", seed)) for seed in session.seeds]
+        found = [_scores(session, run, "consistency") for run in runs]
         gaps: dict[str, list[dict[str, Any]]] = {
             whose: [
                 next(row for row in score["consistency"][whose] if row["gap_frames"] == _GAP_FRAMES)
@@ -140,14 +144,22 @@ def _consistency(key: str, scale: float, unit: str, bound: float) -> Callable[[S
         ours, given = (
             _mean(f"{whose}: {key}", [row[key] for row in rows]) for whose, rows in gaps.items()
         )
-        text = f"{scale * ours:.3g}{unit}; the given poses {scale * given:.3g}{unit}"
-        return Measured(text, ours <= bound, gaps, ours, "lower")
+        pairs, least = (sum(row["pairs"] for row in rows) for rows in gaps.values())
+        possible = sum(row["possible"] for row in gaps["given"])
+        lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
+        return Measured(
+            f"{scale * ours:.3g}{unit}, {pairs} of {possible} pairs, {lost} lost; "
+            f"the given poses {scale * given:.3g}{unit}, {least} pairs",
+            ours <= bound and pairs >= _PAIRS * least and lost == 0,
+            {**gaps, "lost": lost},
+            ours,
+            "lower",
+        )
 
     return measure
 
 
-def _scores(session: Session, sequence: str, seed: int, what: str) -> dict[str, Any]:
-    run = finished(session.lockstep(sequence, seed))
+def _scores(session: Session, run: ServeRun, what: str) -> dict[str, Any]:
     return json.loads(session.python(_MODULE, str(run.folder), what))
 
 

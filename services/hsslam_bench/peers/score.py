@@ -41,6 +41,8 @@ def score(
         "rpe_cm": _times(100, rpe.get("translation_rmse_m")),
         "depth_mm": _times(1000, agreement.get("depth_median_m")),
         "one_minus_ncc": agreement.get("one_minus_ncc"),
+        "pairs": agreement.get("pairs"),
+        "possible_pairs": agreement.get("possible"),
     }
     for protocol, before in _PROTOCOLS.items():
         scores = figures.get(protocol, {})

@@ -18,9 +18,12 @@ class PeerRow:
     error: str = ""  # its last words if it failed
 
 
-def _frames(values: Mapping[str, float | None]) -> str:
-    scored, expected = values.get("scored"), values.get("expected")
-    return "-" if scored is None or expected is None else f"{scored:.0f}/{expected:.0f}"
+def _share(metric: str, of: str) -> Callable[[Values], str]:
+    def text(values: Values) -> str:
+        part, whole = values.get(metric), values.get(of)
+        return "-" if part is None or whole is None else f"{part:.0f}/{whole:.0f}"
+
+    return text
 
 
 def _number(metric: str, digits: int) -> Callable[[Values], str]:
@@ -43,11 +46,12 @@ def _mesh(before: str) -> Callable[[Values], str]:
 
 
 _COLUMNS: Mapping[str, Callable[[Values], str]] = {
-    "scored": _frames,
+    "scored": _share("scored", "expected"),
     "ATE cm": _number("ate_cm", 3),
     "RPE frame cm": _number("rpe_cm", 3),
     f"{GAP_FRAMES} frames apart mm": _number("depth_mm", 1),
     "1 - NCC": _number("one_minus_ncc", 3),
+    "pairs": _share("pairs", "possible_pairs"),
     "mesh exact acc. / comp. cm / %": _mesh(""),
     "mesh lit. acc. / comp. cm / %": _mesh("lit_"),
     "frames/s": _number("fps", 1),

@@ -30,6 +30,7 @@ def test_trajectory_agreement_and_mesh_by_both_protocols(monkeypatch):
     mesh.apply_transform(T_world_truth)
     exact = score("synth:room", _ROOM, Trajectory(truth.stamps_ns, poses), mesh)
     assert (exact["scored"], exact["expected"]) == (41, 41)
+    assert exact["pairs"] == exact["possible_pairs"] == 2
     assert exact["ate_cm"] == pytest.approx(0, abs=1e-6)
     assert exact["accuracy_cm"] == pytest.approx(0, abs=1e-4)
     assert exact["completion_pct"] == pytest.approx(100)
@@ -44,7 +45,11 @@ def test_trajectory_agreement_and_mesh_by_both_protocols(monkeypatch):
     assert poor["accuracy_cm"] is None
 
     text = in_words(exact)
-    assert "41/41" in text and "mesh exact acc. / comp. cm / % 0.00 / 0.00 / 100.0" in text
+    assert (
+        "41/41" in text
+        and "pairs 2/2" in text
+        and "mesh exact acc. / comp. cm / % 0.00 / 0.00 / 100.0" in text
+    )
     assert "mesh" not in in_words(poor)
     lines = peers_markdown(
         [PeerRow("room", "exact", exact), PeerRow("room", "dead", error="ended")]

@@ -102,12 +102,14 @@ def _consistency(figures: Mapping[str, Any]) -> Table | None:
     for whose in found:
         table.add_column(f"{whose}: mm", justify="right")
         table.add_column("1 - NCC", justify="right")
-    table.add_column("pairs", justify="right")
+        table.add_column("pairs", justify="right")
+    table.caption = "pairs: of those that the frames make; where poses are worst, frames make none"
     for row in zip(*found.values(), strict=True):
         cells = [str(row[0]["gap_frames"])]
         for one in row:
             cells += [_number(one["depth_median_m"], 1000, 1), _number(one["one_minus_ncc"], 1, 3)]
-        table.add_row(*cells, f"{row[0]['pairs']}/{row[0]['possible']}")
+            cells.append(f"{one['pairs']}/{one['possible']}")
+        table.add_row(*cells)
     return table
 
 
