@@ -171,7 +171,7 @@ FAULTS = (
     Fault(
         "stands-still",
         "the camera stands still for two minutes, /dev/shm of 256 MB",
-        "no growth, and the run goes on",
+        "no growth, and poses come for half of the frames at least",
         full_memory.camera_stands_still,
         seconds=150,
         needs_root=True,
@@ -187,7 +187,7 @@ FAULTS = (
     Fault(
         "keyframes-full",
         "the store of keyframes is full",
-        "every frame gets its pose",
+        "every frame gets its pose, and the service says once that keyframes get scarce",
         full_memory.keyframes_reach_their_capacity,
         seconds=60,
     ),

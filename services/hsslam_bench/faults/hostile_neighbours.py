@@ -55,6 +55,8 @@ def heartbeats_are_forged(experiment: Experiment) -> Finding:
             )
             sent += 1
             time.sleep(0.02)
+    if sent == 0:
+        raise CouldNotTellError("no forged heartbeat was sent: a stranger cannot connect")
     lives = run.pid_of("tracker") == pid
     return Finding(not lives, f"{sent} forged heartbeats sent; the tracker lives: {lives}")
 
@@ -94,9 +96,11 @@ def subscriber_does_not_read(experiment: Experiment) -> Finding:
     slow = experiment.start(sys.executable, "-P", "-c", _SUBSCRIBER, run.endpoint, stdout=-1)
     assert slow.stdout is not None
     if b"ready" not in slow.stdout.readline():
-        return Finding(False, "a stranger cannot subscribe")
+        raise CouldNotTellError("the client of all topics has ended: a stranger cannot subscribe")
     slow.send_signal(signal.SIGSTOP)
     during_ms = _latencies_ms(run, 2 * _WATCH_S)
+    if slow.poll() is not None:
+        raise CouldNotTellError(f"the client of all topics has ended with code {slow.returncode}")
     slow.kill()
     if not len(before_ms):
         raise CouldNotTellError("no poses without the subscriber")
