@@ -8,9 +8,9 @@ import numpy as np
 from hsslam_bench.checks.accuracy import ate_m, scored
 from hsslam_bench.checks.check import Measured
 from hsslam_bench.runs.serve_run import ServeRun
+from hsslam_bench.runs.viewers import LOOKED_SHARE, looked_share
 
 _LIGHT_POINTS = 640 * 12  # of one light iteration
-_LOOK_SHARE = 0.8  # of the seconds with poses, in which a viewer that sees the whole run takes data
 
 
 def tracked(run: ServeRun, least: float) -> Measured:
@@ -28,7 +28,7 @@ def tracked(run: ServeRun, least: float) -> Measured:
     slow = f"; the source was too slow: clock moved {shifts} x" if shifts else ""
     return Measured(
         f"{share:.1%} ({', '.join(notes)}){slow}",
-        share >= least and shifts == 0 and looked >= _LOOK_SHARE,
+        share >= least and shifts == 0 and looked >= LOOKED_SHARE,
         {
             "share": share,
             **frames,
@@ -46,8 +46,7 @@ def _looked_share(run: ServeRun) -> float:
     window = run.log.tracking_ns
     if run.viewer_bytes is None or window is None:
         return float(run.viewer_bytes is None)
-    wanted = range(window[0] // 10**9, window[1] // 10**9 + 1)
-    return len(set(wanted).intersection(run.outside["viewer_seconds"])) / len(wanted)
+    return looked_share(run.outside["viewer_seconds"], *window)
 
 
 def latency(run: ServeRun, percentile: str, bound_ms: float) -> Measured:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlparse
@@ -16,6 +17,15 @@ _TOLD = "viewer: open "  # in the log of the process that serves the page
 _END_S = 5.0
 FROZEN_S = 10.0
 _FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
+LOOKED_SHARE = (
+    0.8  # of the seconds with poses, in which a viewer that sees the whole run takes data
+)
+
+
+def looked_share(seconds: Collection[int], begin_ns: int, end_ns: int) -> float:
+    """Share of the seconds from one time to another (wall clock) that are among those of a viewer."""
+    wanted = range(begin_ns // 10**9, end_ns // 10**9 + 1)
+    return len(set(wanted).intersection(seconds)) / len(wanted)
 
 
 class AttachedViewer:

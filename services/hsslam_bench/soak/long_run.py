@@ -11,7 +11,7 @@ import psutil
 from hsslam_bench.runs.live_run import LiveRun
 from hsslam_bench.runs.serve_run import RunFailedError
 from hsslam_bench.runs.usage import Sample, Usage
-from hsslam_bench.runs.viewers import AttachedViewer
+from hsslam_bench.runs.viewers import AttachedViewer, looked_share
 from hsslam_proto import topics
 from hsslam_proto.messages import Keyframe, Pose
 
@@ -44,12 +44,20 @@ class LongRun:
     summary: dict[str, Any]
     left_behind: Sequence[str]
     viewer_bytes: int = 0
+    viewer_seconds: Sequence[int] = ()  # of the wall clock, in which the viewer took data
     killed: Sequence[str] = field(default_factory=tuple)  # lines on processes that did not end
 
     @property
     def minutes(self) -> float:
         """From the first pose to the last."""
         return (self.poses[-1].publish_ns - self.poses[0].publish_ns) / 60e9
+
+    @property
+    def viewer_share(self) -> float:
+        """Share of the seconds from the second pose, with which the run's clock begins, to the last in which
+        the viewer took data."""
+        begin_ns, end_ns = self.poses[1].publish_ns, self.poses[-1].publish_ns
+        return looked_share(self.viewer_seconds, begin_ns, end_ns)
 
     def memory_mb(self) -> list[tuple[float, float]]:
         """Minutes since the first pose, and the memory of all processes then (shared pages once), MB."""
@@ -155,7 +163,7 @@ def _watched(
         ),
         summary=run.summary(),
         left_behind=run.left_behind(2.0),
-        viewer_bytes=attached.received_bytes if attached else 0,
+        **(attached.found() if attached else {}),
         killed=tuple(line for line in lines if "did not end" in line or "not done after" in line),
     )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hsslam_bench.runs.serve_run import RunFailedError
+from hsslam_bench.runs.usage import peak_memory
 from hsslam_bench.soak.long_run import EndTimes, LongRun
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.trajectory.ate import ate
@@ -20,15 +21,15 @@ _WARM_SHARE = 1 / 6  # of the run: until minute 10 of 60 memory may grow
 
 @dataclass(frozen=True)
 class Memory:
-    """Memory of all processes after the first sixth of a run, MB."""
+    """Memory of all processes of a run, MB."""
 
-    by_minute_mb: Sequence[float]
-    spread: float  # largest distance from the median, as a share of it
-    most_mb: float
+    by_minute_mb: Sequence[float]  # after the first sixth
+    spread: float  # largest distance of these from the median, as a share of it
+    most_mb: float  # from the start to the end
 
 
-def memory_after_warm_up(run: LongRun) -> Memory:
-    """Means of each minute; shorter runs have fewer of them, but at least one."""
+def memory_of(run: LongRun) -> Memory:
+    """Means of each minute after the first sixth; shorter runs have fewer of them, but at least one."""
     times, sizes = np.array(run.memory_mb()).T if run.memory_mb() else np.zeros((2, 0))
     late = times > run.minutes * _WARM_SHARE
     if not late.any():
@@ -36,7 +37,8 @@ def memory_after_warm_up(run: LongRun) -> Memory:
     minutes = np.floor(times[late]).astype(int)
     means = [float(sizes[late][minutes == minute].mean()) for minute in np.unique(minutes)]
     middle = float(np.median(means))
-    return Memory(means, float(np.abs(np.array(means) - middle).max()) / middle, float(sizes.max()))
+    most_mb = sum(peak_memory(run.usage).values()) / 1e6
+    return Memory(means, float(np.abs(np.array(means) - middle).max()) / middle, most_mb)
 
 
 def p99_by_quarter_ms(run: LongRun) -> list[float]:

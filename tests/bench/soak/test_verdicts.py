@@ -1,5 +1,6 @@
 """Long runs are held against their bounds: memory by minute, latency by quarter, keyframes, the end."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from hsslam_bench.soak.long_run import EndTimes, LongRun
 from hsslam_bench.soak.verdicts import (
     ended_in_time,
     keyframes_after,
-    memory_after_warm_up,
+    memory_of,
     p99_by_quarter_ms,
 )
 from hsslam_proto.messages import Keyframe, Pose
@@ -59,13 +60,32 @@ def _run(memory_mb, latency_ms=lambda index: 10.0, keyframes=()) -> LongRun:
 
 
 def test_memory_that_grows_at_first_and_then_is_flat():
-    memory = memory_after_warm_up(_run(lambda minute: 500 * min(minute, 2)))
+    memory = memory_of(_run(lambda minute: 500 * min(minute, 2)))
     assert memory.spread < 0.01
     assert memory.most_mb == pytest.approx(1000)
 
 
+def test_most_memory_is_that_of_the_whole_run():
+    run = _run(lambda minute: 1000)
+    at_start = Sample(0, {}, {"mapper": 3_000_000_000}, 0)
+    at_end = Sample((60 * _MINUTES + 9) * _SECOND, {}, {"mesh_saver": 4_000_000_000}, 0)
+    for usage, most_mb in (([at_start, *run.usage], 3000), ([*run.usage, at_end], 4000)):
+        memory = memory_of(replace(run, usage=usage))
+        assert memory.most_mb == most_mb and memory.spread < 0.01
+
+
+def test_a_viewer_that_takes_nothing_is_known():
+    run = _run(lambda _: 1.0)
+    assert run.viewer_share == 0
+    every = range(60 * _MINUTES + 2)
+    assert replace(run, viewer_seconds=every).viewer_share == 1
+    assert replace(run, viewer_seconds=every[: 30 * _MINUTES]).viewer_share == pytest.approx(
+        0.5, 0.01
+    )
+
+
 def test_memory_that_grows_all_the_time():
-    memory = memory_after_warm_up(_run(lambda minute: 1000 + 50 * minute))
+    memory = memory_of(_run(lambda minute: 1000 + 50 * minute))
     assert memory.spread > 0.1
     assert memory.most_mb == pytest.approx(1600, rel=0.01)
 
