@@ -22,7 +22,7 @@ class Ros2Options:
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = ""
-    """Router of ROS nodes (empty: this run's, or rmw_zenohd)."""
+    """Router of ROS nodes (empty: that on port 7447 here, our own or rmw_zenohd)."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
     imu: str = ""

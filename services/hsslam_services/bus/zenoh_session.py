@@ -34,6 +34,8 @@ Settings = Mapping[str, object]
 _CONNECT_TIMEOUT_S = 10.0
 _THREADS = 8  # of a session with a link
 NO_SETTINGS: Settings = MappingProxyType({})
+# of a router for ROS nodes: they are peers, and hear one another after a router has told each of the others
+INTRODUCES_PEERS: Settings = MappingProxyType({"scouting/gossip/enabled": True})
 _COMMON: Settings = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -88,10 +90,12 @@ def _is_exempt() -> bool:
     return bool(int(effective.split()[1], 16) >> _CAP_IPC_LOCK & 1)
 
 
-def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Session:
+def open_router(
+    *endpoints: str, settings: Settings = NO_SETTINGS, expected: str = "a free port"
+) -> zenoh.Session:
     """The router of a run, listening on `endpoints` only (such as `tcp/127.0.0.1:7447`).
 
-    `settings`: of zenoh, beside those of this system.
+    `settings`: of zenoh, beside those of this system. `expected`: what the error of a taken port advises.
 
     Raises:
         UserError: the port is taken, it is no zenoh endpoint, or no threads can be started.
@@ -110,7 +114,7 @@ def open_router(*endpoints: str, settings: Settings = NO_SETTINGS) -> zenoh.Sess
         reason = _reason(error)
         _expect_shared_memory(reason)
         is_elsewhere = reason.startswith(("Cannot assign", "failed to lookup"))
-        expected = "an address of this machine" if is_elsewhere else "a free port"
+        expected = "an address of this machine" if is_elsewhere else expected
         raise UserError(
             f"zenoh endpoint {endpoints[0]}: cannot listen there: {reason}: expected {expected}"
         ) from None

@@ -16,7 +16,7 @@ from hsslam_node.sources.reports import Reports
 from hsslam_node.sources.ros2.raw_image import RawImage
 from hsslam_node.sources.ros2.stamp_pairs import StampPairs
 from hsslam_node.sources.source import BadFrame, SourceLostError
-from hsslam_services.bus.zenoh_session import open_client
+from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_client, open_router
 from hsslam_services.camera.ros2_messages import (
     CdrMessages,
     all_topics,
@@ -54,7 +54,7 @@ class Ros2Source:
         self._should_stop = should_stop
         self._topics = options.ros2.topics_under(name)
         self._pairs: StampPairs[RawImage] = StampPairs(round(1e6 * options.ros2.max_dt_ms))
-        self._session = open_client(options.ros2.connect or ROS_ROUTER)
+        self._session = _session(options.ros2.connect)
         domain = options.ros2.domain
         self._color, self._depth, self._info = (
             self._session.declare_subscriber(
@@ -187,3 +187,14 @@ class Ros2Source:
             keys.add(str(sample.key_expr))
         found = sorted(f"{topic_of(key)} ({type_of(key).rpartition('/')[2]})" for key in keys)
         return ", ".join(found) or f"nothing in domain {self._options.ros2.domain}"
+
+
+def _session(router: str) -> zenoh.Session:
+    """A client of this router of the ROS nodes; if none is named, of the one where they look first, or that
+    router itself if there is none."""
+    if router:
+        return open_client(router)
+    try:
+        return open_router(ROS_ROUTER, settings=INTRODUCES_PEERS)
+    except UserError:
+        return open_client(ROS_ROUTER)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from hsslam_services.bus.zenoh_session import open_router, shared_memory_of_run
+from hsslam_services.bus.zenoh_session import INTRODUCES_PEERS, open_router, shared_memory_of_run
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.security.access import WORKER_LINK, access_control
 from hsslam_services.security.certificate_validity import CertificateValidity
@@ -55,6 +55,8 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
     settings["transport/unicast/max_sessions"] = most_sessions()
     access = access_control(options.robot, bool(options.security), options.ros_domain)
     settings["access_control"] = access
+    if options.ros_domain is not None:
+        settings |= INTRODUCES_PEERS
     notices: tuple[tuple[str, str], ...] = ()
     outside, certificate_validity = (), None
     if options.security:
@@ -69,8 +71,17 @@ def open_run_router(options: ServeOptions, arena_dir: Path) -> RunRouter:
         outside = (f"tcp/{options.outside_place}",)
         warning = exposure(options.bind or "127.0.0.1")
         notices = ((warning, "warning"),) if warning else ()
-    session = open_router(*outside, inside, settings=settings)
+    session = open_router(*outside, inside, settings=settings, expected=_wanted_port(options))
     return RunRouter(session, inside, notices, certificate_validity)
+
+
+def _wanted_port(options: ServeOptions) -> str:
+    """What the error of a taken port advises."""
+    if not options.has_usual_port:
+        return "a free port"
+    is_of_ros = options.ros_domain is not None and not options.ros2.connect
+    beside = "; if rmw_zenohd has 7447, the run then connects to it" if is_of_ros else ""
+    return f"a free port, as --zenoh-port 7448{beside}"
 
 
 def exposure(bind: str) -> str:

@@ -21,6 +21,7 @@ from hsslam_node.sources.options.synth import SynthOptions
 from hsslam_node.sources.options.topics import Ros2Options
 from hsslam_node.sources.reports import Report, reports_of
 from hsslam_node.sources.source import BadFrame
+from hsslam_services.bus.bus import free_endpoint
 from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.commands.doctor import main as doctor
@@ -299,11 +300,19 @@ def test_the_mounting_of_an_imu_is_that_of_static_transforms(endpoint, ros_camer
     _expect_turned(first, last)
 
 
-def test_the_doctor_looks_at_it(endpoint, ros_camera, room, tmp_path, capsys):
-    ros_camera.start(room)
-    args = ["ros2:/camera", "--ros2.connect", endpoint, "--sample-frames", "12"]
-    with pytest.raises(SystemExit) as done:
-        doctor([*args, "--json", str(tmp_path / "found.json")])
+@pytest.mark.parametrize("has_router", [True, False])
+def test_the_doctor_looks_at_it(has_router, endpoint, room, tmp_path, capsys, monkeypatch):
+    """Where ROS nodes look for a router; if none is there, the doctor is the one that they find."""
+    place = endpoint if has_router else free_endpoint()
+    monkeypatch.setattr(ros2_source, "ROS_ROUTER", place)
+    camera = RosCamera(place)
+    camera.start(room)
+    try:
+        with pytest.raises(SystemExit) as done:
+            args = ["ros2:/camera", "--sample-frames", "12"]
+            doctor([*args, "--json", str(tmp_path / "found.json")])
+    finally:
+        camera.close()
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["frames_looked_at"] == 12
     rows = {finding["name"]: finding["severity"] for finding in found["findings"]}

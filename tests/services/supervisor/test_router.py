@@ -157,15 +157,48 @@ def test_nodes_of_ros_and_of_the_run_meet_at_the_router(tmp_path):
         _expect_met(inside, outside, "slam")
 
 
-def test_a_busy_port_is_named(tmp_path):
+def test_nodes_of_ros_hear_one_another(tmp_path):
+    """Peers set up as those of rmw_zenoh; what they send under keys of the run reaches no process of it."""
     port = int(free_endpoint().rpartition(":")[2])
-    (tmp_path / "other").mkdir()
     with (
-        _router(tmp_path, zenoh_port=port),
-        pytest.raises(UserError, match=f"tcp/127.0.0.1:{port}: cannot listen"),
-        _router(tmp_path / "other", zenoh_port=port),
+        _router(tmp_path, ros2_out="/hsslam", zenoh_port=port) as router,
+        open_client(router.endpoint) as inside,
+        _ros_node(port) as one,
+        _ros_node(port) as other,
     ):
-        pass
+        poses = inside.declare_subscriber("hsslam/**")
+        _expect_met(one, other, "planner")
+        _expect_met(other, one, "controller")
+        one.put("hsslam/r/out/pose", b"by any means")
+        _expect_met(one, inside, "planner")
+        assert poses.try_recv() is None
+
+
+def test_a_busy_port_is_named(tmp_path, own_address):
+    (tmp_path / "other").mkdir()
+    connects = "; if rmw_zenohd has 7447, the run then connects to it"
+    advised = {
+        ("zenoh:", None): "expected a free port, as --zenoh-port 7448",
+        ("zenoh:", 7449): "expected a free port",
+        ("ros2:/camera", None): f"expected a free port, as --zenoh-port 7448{connects}",
+    }
+    for (source, port), expected in advised.items():
+        options = {"source": source, "zenoh_port": port, "bind": own_address}
+        place = f"tcp/{own_address}:{port or 7447}: cannot listen there: Address already in use: "
+        with _router(tmp_path, **options), pytest.raises(UserError) as refused:
+            open_run_router(ServeOptions(**options), tmp_path / "other")
+        assert place in str(refused.value) and str(refused.value).endswith(expected)
+
+
+def _ros_node(port: int) -> zenoh.Session:
+    """As the default configuration of rmw_zenoh has it."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("connect/endpoints", f'["tcp/localhost:{port}"]')
+    config.insert_json5("listen/endpoints", '["tcp/localhost:0"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/target", '{"peer": ["router"]}')
+    return zenoh.open(config)
 
 
 def _expect_met(node: zenoh.Session, other: zenoh.Session, name: str) -> None:
