@@ -2,9 +2,10 @@
 
 python .ci/resolve.py UV
 
-For Python 3.11 to 3.14, x86-64 and aarch64, with and without `dev`: once with the locks and torch.txt,
-as `make run` and `make test` install, and once without, as `pip install .` does. Wheels alone: nothing
-may need a compiler. The settings of pip and uv are ignored. Ends with 1 and every combination that fails.
+For Python 3.11 to 3.14, x86-64 and aarch64, without an extra, with `dev` and with `ros2`: once with the
+locks and torch.txt, as `make run`, `make test` and the images install, and once without, as `pip install .`
+does. Wheels alone: nothing may need a compiler. The settings of pip and uv are ignored. Ends with 1 and
+every combination that fails.
 """
 
 import itertools
@@ -20,7 +21,7 @@ from lock import resolve  # noqa: E402
 
 _PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 _MACHINES = ("x86_64", "aarch64")
-_GLIBC = {"base": "2_28", "dev": "2_35"}  # the wheels of Open3D want 2.35
+_GLIBC = {"base": "2_28", "dev": "2_35", "ros2": "2_28"}  # the wheels of Open3D want 2.35
 _WAYS = ("locked", "free")
 
 
@@ -43,9 +44,10 @@ def main(uv: str) -> None:
 
 def _trouble(uv: str, python: str, machine: str, kind: str, way: str) -> str | None:
     """What uv says if a combination does not resolve."""
-    inputs = ["pyproject.toml", *(["--extra", "dev"] if kind == "dev" else [])]
+    inputs = ["pyproject.toml", *(["--extra", kind] if kind != "base" else [])]
     if way == "locked":
-        inputs += ["requirements/torch.txt", f"requirements/{kind}.lock"]
+        locks = ("base", "ros2") if kind == "ros2" else (kind,)
+        inputs += ["requirements/torch.txt", *(f"requirements/{lock}.lock" for lock in locks)]
     platform = f"{machine}-manylinux_{_GLIBC[kind]}"
     done = resolve(
         uv, *inputs, "--python-version", python, "--python-platform", platform,

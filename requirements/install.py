@@ -1,6 +1,6 @@
 """Installs HS-SLAM from the lock into a virtual environment, with the PyTorch that fits the machine.
 
-python requirements/install.py [--venv FOLDER] [--dev] [--editable] [PROJECT]
+python requirements/install.py [--venv FOLDER] [--dev] [--ros2] [--editable] [PROJECT]
 
 `make run`, `make test` and the images use it. uv does the work if it is on PATH, else pip.
 TORCH=cpu|cuda decides which PyTorch; else a machine with a CUDA driver gets that of PyPI, any other
@@ -47,12 +47,20 @@ def main() -> None:
         # the rest runs in the environment itself: a user may have made it with another Python
         os.execv(python, [str(python), str(Path(__file__).resolve()), *sys.argv[1:]])
     _check_machine()
-    lock = LOCKS / ("dev.lock" if options.dev else "base.lock")
+    locks = locks_of(options)
     tool = _tool()
-    _echo(f"{lock.name} with {'pip' if tool is _PIP else 'uv'}")
-    _run([*tool, "--require-hashes", "--requirement", str(lock)])
+    _echo(f"{' and '.join(locks)} with {'pip' if tool is _PIP else 'uv'}")
+    required = [word for lock in locks for word in ("--requirement", str(LOCKS / lock))]
+    _run([*tool, "--require-hashes", *required])
     install_torch(tool, wish, options.venv)
     _run([*tool, "--no-deps", *(["--editable"] if options.editable else []), options.project])
+
+
+def locks_of(options: argparse.Namespace) -> list[str]:
+    """The locks whose packages are wanted; dev.lock has those of ros2.lock."""
+    if options.dev:
+        return ["dev.lock"]
+    return ["base.lock", "ros2.lock"] if options.ros2 else ["base.lock"]
 
 
 def wanted_torch(environment: dict[str, str] | os._Environ[str]) -> str:
@@ -135,6 +143,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Installs HS-SLAM from the lock.")
     parser.add_argument("--venv", type=Path, default=Path(".venv"), help="made if it is not there")
     parser.add_argument("--dev", action="store_true", help="also what the tests need")
+    parser.add_argument("--ros2", action="store_true", help="also cameras in ROS 2, and ROS bags")
     parser.add_argument("--editable", action="store_true", help="run from the sources as they are")
     parser.add_argument("project", nargs="?", default=str(ROOT), help="folder, wheel or sdist")
     return parser.parse_args()

@@ -1,14 +1,15 @@
-"""Writes base.lock and dev.lock, or checks that they fit pyproject.toml and torch.txt.
+"""Writes base.lock, dev.lock and ros2.lock, or checks that they fit pyproject.toml and torch.txt.
 
 python requirements/lock.py UV [--check | --upgrade]
 
 A lock holds everything but PyTorch and what only PyTorch brings, with hashes, for every platform and
-Python 3.11 or newer. Pins stay as they are until --upgrade. The settings of pip and uv are ignored:
-the packages are those of PyPI, as everybody gets them.
+Python 3.11 or newer; ros2.lock holds what the extra ros2 adds to base.lock. Pins stay as they are until
+--upgrade. The settings of pip and uv are ignored: the packages are those of PyPI, as everybody gets them.
 """
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -16,12 +17,18 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path("requirements")  # relative, as the locks name their sources
-LOCKS = {"base.lock": [], "dev.lock": ["--extra", "dev"]}  # name: what it adds to the base
+LOCKS = {  # name: what it adds to the base
+    "base.lock": [],
+    "dev.lock": ["--extra", "dev"],
+    "ros2.lock": ["--extra", "ros2"],
+}
 
 _HEADER = """\
 # Made by `make lock` from pyproject.toml and torch.txt: change those, not this.
-# Everything but PyTorch and what only PyTorch brings.
+# {}
 """
+_ALL = "Everything but PyTorch and what only PyTorch brings."
+_ADDED = "What the extra ros2 adds to base.lock."
 
 
 def main() -> None:
@@ -72,6 +79,9 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
         )  # fmt: skip
         texts = {}
         for name, extra in LOCKS.items():
+            is_added = name == "ros2.lock"
+            if is_added:
+                without.write_text("\n".join(["torch", *_names(texts["base.lock"])]))
             target = Path(folder) / name
             old = ROOT / FOLDER / name
             target.write_text(old.read_text() if old.exists() else "")  # keeps its hashes
@@ -81,8 +91,12 @@ def _locked(uv: str, upgrade: bool) -> dict[str, str]:
             )  # fmt: skip
             lines = target.read_text().splitlines(keepends=True)
             kept = [line for line in lines if not line.endswith(f"-c {everything}\n")]
-            texts[name] = _HEADER + "".join(kept)
+            texts[name] = _HEADER.format(_ADDED if is_added else _ALL) + "".join(kept)
     return texts
+
+
+def _names(lock: str) -> list[str]:
+    return re.findall(r"^([\w.-]+)==", lock, re.MULTILINE)
 
 
 def _compile(uv: str, *arguments: str) -> None:

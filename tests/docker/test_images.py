@@ -34,6 +34,7 @@ def test_an_image_compiles_kernels_and_runs_as_a_user(file):
     assert ("RUN", "hsslam-serve warm-up") in instructions
     assert json.loads(values["ENTRYPOINT"]) == ["hsslam-serve"]
     assert parse_command_line(json.loads(values["CMD"])).source == "synth:room"
+    assert any("install.py --venv venv --ros2 " in value for _, value in instructions)
     names = [name for name, _ in instructions]
     assert names.index("USER") < names.index("COPY")  # what is copied belongs to the user
     for name, value in instructions:
@@ -109,6 +110,17 @@ def test_only_what_is_behind_certificates_has_a_port():
         assert is_open == bool(options.security) == ("ports" in service), name
         if is_open:
             assert service["ports"] == ["7447:7447"] and options.outside_place == "0.0.0.0:7447"
+
+
+def test_commands_of_the_page_are_ours():
+    text = (ROOT / "docs/containers.md").read_text()
+    found = re.findall(r"^ *docker .*\brun .* (?:hsslam|hsslam-cuda) (.+)$", text, re.MULTILINE)
+    sources = [
+        parse_command_line(words).source
+        for words in map(shlex.split, found)
+        if words[0] != "rescue"
+    ]
+    assert {"synth:room", "record:my_recording", "ros2:/camera"} == set(sources)
 
 
 def test_secrets_and_results_stay_out_of_the_image():

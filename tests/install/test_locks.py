@@ -13,6 +13,7 @@ _PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 _WANTED = {
     "base.lock": _PROJECT["dependencies"],
     "dev.lock": _PROJECT["dependencies"] + _PROJECT["optional-dependencies"]["dev"],
+    "ros2.lock": _PROJECT["optional-dependencies"]["ros2"],
 }
 _MACHINES = [
     {
@@ -73,5 +74,8 @@ def test_a_lock_has_what_the_project_asks_for_on_every_machine(lock):
 
 
 def test_tests_run_with_the_versions_that_users_get():
-    base = {(pin.name, str(pin.specifier)) for pin in _pins("base.lock")}
-    assert base <= {(pin.name, str(pin.specifier)) for pin in _pins("dev.lock")}
+    base, ros2, dev = (
+        {(pin.name, str(pin.specifier)) for pin in _pins(lock)}
+        for lock in ("base.lock", "ros2.lock", "dev.lock")
+    )
+    assert base | ros2 <= dev and not {name for name, _ in base} & {name for name, _ in ros2}
