@@ -10,7 +10,10 @@ from hsslam_node.errors import UserError
 DeviceChoice = Literal["auto", "cpu", "cuda"]
 
 _LARGEST_ERROR = 1e-4
-_REMEDY = "choose --device cpu or auto, or install PyTorch for CUDA beside an NVIDIA driver"
+_REMEDY = (
+    "choose --device cpu or auto, or install PyTorch for CUDA, and gcc with the headers of Python, "
+    "beside an NVIDIA driver"
+)
 
 
 def choose_device(choice: DeviceChoice) -> Device:
