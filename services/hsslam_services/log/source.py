@@ -30,6 +30,7 @@ from hsslam_services.run.options import ServeOptions
 from hsslam_services.run.source_table import comes_once, log_place
 
 _RATE_FRAMES = 30  # the rate is computed from the stamps of this many
+_TWICE_DIFFERS = ("noise", "exposure", "downscale")  # effects that change frames again each time
 _MOST_LOGS = 8  # a run from the log of a run from the log of ...
 
 
@@ -168,6 +169,20 @@ def frames_of_run(run: ServeOptions, indices: Collection[int]) -> SourceOptions:
         stride=options.stride * step,
         frames=(last - first) // step + 1,
     )
+
+
+def repeated_effects(options: ServeOptions) -> list[str]:
+    """A line for each effect that the frames of a log, the source of these options, have already, and get
+    again."""
+    place, usual = log_place(options.source), ServeOptions()
+    given = [name for name in _TWICE_DIFFERS if getattr(options, name) != getattr(usual, name)]
+    run = logged_options(log_parts(place, lambda _: None)) if place and given else None
+    return [
+        f"--{name} {getattr(options, name)}: the frames of {options.source} already have --{name} "
+        f"{getattr(run, name)}, and get it again"
+        for name in given
+        if run is not None and getattr(run, name) != getattr(usual, name)
+    ]
 
 
 def logged_options(files: list[Path]) -> ServeOptions | None:

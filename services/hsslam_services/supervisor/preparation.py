@@ -88,7 +88,8 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
         skipped = [
             (f"{path}: of another user, or a link: skipped", "info") for path in foreign_arenas()
         ]
-        router = router._replace(notices=(*router.notices, *skipped))
+        repeated = [(text, "warning") for text in _repeated_effects(options)]
+        router = router._replace(notices=(*router.notices, *skipped, *repeated))
         metrics = MetricsServer(options.metrics_port)
         undo.callback(metrics.close)
         info = RunInfo(
@@ -112,6 +113,14 @@ def prepare(options: ServeOptions, is_cancelled: Callable[[], bool]) -> Prepared
     return Prepared(
         info, claim, replaced, router, arena, metrics, (*router.notices, *_kept_arenas())
     )
+
+
+def _repeated_effects(options: ServeOptions) -> list[str]:
+    if not log_place(options.source):
+        return []
+    from hsslam_services.log.source import repeated_effects  # MCAP, which few runs read
+
+    return repeated_effects(options)
 
 
 def _save_dead_arenas() -> None:

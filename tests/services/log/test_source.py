@@ -18,8 +18,9 @@ from hsslam_proto.frame_order import new_publisher
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
-from hsslam_services.log.source import recorded_source
+from hsslam_services.log.source import recorded_source, repeated_effects
 from hsslam_services.run.options import ServeOptions
+from hsslam_services.supervisor.preparation import prepare
 from tests.late_frames import expect_late_frames_left_out
 from tests.services.wire_samples import frame
 
@@ -145,6 +146,21 @@ def test_the_indices_of_two_cameras_tell_nothing_of_what_was_recorded(tmp_path):
     sent = [msgspec.structs.replace(frame(k), publisher=c) for c in cameras for k in (5, 6)]
     _write(tmp_path, sent, "png", run=run)
     assert recorded_source(f"mcap:{tmp_path}", SourceOptions(), print).options == run.source_options
+
+
+def test_an_effect_that_the_logged_frames_have_already_is_told(tmp_path):
+    run = ServeOptions(noise="kinect", downscale=2, cover_frames=3)
+    _write(tmp_path, [frame(0)], "png", run=run)
+    source, out = f"mcap:{tmp_path}", str(tmp_path / "again")
+    again = ServeOptions(source=source, out=out, noise="kinect", exposure="drift", cover_frames=3)
+    told = f"--noise kinect: the frames of {source} already have --noise kinect, and get it again"
+    assert repeated_effects(again) == [told]
+    prepared = prepare(again, lambda: False)
+    prepared.close()
+    prepared.arena.remove()
+    assert (told, "warning") in prepared.notices
+    assert repeated_effects(ServeOptions(source=source)) == []
+    assert repeated_effects(ServeOptions(noise="kinect")) == []
 
 
 def _write(folder, frames, color, part_bytes=None, run=None):
