@@ -1,6 +1,8 @@
 """The files for Nav2 name the topics and frames that a run publishes."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
@@ -47,6 +49,22 @@ def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
     costmap = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
     heights = (costmap["depth"]["min_obstacle_height"], costmap["depth"]["max_obstacle_height"])
     assert (source["min_height"], source["max_height"]) == heights
+
+
+def test_the_parameters_are_merged_into_those_of_nav2(tmp_path):
+    theirs = {
+        "amcl": {"ros__parameters": {"z_hit": 0.5}},
+        "bt_navigator": {"ros__parameters": {"odom_topic": "/odom", "bt_loop_duration": 10}},
+        "collision_monitor": {"ros__parameters": {"observation_sources": ["scan"]}},
+    }
+    (tmp_path / "nav2_params.yaml").write_text(yaml.safe_dump(theirs))
+    command = [sys.executable, _FOLDER / "merged_parameters.py", tmp_path / "nav2_params.yaml"]
+    found = yaml.safe_load(subprocess.run(command, check=True, capture_output=True).stdout)
+    ours = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
+    bt = found["bt_navigator"]["ros__parameters"]
+    assert bt == {**ours["bt_navigator"]["ros__parameters"], "bt_loop_duration": 10}
+    assert found["collision_monitor"] == ours["collision_monitor"]
+    assert found["amcl"] == theirs["amcl"] and found["local_costmap"] == ours["local_costmap"]
 
 
 def test_the_topics_of_the_page_are_those_of_the_code():

@@ -1,0 +1,27 @@
+"""Prints the parameters of Nav2 with those of navigation.yaml in them; needs PyYAML, which ROS brings.
+
+    python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+
+def main(path: str) -> None:
+    ours = yaml.safe_load(Path(__file__).with_name("navigation.yaml").read_text())
+    theirs = yaml.safe_load(Path(path).read_text())
+    print(yaml.safe_dump(merged(theirs, ours), sort_keys=False), end="")
+
+
+def merged(theirs: Any, ours: Any) -> Any:
+    """Ours; of two mappings all keys, those of both merged in the same way."""
+    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+        return ours
+    return {**theirs, **{key: merged(theirs.get(key), value) for key, value in ours.items()}}
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
