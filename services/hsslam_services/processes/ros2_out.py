@@ -122,7 +122,8 @@ class Ros2Out:
             if now_s >= self._next_path_s and self._path.has_subscribers():
                 self._next_path_s = now_s + _PATH_S
                 self._tell_path(pose)
-            if now_s >= self._next_points_s and self._points.has_subscribers():
+            is_due = now_s >= self._next_points_s and not pose.is_dead_reckoned
+            if is_due and self._points.has_subscribers():
                 self._tell_points(pose, now_s)
 
     def _tell_pose(self, pose: Pose) -> None:
@@ -178,15 +179,17 @@ class Ros2Out:
         self._path.put(self._messages.path(stamp_ns, MAP, *path))
 
     def _tell_points(self, pose: Pose, now_s: float) -> None:
-        """What the frame of this pose shows, in the camera's frame: layers of a costmap clear along the rays
-        from the origin of that frame."""
+        """What the frame of this pose shows, if anything, in the camera's frame: layers of a costmap clear
+        along the rays from the origin of that frame."""
         if self._images is None:  # images cost something: only from the first subscriber on
             self._images = WaitingFrames(self._worker.bus)
         message = self._images.of(pose)
         if message is None:
             return
-        self._next_points_s = now_s + _POINTS_S
         points, colors = depth_points(frame_from_message(message), _MOST_POINTS, self._max_depth_m)
+        if not len(points):  # an empty cloud would tell a robot that nothing is in its way
+            return
+        self._next_points_s = now_s + _POINTS_S
         self._points.put(self._messages.cloud(self._stamp_ns(pose), CAMERA, points, colors))
 
     def _stamp_ns(self, pose: Pose) -> int:
