@@ -128,7 +128,7 @@ class Slam:
         result = self._process(frame)
         at_ns = frame.stamp_ns
         row = result.log_row(source_stamp_ns=at_ns, stamp_ns=at_ns, publish_ns=at_ns)
-        self._path.add(row, self.store, result.T_expected)
+        self._path.add(row, self.store, result.T_expected, is_carried=result.is_carried)
         self.pose_log.append(row)
         if (joined := result.joined) is not None:
             self._join(joined)

@@ -7,18 +7,18 @@ import numpy as np
 from hsslam_node.geometry.se3 import inverse
 from hsslam_node.map.pose_log import LOST, PoseLog
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.odometry.spread_errors import GAP, usual_step_ns
 from hsslam_node.tracking.tracked_frame import orthonormal
 
 _FRAMES = 10  # newest ones, whose times tell what is usual
+_GAP = 1.5  # times the usual time between frames
 
 
 class SmoothPath:
     """Adds up the motions between frames, each seen in the map as it is now.
 
     What lies between two frames that are further apart than `longest_gap_s`, and than frames usually are, is
-    not known as a motion: the path stands still there. The same holds for two map epochs. A restarted tracker
-    goes on with the path.
+    not known as a motion: the path stands still there. The same holds for two map epochs, and for a camera
+    that is found where no motion has led it. A restarted tracker goes on with the path.
     """
 
     def __init__(self, log: PoseLog, longest_gap_s: float) -> None:
@@ -30,16 +30,24 @@ class SmoothPath:
         self._T_odom_cam = np.eye(4) if self._last is None else self._last["T_odom_cam"]
 
     def add(
-        self, row: np.ndarray, store: KeyframeStore | None, T_expected: np.ndarray | None = None
+        self,
+        row: np.ndarray,
+        store: KeyframeStore | None,
+        T_expected: np.ndarray | None = None,
+        *,
+        is_carried: bool = False,
     ) -> None:
-        """Fill in `T_odom_cam` of a row of the log: of a lost frame the last one.
+        """Fill in `T_odom_cam` of a row of the log, of a lost frame the last one, and whether it stands.
 
         T_expected: [4, 4] camera to world by the robot's odometry, of the first frame that is aligned after
         frames that had their poses by it alone: what it was off is no motion.
+        is_carried: the tracker does not know the motion since the last frame with a pose.
         """
         self._stamps_ns.append(int(row["source_stamp_ns"]))
+        row["odometry_stands"] = True
         if row["status"] != LOST and store is not None:
-            if self._is_motion(row):
+            if not is_carried and self._is_motion(row):
+                row["odometry_stands"] = False
                 motion = self._motion(row, store, T_expected)
                 self._T_odom_cam = orthonormal(self._T_odom_cam @ motion)
             self._last = row.copy()
@@ -52,7 +60,7 @@ class SmoothPath:
         gap_ns = int(row["source_stamp_ns"]) - int(last["source_stamp_ns"])
         if gap_ns <= self._longest_gap_ns:
             return gap_ns > 0
-        return gap_ns <= GAP * usual_step_ns(np.array(self._stamps_ns))
+        return gap_ns <= _GAP * float(np.median(np.diff(self._stamps_ns)))
 
     def _motion(
         self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None

@@ -21,8 +21,7 @@ def long_rows() -> np.ndarray:
     number = np.arange(COUNT)
     rows["index"], rows["map_epoch"] = number, number >= FIRST_OF_LAST_EPOCH
     rows["status"], rows["keyframe"] = TRACKED, number % (len(KEYFRAMES) + 1) - 1
-    # the usual time is that of the first half
-    rows["source_stamp_ns"] = np.cumsum(np.where(number < 2 * SLAB_ROWS, 33_000_000, 100_000_000))
+    rows["source_stamp_ns"] = number * 33_000_000
     rows["stamp_ns"] = 10**18 + rows["source_stamp_ns"]
     rows["publish_ns"] = rows["stamp_ns"] + rng.integers(10**7, 3 * 10**7, COUNT)
     for name in ("T_world_cam", "T_keyframe_cam", "T_odom_cam"):
@@ -32,7 +31,7 @@ def long_rows() -> np.ndarray:
         rows["status"][first : first + count] = DEAD_RECKONED
     rows["status"][-3:] = DEAD_RECKONED
     unknown = slice(3 * SLAB_ROWS - 2, 3 * SLAB_ROWS + 3)
-    rows["status"][unknown], rows["T_odom_cam"][unknown] = DEAD_RECKONED, np.eye(4)
+    rows["status"][unknown], rows["odometry_stands"][unknown] = DEAD_RECKONED, True
     starts = ((_JOINED, 200), (_NOT_JOINED, SLAB_ROWS - 20), (_NOT_JOINED, SLAB_ROWS + 20))
     for fragment, first in starts:
         of_it = slice(first, first + 10)

@@ -174,7 +174,7 @@ class FragmentTracker:
         return replace(
             result, status="tracked", T_world_cam=self._store.pose(k) @ T_keyframe_cam, keyframe=k,
             T_keyframe_cam=T_keyframe_cam, pose_version=self._store.pose_version, covariance=None,
-            joined=joined,
+            is_carried=True, joined=joined,
         )  # fmt: skip
 
     def _leave(self) -> None:

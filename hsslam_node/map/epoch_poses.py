@@ -7,7 +7,7 @@ import numpy as np
 
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.pose_log import DEAD_RECKONED, LOST, POSE_ROW, PoseLog
-from hsslam_node.odometry.spread_errors import spread_errors, usual_step_ns
+from hsslam_node.odometry.spread_errors import spread_errors
 
 
 class FragmentRows(NamedTuple):
@@ -39,19 +39,16 @@ class EpochPoses:
     def final(self, T_world_keyframe: np.ndarray) -> Iterator[Trajectory]:
         """As `final_trajectory` of all rows; a piece ends where a frame was aligned, as a stretch by odometry
         alone is fitted as a whole."""
-        usual_ns: float | None = None
         waiting = np.zeros(0, POSE_ROW)
         for rows in self.joined():
             waiting = np.concatenate([waiting, _with_pose(rows)])
             aligned = np.flatnonzero(waiting["status"] != DEAD_RECKONED)
-            if usual_ns is None and len(aligned) < len(waiting):
-                usual_ns = self._usual_step_ns()
             if len(aligned):
                 end = int(aligned[-1])  # of this piece, and what the next stretch begins at
-                piece = final_trajectory(waiting[: end + 1], T_world_keyframe, usual_ns)
+                piece = final_trajectory(waiting[: end + 1], T_world_keyframe)
                 yield Trajectory(piece.stamps_ns[:end], piece.T_world_cam[:end])
                 waiting = waiting[end:].copy()
-        yield final_trajectory(waiting, T_world_keyframe, usual_ns)
+        yield final_trajectory(waiting, T_world_keyframe)
 
     def fragments(self) -> dict[int, FragmentRows]:
         """Where the frames of each fragment are, by its number; joined or not."""
@@ -71,33 +68,25 @@ class EpochPoses:
         for rows in self._log.slabs(place.rows):
             yield fragment_trajectory(rows, number)
 
-    def _usual_step_ns(self) -> float:
-        """Of all frames with a pose: it says in every piece what a gap is."""
-        stamps_ns = [rows["source_stamp_ns"][rows["status"] != LOST] for rows in self.joined()]
-        return usual_step_ns(np.concatenate(stamps_ns))
-
 
 def online_trajectory(rows: np.ndarray) -> Trajectory:
     """The poses as published at the time; lost frames have none."""
     return _as_published(rows, rows["status"] != LOST)
 
 
-def final_trajectory(
-    rows: np.ndarray, T_world_keyframe: np.ndarray, usual_ns: float | None = None
-) -> Trajectory:
+def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
     """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none.
 
     Poses by odometry alone are fitted in between the frames that were aligned before and after them.
-    `usual_ns`: between two frames, if these rows are not all.
     """
     kept = _with_pose(rows)
     poses = kept["T_world_cam"].copy()
     has_reference = (kept["keyframe"] >= 0) & (kept["keyframe"] < len(T_world_keyframe))
     reference = T_world_keyframe[kept["keyframe"][has_reference]]
     poses[has_reference] = reference @ kept["T_keyframe_cam"][has_reference]
-    stamps_ns, is_dead_reckoned = kept["source_stamp_ns"].copy(), kept["status"] == DEAD_RECKONED
-    poses = spread_errors(poses, kept["T_odom_cam"], is_dead_reckoned, stamps_ns, usual_ns)
-    return Trajectory(stamps_ns, poses)
+    is_dead_reckoned, is_unknown = kept["status"] == DEAD_RECKONED, kept["odometry_stands"] == 1
+    poses = spread_errors(poses, kept["T_odom_cam"], is_dead_reckoned, is_unknown)
+    return Trajectory(kept["source_stamp_ns"].copy(), poses)
 
 
 def fragment_trajectory(rows: np.ndarray, fragment: int) -> Trajectory:

@@ -45,6 +45,7 @@ POSE_ROW = np.dtype(
         # of T_world_cam, as in `geometry/pose_covariance.py`; or nan
         ("covariance", "<f8", (6, 6)),
         ("T_odom_cam", "<f8", (4, 4)),  # the path without jumps that corrections make
+        ("odometry_stands", "<i8"),  # 1: that path does not know the motion to this frame
         # that pose and keyframe are of, if the frame is LOST to the map; 0: none
         ("fragment", "<i8"),
     ]

@@ -11,15 +11,13 @@ from hsslam_node.odometry.noise import growth
 
 _WALK = 0.2  # standard deviation of the random walk after 1 m and 1 rad, against that of scale
 _STILL = 1e-12  # m^2, rad^2: of a step without motion
-GAP = 1.5  # times the usual time between frames; over a longer one the path may stand still
 
 
 def spread_errors(
     T_world_cam: np.ndarray,
     T_odom_cam: np.ndarray,
     is_dead_reckoned: np.ndarray,
-    stamps_ns: np.ndarray,
-    usual_ns: float | None = None,
+    is_unknown: np.ndarray,
 ) -> np.ndarray:
     """The poses [N, 4, 4] with each stretch of dead-reckoned ones ([N] bool) fitted between its neighbours.
 
@@ -29,30 +27,19 @@ def spread_errors(
 
     Args:
         T_odom_cam: [N, 4, 4] a path of the same frames that follows odometry through such a stretch, from
-            the frame before to the frame after it. Over a gap in which the camera was lost it stands still.
-        stamps_ns: [N] int64.
-        usual_ns: between two frames; None: as in `stamps_ns`.
+            the frame before to the frame after it.
+        is_unknown: [N] bool, whether that path does not know the motion to a frame.
     """
     out = T_world_cam
-    stretches = list(_stretches(is_dead_reckoned))
-    if not stretches:
-        return out
-    if usual_ns is None:
-        usual_ns = usual_step_ns(stamps_ns)
-    for before, after in stretches:
+    for before, after in _stretches(is_dead_reckoned):
         rows = slice(before, after + 1)
-        if _has_unknown_step(T_odom_cam[rows], stamps_ns[rows], usual_ns):
+        if is_unknown[rows][1:].any():
             continue
         if out is T_world_cam:
             out = T_world_cam.copy()
         path = out[before] @ inverse(T_odom_cam[before]) @ T_odom_cam[rows]
         out[before + 1 : after] = _bent(path, T_world_cam[after])[1:-1]
     return out
-
-
-def usual_step_ns(stamps_ns: np.ndarray) -> float:
-    """The usual time between two frames with stamps [N] int64; 0 if there are no two."""
-    return float(np.median(np.diff(stamps_ns))) if len(stamps_ns) > 1 else 0.0
 
 
 def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
@@ -62,12 +49,6 @@ def _stretches(is_dead_reckoned: np.ndarray) -> Iterator[tuple[int, int]]:
     if is_dead_reckoned[:1].any():
         ends = ends[1:]
     yield from zip(starts.tolist(), ends.tolist(), strict=False)
-
-
-def _has_unknown_step(T_odom_cam: np.ndarray, stamps_ns: np.ndarray, usual_ns: float) -> bool:
-    """Whether a path [n, 4, 4] stands still over a gap, to the last bit."""
-    stands = (T_odom_cam[1:] == T_odom_cam[:-1]).all(axis=(1, 2))
-    return bool((stands & (np.diff(stamps_ns) > GAP * usual_ns)).any())
 
 
 def _bent(path: np.ndarray, T_end: np.ndarray) -> np.ndarray:

@@ -39,6 +39,8 @@ class PoseSearch:
         self._motion = motion
         self._reckoned = reckoned
         self._relocalisation = relocalisation
+        # whether the frame that was found last is at a place, from which its motion is not known
+        self.is_at_place = False
 
     def from_motion(
         self, seen: Observation, prediction: np.ndarray, reckoning: Reckoning | None
@@ -76,6 +78,10 @@ class PoseSearch:
         finally:
             if found is None:
                 self._aligner.reference = before
+        reference = self._aligner.reference
+        self.is_at_place = (
+            reference is not None and reference is not before and reference.is_at_place
+        )
         return found
 
     def _by_place(self, seen: Observation, place: Place) -> Alignment | None:

@@ -105,6 +105,7 @@ class TrackResult:
     joined: JoinedFragment | None = None  # to the map, with this frame
     # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
     T_expected: np.ndarray | None = None
+    is_carried: bool = False  # the motion since the last frame with a pose is not known
     imu_disagrees: bool = False  # it turns otherwise than the camera, and is not used
 
     @classmethod

@@ -171,6 +171,8 @@ class Tracker:
             T_keyframe_cam = inverse(self._store.pose(k)) @ T
         self._choose_next_reference(seen, alignment, T, new)
         is_back = self._reckoned.is_on and motion.lost_frames == 0
+        T_expected = reckoning.T_world_cam if reckoning is not None and is_back else None
+        is_carried = self._search.is_at_place or (self._reckoned.is_on and T_expected is None)
         motion.aligned(frame, T, k, T_keyframe_cam)
         covariance = doubt.in_world()
         is_joined = new is not None or seen.localise_only
@@ -181,8 +183,8 @@ class Tracker:
             T_keyframe_cam=T_keyframe_cam, quality=quality(alignment),
             residual_m=alignment.sdf_rms_m, map_version=seen.map_version,
             is_keyframe=new is not None, outside=alignment.outside, pose_version=version,
-            covariance=covariance, imu_disagrees=motion.imu_disagrees,
-            T_expected=reckoning.T_world_cam if reckoning is not None and is_back else None,
+            covariance=covariance, imu_disagrees=motion.imu_disagrees, T_expected=T_expected,
+            is_carried=is_carried,
         )  # fmt: skip
 
     def _choose_next_reference(

@@ -153,7 +153,8 @@ class Pose(Message, frozen=True, kw_only=True):
     numbers. It is of the error against the first frame's pose, or against a saved map: on the two sequences
     that it was calibrated on, 95 % of the true errors lie inside its 95 % ellipsoid, on another one 52 %.
     Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
-    the jumps of corrections; it begins with the run and drifts. Empty: not known.
+    the jumps of corrections; it begins with the run and drifts. Empty: not known. `odometry_stands`: the
+    motion to this frame is not known, as after a gap or where a lost camera is found; `odometry` tells none.
 
     `up`: direction against gravity in the world, as an IMU tells it. Empty: not known.
 
@@ -183,6 +184,7 @@ class Pose(Message, frozen=True, kw_only=True):
     pose_version: Index = 0
     covariance: Covariance = []
     odometry: PoseNumbers = []
+    odometry_stands: bool = False
     up: Direction = []
     is_dead_reckoned: bool = False
     fragment: Index = 0

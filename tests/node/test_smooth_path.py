@@ -33,7 +33,9 @@ class _Run:
     def restart(self) -> None:
         self._path = SmoothPath(self.log, longest_gap_s=0.5)
 
-    def track(self, status: int = TRACKED, map_epoch: int = 0, gap: int = 1) -> np.ndarray:
+    def track(
+        self, status: int = TRACKED, map_epoch: int = 0, gap: int = 1, *, is_carried: bool = False
+    ) -> np.ndarray:
         """T_odom_cam of the next frame."""
         n = self._frames
         self._frames += gap
@@ -48,7 +50,7 @@ class _Run:
             T_keyframe_cam=inverse(self.store.pose(k)) @ self.T_world_cam, quality=1.0,
             map_version=1, map_epoch=map_epoch,
         )  # fmt: skip
-        self._path.add(row, self.store)
+        self._path.add(row, self.store, is_carried=is_carried)
         self.log.append(row)
         return row["T_odom_cam"].copy()
 
@@ -109,6 +111,15 @@ def test_it_goes_on_in_another_map(run):
     before = [run.track() for _ in range(3)][-1]
     run.T_world_cam = np.eye(4)
     np.testing.assert_array_equal(run.track(map_epoch=1), before)
+
+
+def test_a_camera_found_elsewhere_makes_no_jump_however_soon_that_is(run):
+    before = [run.track() for _ in range(3)][-1]
+    run.track(status=LOST)
+    run.T_world_cam = displaced(run.T_world_cam, 3.0, 40.0)
+    np.testing.assert_array_equal(run.track(is_carried=True), before)
+    np.testing.assert_allclose(run.track(), before @ _STEP, atol=1e-12)
+    assert run.log.rows()["odometry_stands"].tolist() == [1, 0, 0, 1, 1, 0]
 
 
 def test_it_follows_a_camera_of_one_frame_a_second(run):

@@ -143,7 +143,8 @@ def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
     if not is_dead_reckoned.any():
         return final
     path = [pose_matrix(pose.odometry) for pose in poses]
-    fitted = spread_errors(final.T_world_cam, np.stack(path), is_dead_reckoned, final.stamps_ns)
+    is_unknown = np.array([pose.odometry_stands for pose in poses], bool)
+    fitted = spread_errors(final.T_world_cam, np.stack(path), is_dead_reckoned, is_unknown)
     return Trajectory(final.stamps_ns, fitted)
 
 

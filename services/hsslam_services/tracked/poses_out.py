@@ -61,7 +61,7 @@ class PosesOut:
             map_epoch=self._mode.map_epoch,
             publisher=received.place.publisher,
         )
-        self._path.add(row, self._link.store(), result.T_expected)
+        self._path.add(row, self._link.store(), result.T_expected, is_carried=result.is_carried)
         if not self.log.append(row):
             self._worker.count("poses not logged")
         stamps_ns = (
@@ -124,6 +124,7 @@ def _pose_message(
         pose_version=int(row["pose_version"]),
         covariance=wire_covariance(row["covariance"]),
         odometry=pose_numbers(row["T_odom_cam"]),
+        odometry_stands=bool(row["odometry_stands"]),
         in_keyframe=pose_numbers(row["T_keyframe_cam"]) if row["keyframe"] >= 0 else [],
         up=up,
         is_dead_reckoned=bool(row["status"] == DEAD_RECKONED),

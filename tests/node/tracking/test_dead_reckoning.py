@@ -63,6 +63,7 @@ def test_with_odometry_a_covered_camera_is_never_lost_and_makes_no_keyframe():
     assert sigmas[-1] < of_gap < sigmas[-1] + 0.005  # and what the alignment adds
     back = results[24]
     assert back.T_expected is not None and all(r.T_expected is None for r in results[25:])
+    assert not any(r.is_carried for r in results)
     assert pose_error(back.T_expected, back.T_world_cam)[0] < 0.02
 
 
@@ -80,6 +81,7 @@ def test_odometry_is_believed_up_to_a_distance():
     _, results = _tracked(_frames(grown))
     statuses = [r.status for r in results[12:24]]
     assert statuses == ["dead_reckoned"] * 6 + ["lost"] * 6
+    assert [r.frame_index for r in results if r.is_carried] == [24]  # the first that sees again
 
 
 def test_noise_of_odometry_does_not_pull_what_the_camera_sees():

@@ -26,6 +26,7 @@ def test_a_lost_camera_is_found_again_at_a_keyframe():
         for k in range(4)
     ]
     assert all(map(_is_right, back))
+    assert [r.is_carried for r in back] == [True, False, False, False]
 
 
 @pytest.mark.parametrize(("start", "is_untracked"), [(5, True), (30, False)])

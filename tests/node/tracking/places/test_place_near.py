@@ -106,11 +106,13 @@ def test_the_tracker_goes_on_where_it_was_told_and_changes_nothing_elsewhere():
         assert (result.T_world_cam == expected.T_world_cam).all()
     found = tracker.find_near(room_frames()[4], None, _off(T_last, 0.3, 10), localise_only=True)
     assert found is not None and found.status == "tracked" and not found.is_keyframe
+    assert found.is_carried
     for k in range(5, 12):
         result = tracker.track(room_frames()[k], None, localise_only=True)
         truth = inverse(room_poses()[0]) @ room_poses()[k]
         distance_m, angle_deg = pose_error(result.T_world_cam, truth)
         assert result.status == "tracked" and distance_m < 0.02 and angle_deg < 0.5
+        assert not result.is_carried
     assert store.count == 16
 
 
