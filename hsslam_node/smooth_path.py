@@ -1,11 +1,13 @@
 """The camera's path without jumps, as `odom` of ROS: corrections of the map are left out."""
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse
-from hsslam_node.map.pose_log import LOST, PoseLog
+from hsslam_node.map.pose_log import INITIAL, LOST, PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import orthonormal
 
@@ -19,9 +21,16 @@ class SmoothPath:
     What lies between two frames that are further apart than `longest_gap_s`, and than frames usually are, is
     not known as a motion: the path stands still there. The same holds for two map epochs, and for a camera
     that is found where no motion has led it. A restarted tracker goes on with the path.
+
+    Args:
+        robot: if its frames are known, a path that stands still, or begins in a saved map, takes the height
+            and tilt that the robot has in `map`.
     """
 
-    def __init__(self, log: PoseLog, longest_gap_s: float) -> None:
+    def __init__(
+        self, log: PoseLog, longest_gap_s: float, robot: RobotFrames | None = None
+    ) -> None:
+        self._robot = robot
         self._longest_gap_ns = round(1e9 * longest_gap_s)
         newest = range(max(log.count - _FRAMES, 0), log.count)
         stamps_ns = [t for rows in log.slabs(newest) for t in rows["source_stamp_ns"].tolist()]
@@ -50,6 +59,8 @@ class SmoothPath:
                 row["odometry_stands"] = False
                 motion = self._motion(row, store, T_expected)
                 self._T_odom_cam = orthonormal(self._T_odom_cam @ motion)
+            elif self._last is not None or row["status"] != INITIAL:
+                self._T_odom_cam = self._on_level(row["T_world_cam"], store)
             self._last = row.copy()
         row["T_odom_cam"] = self._T_odom_cam
 
@@ -61,6 +72,14 @@ class SmoothPath:
         if gap_ns <= self._longest_gap_ns:
             return gap_ns > 0
         return gap_ns <= _GAP * float(np.median(np.diff(self._stamps_ns)))
+
+    def _on_level(self, T_world_cam: np.ndarray, store: KeyframeStore) -> np.ndarray:
+        """The path at a pose [4, 4] to which no motion is known."""
+        T_level_world = store.world_frame.T_level_world
+        if self._robot is None or T_level_world is None:
+            return self._T_odom_cam
+        robot = replace(self._robot, T_level_world=T_level_world)
+        return orthonormal(robot.on_level(self._T_odom_cam, T_world_cam))
 
     def _motion(
         self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None

@@ -3,7 +3,7 @@
 `world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is
 the same place with the axes of a robot, x forward, y left, z up: `base_link` of the robot with which the
 world began stands in its origin when that robot's camera stands in that of `world`. `odom` begins where the
-robot of now stands, and has no jumps.
+robot of now stands, at the height and with the tilt that it has in `map`, and has no jumps.
 """
 
 from collections.abc import Sequence
@@ -54,6 +54,15 @@ class RobotFrames:
         """`base_link` in `map` [4, 4]; in `odom`, which this robot begins, if the pose is of the odometry."""
         return self.T_map_world @ T_world_cam @ inverse(self.T_base_cam)
 
+    def on_level(self, T_odom_cam: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
+        """T_odom_cam [4, 4] with the height and tilt of `base_link` that `map` has; its x, y and heading in
+        `odom` stay."""
+        T_cam_base = inverse(self.T_base_cam)
+        T_odom_base = self.T_base_cam @ T_odom_cam @ T_cam_base
+        T_map_base = self.base_pose(T_world_cam)
+        T_odom_map = _on_floor(T_odom_base) @ inverse(_on_floor(T_map_base))
+        return T_cam_base @ T_odom_map @ T_map_base @ self.T_base_cam
+
     def base_covariance(self, covariance: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
         """[6, 6] of `base_pose`, about its own origin, axes of `map`.
 
@@ -61,6 +70,14 @@ class RobotFrames:
         """
         lever_m = T_world_cam[:3, :3] @ inverse(self.T_base_cam)[:3, 3]  # to base_link, in world
         return turned(carried(covariance, lever_m), self.T_map_world[:3, :3])
+
+
+def _on_floor(T: np.ndarray) -> np.ndarray:
+    """x, y and heading of a pose [4, 4], without its height and tilt."""
+    cos, sin = T[:2, 0] / np.linalg.norm(T[:2, 0])
+    out = np.eye(4)
+    out[:2, :2], out[:2, 3] = [[cos, -sin], [sin, cos]], T[:2, 3]
+    return out
 
 
 def mounting(option: str, numbers: Sequence[float]) -> np.ndarray:

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.epoch_poses import final_trajectory
@@ -21,7 +22,8 @@ _A_SECOND = 30  # frames
 class _Run:
     """A camera that moves by `_STEP` a frame; every fourth frame is a keyframe."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: RobotFrames | None = None) -> None:
+        self._robot = robot
         arrays, self._frame = MemoryAllocator(), room_frames()[0]
         camera, units = self._frame.camera, self._frame.depth_units_per_m
         self.store = KeyframeStore.create(arrays, camera, units, 64)
@@ -31,7 +33,7 @@ class _Run:
         self._frames = 0
 
     def restart(self) -> None:
-        self._path = SmoothPath(self.log, longest_gap_s=0.5)
+        self._path = SmoothPath(self.log, 0.5, self._robot)
 
     def track(
         self, status: int = TRACKED, map_epoch: int = 0, gap: int = 1, *, is_carried: bool = False
@@ -120,6 +122,28 @@ def test_a_camera_found_elsewhere_makes_no_jump_however_soon_that_is(run):
     np.testing.assert_array_equal(run.track(is_carried=True), before)
     np.testing.assert_allclose(run.track(), before @ _STEP, atol=1e-12)
     assert run.log.rows()["odometry_stands"].tolist() == [1, 0, 0, 1, 1, 0]
+
+
+def test_height_and_tilt_are_those_of_the_map_where_the_motion_is_not_known():
+    """In a saved map, and again where the camera is found elsewhere: a tilt must not stay for all the run."""
+    robot = RobotFrames()
+    run = _Run(robot)
+    run.store.world_frame.note_level(robot.T_base_cam)
+    run.T_world_cam = displaced(run.T_world_cam, 0.3, 10.0)
+    begun = robot.base_pose(run.track())
+    _expect_level(begun, np.eye(4), robot.base_pose(run.T_world_cam))
+    before = robot.base_pose([run.track() for _ in range(3)][-1])
+    run.T_world_cam = displaced(run.T_world_cam, 3.0, 40.0, seed=1)
+    after = robot.base_pose(run.track(is_carried=True))
+    _expect_level(after, before, robot.base_pose(run.T_world_cam))
+
+
+def _expect_level(T_odom_base: np.ndarray, before: np.ndarray, T_map_base: np.ndarray) -> None:
+    """x, y and heading [4, 4] are as before, height and tilt as in `map`."""
+    np.testing.assert_allclose(T_odom_base[2], T_map_base[2], atol=1e-9)
+    np.testing.assert_allclose(T_odom_base[:2, 3], before[:2, 3], atol=1e-9)
+    headings = [np.arctan2(T[1, 0], T[0, 0]) for T in (T_odom_base, before)]
+    assert abs(headings[0] - headings[1]) < 1e-9
 
 
 def test_it_follows_a_camera_of_one_frame_a_second(run):

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from hsslam_node.errors import OutOfMemoryError
+from hsslam_node.geometry.robot_frames import RobotFrames
 from hsslam_node.map.pose_log import DEAD_RECKONED, INITIAL, LOST, TRACKED, PoseLog
 from hsslam_node.smooth_path import SmoothPath
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
@@ -47,7 +48,10 @@ class PosesOut:
         self._mode = mode
         full = FullArrays(worker.arena, worker.run.path, worker.event)
         self.log = PoseLog(worker.arena, full.add)
-        self._path = SmoothPath(self.log, worker.options.slam.tracker.longest_gap_s)
+        options = worker.options
+        is_known = options.T_level_world is not None
+        robot = RobotFrames.mounted(options.base_T_camera) if is_known else None
+        self._path = SmoothPath(self.log, options.slam.tracker.longest_gap_s, robot)
         self._poses = worker.bus.publisher(topics.POSE)
 
     def put(self, result: TrackResult, received: Received) -> int:
