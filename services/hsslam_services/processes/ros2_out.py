@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.geometry.robot_frames import RobotFrames, velocity
 from hsslam_node.geometry.se3 import inverse, transform
@@ -37,6 +38,8 @@ from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
 _POLL_S = 0.1
+_CONNECT_S = 1.0  # in which a router answers; the end of the run waits no longer
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between two tries
 _PATH_S, _POINTS_S = 1.0, 0.2  # between two
 _MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
@@ -49,20 +52,44 @@ def main() -> None:
 def _run(worker: Worker) -> None:
     options = worker.options
     messages = RosMessages(f"--ros2-out {options.ros2_out}")
-    poses = worker.bus.subscribe(topics.POSE, 64)
-    endpoint, domain = worker.run.ros_endpoint, options.ros2.domain
-    with RosNode(endpoint, domain, options.ros2_out, "slam", messages) as node:
+    worker.ready()
+    node = _connected(worker, messages)
+    if node is None:
+        return
+    with node:
+        poses = worker.bus.subscribe(topics.POSE, 64)
         out = Ros2Out(worker, node, messages)
         floor = _floor_out(worker, node, messages) if options.grid else None
         ask = partial(worker.bus.pass_on, LOCATE)
         initial = InitialPose(node, messages, MAP, ask, worker.event)
-        worker.ready()
         while not worker.should_stop():
             if (pose := poses.wait(_POLL_S)) is not None:
                 out.tell(pose)
             initial.hear()
             if floor is not None:
                 floor.tell_news(out.frames.T_map_world)
+
+
+def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
+    """The node, once the router of ROS nodes is there, which may be started later; None: the run ends."""
+    endpoint, options = worker.run.ros_endpoint, worker.options
+    pause_s, is_told = _FIRST_PAUSE_S, False
+    while not worker.should_stop():
+        try:
+            node = RosNode(
+                endpoint, options.ros2.domain, options.ros2_out, "slam", messages, _CONNECT_S
+            )
+        except UserError as error:
+            if not is_told:
+                worker.event("warning", f"{error}: ROS 2 hears nothing until it is there")
+            is_told = True
+            worker.stop_event().wait(pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+        else:
+            if is_told:
+                worker.event("info", f"{endpoint}: connected to the router of ROS nodes")
+            return node
+    return None
 
 
 def _floor_out(worker: Worker, node: RosNode, messages: RosMessages) -> FloorOut:

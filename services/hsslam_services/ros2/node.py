@@ -19,14 +19,20 @@ class RosNode:
     """A client of the router of ROS nodes; a context, whose end takes the node out of the graph.
 
     Raises:
-        UserError: no router at `endpoint`.
+        UserError: no router at `endpoint` within `timeout_s`.
     """
 
     def __init__(
-        self, endpoint: str, domain: int, namespace: str, name: str, messages: RosMessages
+        self,
+        endpoint: str,
+        domain: int,
+        namespace: str,
+        name: str,
+        messages: RosMessages,
+        timeout_s: float = 10.0,
     ) -> None:
         self._messages = messages
-        self._session = open_client(endpoint, settings=_NO_SHARED_MEMORY)
+        self._session = open_client(endpoint, timeout_s, settings=_NO_SHARED_MEMORY)
         zid = str(self._session.info.zid())
         self._node = NodeName(domain, zid, name, namespace)
         self._token = self._session.liveliness().declare_token(self._node.token())
