@@ -111,7 +111,7 @@ class Ros2Out:
         self._clock = StampClock()
         if not self._has_ros_stamps:
             self._learn_of_earlier_frames(PoseLog(worker.arena))
-        self._moved: tuple[int, np.ndarray] | None = None  # the last stamp and T_odom_base
+        self._last: tuple[Pose, np.ndarray] | None = None  # that was told, and its T_odom_base
         self._next_path_s = self._next_points_s = 0.0
         each, newest = Qos(10), Qos(1)
         self._odometry = node.publisher("odom", "nav_msgs/msg/Odometry", each)
@@ -139,7 +139,7 @@ class Ros2Out:
 
     def tell(self, pose: Pose) -> None:
         """Publish a pose, and what is due of the rest."""
-        is_again = self._moved is not None and self._moved[0] == self._stamp_ns(pose)
+        is_again = self._last and self._stamp_ns(self._last[0]) == self._stamp_ns(pose)
         if pose.status == "lost" or is_again:
             return
         self._clock.learn(pose.source_stamp_ns, self._stamp_ns(pose))
@@ -166,7 +166,7 @@ class Ros2Out:
         known = covariance_matrix(pose.covariance)
         covariance = None if known is None else frames.base_covariance(known, T_world_cam)
         self._pose.put(make.pose(stamp_ns, MAP, T_map_base, covariance))
-        twist, seconds = self._twist(stamp_ns, T_odom_base)
+        twist, seconds = self._twist(pose, T_odom_base)
         in_odom = None if covariance is None else turned(covariance, T_map_odom[:3, :3].T)
         in_base = None if covariance is None else turned(covariance, T_map_base[:3, :3].T)
         self._odometry.put(
@@ -181,11 +181,14 @@ class Ros2Out:
         )
         self._worker.count("poses")
 
-    def _twist(self, stamp_ns: int, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
-        """[6] since the pose before, in axes of the base, and the time since; 0 for the first."""
-        before, self._moved = self._moved, (stamp_ns, T_odom_base)
-        seconds = 0.0 if before is None else 1e-9 * (stamp_ns - before[0])
-        if before is None or seconds <= 0:
+    def _twist(self, pose: Pose, T_odom_base: np.ndarray) -> tuple[np.ndarray, float]:
+        """[6] since the pose before, in axes of the base, and the time since by the source's clock; 0 where
+        the motion is not known, as for the first."""
+        before, self._last = self._last, (pose, T_odom_base)
+        if before is None or pose.odometry_stands:
+            return np.zeros(6), 0.0
+        seconds = 1e-9 * (pose.source_stamp_ns - before[0].source_stamp_ns)
+        if seconds <= 0:
             return np.zeros(6), 0.0
         return velocity(before[1], T_odom_base, seconds), seconds
 

@@ -10,6 +10,7 @@ from hsslam_node.geometry.se3 import quaternion_from_rotation
 from hsslam_services.ros2.type_store import open_type_store
 
 _SURE = 1e-8  # m^2, rad^2: filters cannot use a variance of 0
+_UNKNOWN = 1e6  # m^2, rad^2: filters take zeros, which ROS has for it, for a pose without error
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4")])
 _FLOAT32 = 7  # of sensor_msgs/PointField
 _LATEST_NS = 2**31 * 10**9 - 1  # ROS counts seconds in 32 bits
@@ -231,5 +232,6 @@ class RosMessages:
 
 
 def _row_by_row(covariance: np.ndarray | None) -> np.ndarray:
-    """[36] of [6, 6], never singular; zeros, as ROS has it, if it is not known."""
-    return np.zeros(36) if covariance is None else (covariance + _SURE * np.eye(6)).ravel()
+    """[36] of [6, 6], never singular; large, if it is not known."""
+    known = _UNKNOWN * np.eye(6) if covariance is None else covariance + _SURE * np.eye(6)
+    return known.ravel()

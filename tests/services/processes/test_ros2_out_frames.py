@@ -4,6 +4,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from hsslam_proto import topics
 from hsslam_proto.messages import Pose
+from hsslam_proto.pose_codec import wire_covariance
 from hsslam_services.bus.bus import Bus
 from hsslam_services.launch.worker import Worker
 from hsslam_services.processes.ros2_out import Ros2Out
@@ -32,10 +34,18 @@ class _Node:
         self._index = 0
 
     def tell(self, sees: Callable[[Pose], None] | None = None, **fields: object) -> int:
-        """Tell of the next frame, and show it before with `sees`; returns its stamp, ns."""
+        """Tell of the next frame, 10 cm to the right, shown before by `sees`; returns its stamp, ns.
+
+        The clock of ROS runs twice as fast as that of the source.
+        """
         self._index += 1
-        stamp_ns = 10**18 + self._index * _FRAME_NS
-        told = msgspec.structs.replace(pose(self._index), stamp_ns=stamp_ns, **fields)
+        stamp_ns = 10**18 + 2 * self._index * _FRAME_NS
+        known = {
+            "stamp_ns": stamp_ns,
+            "odometry": [0.1 * self._index, 0, 0, 0, 0, 0, 1],
+            "covariance": wire_covariance(1e-4 * np.eye(6)),
+        }
+        told = msgspec.structs.replace(pose(self._index), **{**known, **fields})
         if sees is not None:
             sees(told)
         self._out.tell(told)
@@ -95,5 +105,35 @@ def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
         seen_ns = node.tell(lambda of: show(of, 10_000))
     node.listener.wait_until(lambda: node.listener.count("/hsslam/points") > 0)
     (cloud,) = (one.by_rosbags for one in node.listener.heard("/hsslam/points"))
-    stamp = cloud.header.stamp
-    assert stamp.sec * 10**9 + stamp.nanosec == seen_ns and cloud.width > 0
+    assert _stamp_ns(cloud) == seen_ns and cloud.width > 0
+
+
+def test_a_speed_that_is_not_known_is_told_as_such(node):
+    """Filters take zeros for sure: a robot that was found after a gap does not stand still."""
+    node.listener.hear("/hsslam/odom")
+    _until(lambda: node.tell() and node.listener.count("/hsslam/odom"))
+    stamps_ns = [
+        node.tell(),
+        node.tell(odometry_stands=True),
+        node.tell(covariance=[]),
+    ]
+    by_stamp: dict[int, Any] = {}
+
+    def are_heard() -> bool:
+        heard = node.listener.heard("/hsslam/odom")
+        by_stamp.update({_stamp_ns(one.by_rosbags): one.by_rosbags for one in heard})
+        return by_stamp.keys() >= set(stamps_ns)
+
+    _until(are_heard)
+    moves, stands, unsure = (by_stamp[stamp_ns] for stamp_ns in stamps_ns)
+    assert abs(moves.twist.twist.linear.y + 3.0) < 1e-4  # m/s, by the clock of the source
+    assert 0.1 < moves.twist.covariance[0] < 0.3 and moves.pose.covariance[0] < 1e-3
+    assert stands.twist.twist.linear.y == 0
+    unknown = (1e6 * np.eye(6)).ravel()
+    np.testing.assert_array_equal(stands.twist.covariance, unknown)
+    np.testing.assert_array_equal(unsure.twist.covariance, unknown)
+    np.testing.assert_array_equal(unsure.pose.covariance, unknown)
+
+
+def _stamp_ns(message) -> int:
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec

@@ -77,7 +77,8 @@ def test_every_kind_is_read_by_others(node, listener):
     np.testing.assert_allclose(covariance, COVARIANCE, atol=2e-8)
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert odometry.twist.twist.linear.y == 1.0 and odometry.twist.twist.angular.x == 3.0
-    assert not any(odometry.twist.covariance)
+    unknown = np.reshape(odometry.twist.covariance, (6, 6))
+    np.testing.assert_array_equal(unknown, 1e6 * np.eye(6))
     assert [p.header.stamp.nanosec for p in path.poses] == [123_456_789, 123_456_794]
     assert [t.child_frame_id for t in transforms.transforms] == ["odom", "base_link"]
     points = np.frombuffer(bytes(cloud.data), "<f4").reshape(2, 4)
