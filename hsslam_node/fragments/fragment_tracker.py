@@ -124,8 +124,10 @@ class FragmentTracker:
         if self._joining is None:
             self._joining = self._begin_joining(fragment, self._search)
         joined = self._joining.step() if self._joining else None
-        if joined is None:
+        if self._joining is None or joined is None:
             return _of_fragment(result, fragment.number)
+        if result.covariance is not None:
+            result = replace(result, covariance=self._joining.covariance(result.covariance))
         return self._go_on_in_map(fragment, joined, result)
 
     def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
@@ -173,8 +175,8 @@ class FragmentTracker:
         T_keyframe_cam = joined.T_keyframe_own[result.keyframe] @ result.T_keyframe_cam
         return replace(
             result, status="tracked", T_world_cam=self._store.pose(k) @ T_keyframe_cam, keyframe=k,
-            T_keyframe_cam=T_keyframe_cam, pose_version=self._store.pose_version, covariance=None,
-            is_carried=True, joined=joined,
+            T_keyframe_cam=T_keyframe_cam, pose_version=self._store.pose_version, is_carried=True,
+            joined=joined,
         )  # fmt: skip
 
     def _leave(self) -> None:

@@ -31,6 +31,10 @@ class Joining:
         self._ids: list[int] = []  # in the fragment, of those that are staged
         self._next = 0
 
+    def covariance(self, in_fragment: np.ndarray) -> np.ndarray:
+        """[6, 6] in the map, of a pose that has this one in the fragment."""
+        return turned(in_fragment, self._T_map_fragment[:3, :3]) + _UNSURE
+
     def step(self) -> JoinedFragment | None:
         """Copy a few more; if all are there, show them: what has become of the fragment's keyframes.
 
@@ -87,13 +91,13 @@ class Joining:
         if not ids:
             self._next = 0
             return None
-        poses, R = own.poses(), self._T_map_fragment[:3, :3]  # R: covariances are in the map's axes
+        poses = own.poses()
         gaps = gap_covariances(own, np.array(ids))
         gaps[0] = UNTRACKED
         with self._store.appending():
             shown = self._store.append_staged(
                 self._staging, self._T_map_fragment @ poses[ids],
-                np.stack([turned(own.covariance(k), R) + _UNSURE for k in ids]), gaps,
+                np.stack([self.covariance(own.covariance(k)) for k in ids]), gaps,
                 self._fragment.number,
             )  # fmt: skip
         return _joined(self._fragment.number, np.array(ids), shown, poses)

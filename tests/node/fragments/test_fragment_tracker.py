@@ -61,6 +61,9 @@ def test_a_lost_camera_goes_on_in_a_fragment_that_joins_the_map():
     assert set(states[begun:joined]) == {("lost", 1)}
     assert set(states[joined:]) == {("tracked", 0)}
     assert [k for k, r in enumerate(results) if r.is_carried] == [joined]
+    at_join, after = (results[k].covariance for k in (joined, joined + 1))
+    assert at_join is not None and after is not None
+    assert 0.1 < np.trace(at_join[:3, :3]) / np.trace(after[:3, :3]) < 10
     assert len(set(counts[begun:joined])) == 1 < counts[joined] - counts[joined - 1]  # all at once
     for r in results[joined:]:
         off_m, off_deg = pose_error(results[0].T_world_cam @ truth[r.frame_index], r.T_world_cam)
