@@ -14,6 +14,8 @@ from hsslam_services.ros2.node import RosNode
 
 TOPIC, KIND = "/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _UNIT = 1e-2  # largest difference of a quaternion's norm from 1
+_MOST_TILT_DEG = 10.0  # of a robot on a floor; its own pose has some
+_LEAST_LEVEL = np.cos(np.deg2rad(_MOST_TILT_DEG))  # of its axis z along that of the map
 Tell = Callable[[Literal["info", "warning"], str], None]
 
 
@@ -63,12 +65,15 @@ class InitialPose:
             raise UserError(f"frame_id {frame!r}: expected {self._frame!r}")
         p, o = message.pose.pose.position, message.pose.pose.orientation
         x, y, z, w = (float(value) for value in (o.x, o.y, o.z, o.w))
-        if not np.isfinite([p.x, p.y]).all() or not abs(np.hypot(z, w) - 1) < _UNIT or x or y:
+        is_level = 1 - 2 * (x * x + y * y) >= _LEAST_LEVEL
+        is_unit = abs(np.linalg.norm([x, y, z, w]) - 1) < _UNIT
+        if not (np.isfinite([p.x, p.y]).all() and is_unit and is_level):
             raise UserError(
                 f"position {p.x:g} {p.y:g}, orientation {x:g} {y:g} {z:g} {w:g}: expected finite numbers and "
-                "a rotation about z"
+                f"a rotation about z, tilted by {_MOST_TILT_DEG:g} degrees at most"
             )
-        return Locate(x=float(p.x), y=float(p.y), yaw_deg=float(np.rad2deg(2 * np.arctan2(z, w))))
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return Locate(x=float(p.x), y=float(p.y), yaw_deg=float(np.rad2deg(yaw)))
 
     def _tell_answer(self, answer: Located | Refusal) -> None:
         if isinstance(answer, Refusal):

@@ -54,7 +54,8 @@ def node(endpoint):
 
 
 def _pose(frame: str, x: float, y: float, yaw_rad: float, tilt_rad: float = 0.0) -> bytes:
-    T = se3_exp(np.array([0, 0, 0, tilt_rad, 0, yaw_rad]))
+    turn = se3_exp(np.array([0, 0, 0, 0, 0, yaw_rad]))
+    T = turn @ se3_exp(np.array([0, 0, 0, tilt_rad, 0, 0]))
     T[:2, 3] = x, y
     return _MESSAGES.encoded(_MESSAGES.pose(1, frame, T, None))
 
@@ -103,6 +104,17 @@ def test_the_newest_pose_is_asked_for_and_its_answer_told(node, rviz):
     ]
 
 
+def test_of_a_robot_that_is_tilted_a_little_the_heading_counts(node, rviz):
+    """As in `/hsslam/pose`, which is never quite level."""
+    asked = Asked(Refusal(reason="failed", text=""))
+    asked.may_answer.set()
+    initial = _initial(node, asked)
+    _put(rviz, _pose("map", 1.0, 2.0, -0.75 * np.pi, tilt_rad=np.deg2rad(9)))
+    _hear_until(initial, lambda: asked.told)
+    (question,) = asked.questions
+    np.testing.assert_allclose((question.x, question.y, question.yaw_deg), (1.0, 2.0, -135.0))
+
+
 def test_a_refusal_is_told(node, rviz):
     asked = Asked(Refusal(reason="failed", text="locate: not found at 0.00 0.00 0"))
     asked.may_answer.set()
@@ -117,7 +129,7 @@ def test_a_refusal_is_told(node, rviz):
     [
         (_pose("odom", 0, 0, 0), "frame_id 'odom': expected 'map'"),
         (_pose("map", np.nan, 0, 0), "position nan 0, .*expected finite numbers"),
-        (_pose("map", 0, 0, 0, tilt_rad=0.5), "expected .*a rotation about z"),
+        (_pose("map", 0, 0, 0, tilt_rad=0.2), "expected .*a rotation about z, tilted by 10 deg"),
         (b"\x00\x01\x00\x00abc", f"expected {KIND} in CDR"),
         (b"", f"expected {KIND} in CDR"),
     ],
