@@ -84,7 +84,8 @@ class EsdfBlocks(Message, frozen=True, kw_only=True):
     2000, at the voxels' middles; -32768 is not known. A block replaces what was sent of it before; it is sent
     once a distance has changed by more than 5 mm. `first` and `voxels` are the voxels of the box: blocks that
     lie wholly outside are gone. `series` grows when the lattice is another one: blocks of earlier series are
-    gone. A `get` on the key is answered with all blocks there are.
+    gone. A `get` on the key is answered with all blocks there are, measured
+    within the last second or at the next update; with nothing if no update comes for a second.
     """
 
     index: Index

@@ -5,6 +5,7 @@ Publishes: out/grid, out/esdf, out/esdf_blocks
 Arena: reads keyframes, load_level
 """
 
+import math
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -42,6 +43,7 @@ _EVERY_S = 0.1
 _EARLY_S = 0.005  # an update may come, as frames do not come on the beat
 _POLL_S = 0.1
 _BLOCKS_A_MESSAGE = 256  # 2 MB
+_FRESH_S = 1.0  # blocks that are older answer nobody, who waits as long for newer ones
 
 
 def main() -> None:
@@ -125,12 +127,17 @@ class _DistancesLoop:
 
 
 class _PublishedBlocks:
-    """The topic `out/esdf_blocks`: measures distances only while something subscribes to it."""
+    """The topic `out/esdf_blocks`: measures distances only while something subscribes to it, or asks for all
+    blocks."""
 
     def __init__(self, worker: Worker) -> None:
         self._publisher = worker.bus.publisher(topics.ESDF_BLOCKS)
         self._publisher.answer_with(self._all)
-        self._lock = threading.Lock()  # a thread of the bus answers who asks for all blocks
+        self._measured = (
+            threading.Condition()
+        )  # a thread of the bus answers who asks for all blocks
+        self._measured_s = -math.inf
+        self._is_asked = False
         self._meter = DistanceMeter()
         self._blocks = DistanceBlocks()
         self._lattice: Lattice | None = None
@@ -139,10 +146,10 @@ class _PublishedBlocks:
 
     def follow(self, occupancy: Occupancy, pose: Pose) -> None:
         """Publish the blocks that have changed."""
-        if not self._publisher.has_subscribers():
+        if not (self._is_asked or self._publisher.has_subscribers()):
             return
         distances = self._meter.measure(occupancy)
-        with self._lock:
+        with self._measured:
             lattice = self._lattice
             T_grid_world = distances.T_grid_world
             is_same = lattice is not None and (lattice.T_grid_world == T_grid_world).all()
@@ -154,16 +161,23 @@ class _PublishedBlocks:
             self._lattice = Lattice(distances.grid, T_grid_world, self._series, revision)
             self._pose = pose
             messages = self._messages(changed, self._lattice, pose)
+            self._is_asked, self._measured_s = False, time.monotonic()
+            self._measured.notify_all()
         for message in messages:
             self._publisher.put(message)
 
     def _all(self) -> Iterator[EsdfBlocks]:
-        """What a subscriber that comes late needs."""
-        with self._lock:
-            if self._lattice is None or self._pose is None:
+        """What a subscriber that comes late needs; nothing, if no update measures it soon."""
+        with self._measured:
+            self._is_asked = not self._is_fresh()
+            self._measured.wait_for(self._is_fresh, _FRESH_S)
+            if not self._is_fresh() or self._lattice is None or self._pose is None:
                 return
             messages = self._messages(self._blocks.known(), self._lattice, self._pose)
         yield from messages
+
+    def _is_fresh(self) -> bool:
+        return time.monotonic() - self._measured_s < _FRESH_S
 
     @staticmethod
     def _messages(blocks: Blocks, lattice: Lattice, pose: Pose) -> Sequence[EsdfBlocks]:
