@@ -30,13 +30,12 @@ from hsslam_services.ros2.floor_out import FloorOut
 from hsslam_services.ros2.initial_pose import InitialPose
 from hsslam_services.ros2.keyframe_path import keyframe_path
 from hsslam_services.ros2.messages import RosMessages
-from hsslam_services.ros2.names import Qos
+from hsslam_services.ros2.names import FrameNames, Qos
 from hsslam_services.ros2.node import RosNode, RosPublisher
 from hsslam_services.ros2.stamp_clock import StampClock
 from hsslam_services.run.source_table import speaks_ros2
 from hsslam_services.tracked.waiting_frames import WaitingFrames
 
-MAP, ODOM, BASE, CAMERA = "map", "odom", "base_link", "camera_optical_frame"
 _POLL_S = 0.1
 _CONNECT_S = 1.0  # in which a router answers; the end of the run waits no longer
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between two tries
@@ -59,9 +58,9 @@ def _run(worker: Worker) -> None:
     with node:
         poses = worker.bus.subscribe(topics.POSE, 64)
         out = Ros2Out(worker, node, messages)
-        floor = _floor_out(worker, node, messages) if options.grid else None
+        floor = _floor_out(worker, node, messages, out.names.map) if options.grid else None
         ask = partial(worker.bus.pass_on, LOCATE)
-        initial = InitialPose(node, messages, MAP, ask, worker.event)
+        initial = InitialPose(node, messages, out.names.map, ask, worker.event)
         while not worker.should_stop():
             if (pose := poses.wait(_POLL_S)) is not None:
                 out.tell(pose)
@@ -92,9 +91,9 @@ def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
     return None
 
 
-def _floor_out(worker: Worker, node: RosNode, messages: RosMessages) -> FloorOut:
+def _floor_out(worker: Worker, node: RosNode, messages: RosMessages, frame: str) -> FloorOut:
     has_ros_stamps = speaks_ros2(worker.options.source)
-    return FloorOut(worker.bus, node, messages, MAP, has_ros_stamps=has_ros_stamps)
+    return FloorOut(worker.bus, node, messages, frame, has_ros_stamps=has_ros_stamps)
 
 
 class Ros2Out:
@@ -103,6 +102,7 @@ class Ros2Out:
     def __init__(self, worker: Worker, node: RosNode, messages: RosMessages) -> None:
         self._worker = worker
         self._messages = messages
+        self.names = FrameNames.of(worker.options.ros2_frame_prefix)
         self._robot = RobotFrames.mounted(worker.options.base_T_camera)
         self._has_ros_stamps = speaks_ros2(worker.options.source)
         self._link = SharedMap(worker.arena, worker.options.slam)
@@ -124,7 +124,7 @@ class Ros2Out:
         if worker.options.ros2_tf:
             self._transforms = node.publisher("/tf", "tf2_msgs/msg/TFMessage", Qos(100))
             static = node.publisher("/tf_static", "tf2_msgs/msg/TFMessage", Qos(1, is_latched=True))
-            camera = (BASE, CAMERA, self._robot.T_base_cam)
+            camera = (self.names.base, self.names.camera, self._robot.T_base_cam)
             static.put(messages.transforms(time.time_ns(), [camera]))
 
     @property
@@ -155,24 +155,25 @@ class Ros2Out:
 
     def _tell_pose(self, pose: Pose) -> None:
         stamp_ns, make, frames = self._stamp_ns(pose), self._messages, self.frames
+        names = self.names
         T_world_cam = transform(np.array(pose.t), np.array(pose.q))
         T_odom_cam = pose_matrix(pose.odometry) if pose.odometry else T_world_cam
         T_map_base = frames.base_pose(T_world_cam)
         T_odom_base = self._robot.base_pose(T_odom_cam)
         T_map_odom = T_map_base @ inverse(T_odom_base)
         if self._transforms is not None:
-            chain = [(MAP, ODOM, T_map_odom), (ODOM, BASE, T_odom_base)]
+            chain = [(names.map, names.odom, T_map_odom), (names.odom, names.base, T_odom_base)]
             self._transforms.put(make.transforms(stamp_ns, chain))
         known = covariance_matrix(pose.covariance)
         covariance = None if known is None else frames.base_covariance(known, T_world_cam)
-        self._pose.put(make.pose(stamp_ns, MAP, T_map_base, covariance))
+        self._pose.put(make.pose(stamp_ns, names.map, T_map_base, covariance))
         twist, seconds = self._twist(pose, T_odom_base)
         in_odom = None if covariance is None else turned(covariance, T_map_odom[:3, :3].T)
         in_base = None if covariance is None else turned(covariance, T_map_base[:3, :3].T)
         self._odometry.put(
             make.odometry(
                 stamp_ns,
-                (BASE, ODOM),
+                (names.base, names.odom),
                 T_odom_base,
                 in_odom,
                 twist,
@@ -206,7 +207,7 @@ class Ros2Out:
             return
         stamp_ns = self._stamp_ns(pose)
         path = keyframe_path(store, self.frames, self._clock, stamp_ns, _MOST_PATH_POSES)
-        self._path.put(self._messages.path(stamp_ns, MAP, *path))
+        self._path.put(self._messages.path(stamp_ns, self.names.map, *path))
 
     def _tell_points(self, pose: Pose, now_s: float) -> None:
         """What the frame of this pose shows, if anything, in the camera's frame: layers of a costmap clear
@@ -220,7 +221,8 @@ class Ros2Out:
         if not len(points):  # an empty cloud would tell a robot that nothing is in its way
             return
         self._next_points_s = now_s + _POINTS_S
-        self._points.put(self._messages.cloud(self._stamp_ns(pose), CAMERA, points, colors))
+        cloud = self._messages.cloud(self._stamp_ns(pose), self.names.camera, points, colors)
+        self._points.put(cloud)
 
     def _stamp_ns(self, pose: Pose) -> int:
         """The time of the image, on the clock of ROS."""

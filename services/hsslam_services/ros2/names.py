@@ -1,4 +1,4 @@
-"""What rmw_zenoh calls things: keys of topics, QoS, liveliness tokens, the attachment of a message.
+"""What ROS calls frames, and rmw_zenoh keys of topics, QoS, liveliness tokens, the attachment of a message.
 
 Written after https://github.com/ros2/rmw_zenoh, `docs/design.md` and what its publishers send.
 """
@@ -10,6 +10,22 @@ _ATTACHMENT = struct.Struct("<qqB16s")  # sequence, ns since 1970, length of the
 _BEST_EFFORT, _TRANSIENT_LOCAL = 2, 1  # enums of rmw
 _DEFAULT_DEPTH = 42  # of rmw_zenoh
 _NO_ENCLAVE = "%"
+
+
+@dataclass(frozen=True)
+class FrameNames:
+    """The frames of a robot, as REP 105 has them."""
+
+    map: str
+    odom: str
+    base: str
+    camera: str
+
+    @classmethod
+    def of(cls, prefix: str) -> "FrameNames":
+        """Those of one robot among several: all begin with its prefix."""
+        names = ("map", "odom", "base_link", "camera_optical_frame")
+        return cls(*(f"{prefix}{name}" for name in names))
 
 
 @dataclass(frozen=True)

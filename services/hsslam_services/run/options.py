@@ -91,6 +91,7 @@ class ServeOptions:
         "bag.odometry": "TOPIC",
         "bag.imu": "TOPIC",
         "ros2_out": "NAMESPACE",
+        "ros2_frame_prefix": "TEXT",
         "realsense.serial": "NUMBER",
     }
 
@@ -157,6 +158,8 @@ class ServeOptions:
     """Publish to ROS 2 below this namespace, as /hsslam (empty: off)."""
     ros2_tf: bool = True
     """With --ros2-out: publish /tf and /tf_static; off if other nodes do."""
+    ros2_frame_prefix: str = ""
+    """With --ros2-out: what the names of all frames begin with, as robot1/ (empty: nothing)."""
     base_T_camera: tuple[float, ...] = ()
     """Camera in base_link, x y z qx qy qz qw, m, optical axes (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
@@ -221,6 +224,10 @@ class ServeOptions:
             )
         if self.ros2_out and not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.ros2_out):
             raise UserError(f"--ros2-out {self.ros2_out!r}: expected a namespace as /hsslam")
+        if not re.fullmatch(r"(\w+(/\w+)*/?)?", self.ros2_frame_prefix):
+            raise UserError(
+                f"--ros2-frame-prefix {self.ros2_frame_prefix!r}: expected the begin of a name as robot1/"
+            )
         RobotFrames.mounted(self.base_T_camera)
         mounting("--camera-T-imu", self.camera_T_imu)
         low_m, high_m = self.grid_from_height_m, self.grid_to_height_m

@@ -62,7 +62,8 @@ class _Node:
 
 @pytest.fixture
 def run(make_run):
-    return replace(make_run(ros2_out="/hsslam"), supervisor_pid=os.getppid())
+    options = {"ros2_out": "/hsslam", "ros2_frame_prefix": "one/"}
+    return replace(make_run(**options), supervisor_pid=os.getppid())
 
 
 @pytest.fixture
@@ -106,6 +107,7 @@ def test_a_camera_that_sees_nothing_publishes_no_points(run, node):
     node.listener.wait_until(lambda: node.listener.count("/hsslam/points") > 0)
     (cloud,) = (one.by_rosbags for one in node.listener.heard("/hsslam/points"))
     assert _stamp_ns(cloud) == seen_ns and cloud.width > 0
+    assert cloud.header.frame_id == "one/camera_optical_frame"
 
 
 def test_a_speed_that_is_not_known_is_told_as_such(node):
@@ -133,6 +135,22 @@ def test_a_speed_that_is_not_known_is_told_as_such(node):
     np.testing.assert_array_equal(stands.twist.covariance, unknown)
     np.testing.assert_array_equal(unsure.twist.covariance, unknown)
     np.testing.assert_array_equal(unsure.pose.covariance, unknown)
+
+
+def test_frames_of_a_robot_begin_with_its_prefix(node):
+    """Two runs at one router must not mix their transforms."""
+    for topic in ("/tf", "/hsslam/pose", "/hsslam/odom"):
+        node.listener.hear(topic)
+    node.listener.hear_latched("/tf_static")
+    _until(lambda: node.tell() and all(map(node.listener.count, ("/tf", "/hsslam/odom"))))
+    node.listener.wait_until(lambda: node.listener.count("/tf_static") > 0)
+    names = {
+        name
+        for one in node.listener.heard()
+        for each in getattr(one.by_rosbags, "transforms", [one.by_rosbags])
+        for name in (each.header.frame_id, getattr(each, "child_frame_id", "one/map"))
+    }
+    assert names == {"one/map", "one/odom", "one/base_link", "one/camera_optical_frame"}
 
 
 def _stamp_ns(message) -> int:
