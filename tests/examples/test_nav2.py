@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 
 import yaml
 
-from hsslam_services.processes import ros2_out
+from hsslam_services.ros2.names import FrameNames
 from tests.repository import ROOT
 
 _FOLDER = ROOT / "examples/nav2"
+_FRAMES = FrameNames.of("")
 _TOPICS = {
     line.split("`")[1]
     for line in (ROOT / "docs/ros2.md").read_text().splitlines()
@@ -34,16 +35,16 @@ def test_the_parameters_name_what_a_run_publishes():
     keys = ("topic", "odom_topic", "map_topic")
     topics = {topic for key in keys for topic in _values(parameters, key)}
     assert topics == {"/hsslam/odom", "/hsslam/points", "/hsslam/map"} and topics <= _TOPICS
-    assert {*_values(parameters, "global_frame")} == {ros2_out.MAP, ros2_out.ODOM}
-    assert {*_values(parameters, "robot_base_frame")} == {ros2_out.BASE}
-    assert {*_values(parameters, "sensor_frame")} == {ros2_out.CAMERA}
+    assert {*_values(parameters, "global_frame")} == {_FRAMES.map, _FRAMES.odom}
+    assert {*_values(parameters, "robot_base_frame")} == {_FRAMES.base}
+    assert {*_values(parameters, "sensor_frame")} == {_FRAMES.camera}
 
 
 def test_the_collision_monitor_looks_at_the_points_and_at_nothing_else():
     """Nav2's own parameters name the frame base_footprint and a lidar, without which the robot stands."""
     parameters = yaml.safe_load((_FOLDER / "navigation.yaml").read_text())
     monitor = parameters["collision_monitor"]["ros__parameters"]
-    assert (monitor["base_frame_id"], monitor["odom_frame_id"]) == (ros2_out.BASE, ros2_out.ODOM)
+    assert (monitor["base_frame_id"], monitor["odom_frame_id"]) == (_FRAMES.base, _FRAMES.odom)
     (source,) = (monitor[name] for name in monitor["observation_sources"])
     assert (source["type"], source["topic"]) == ("pointcloud", "/hsslam/points")
     costmap = parameters["local_costmap"]["local_costmap"]["ros__parameters"]["obstacle_layer"]
@@ -85,6 +86,6 @@ def test_the_launch_file_starts_nav2_without_localisation():
 
 def test_the_page_says_who_publishes_each_transform_if_the_run_does_not():
     _, _, told = (ROOT / "docs/ros2.md").read_text().partition("add `--no-ros2-tf`")
-    chain = (ros2_out.MAP, ros2_out.ODOM, ros2_out.BASE, ros2_out.CAMERA)
+    chain = (_FRAMES.map, _FRAMES.odom, _FRAMES.base, _FRAMES.camera)
     assert all(f"| `{parent}` -> `{child}`" in told for parent, child in pairwise(chain))
-    assert f"--frame-id {ros2_out.BASE} --child-frame-id {ros2_out.CAMERA} " in told
+    assert f"--frame-id {_FRAMES.base} --child-frame-id {_FRAMES.camera} " in told
