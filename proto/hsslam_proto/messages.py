@@ -155,6 +155,7 @@ class Pose(Message, frozen=True, kw_only=True):
     Empty: not known. `odometry`: x, y, z, qx, qy, qz, qw of the camera on a path without
     the jumps of corrections; it begins with the run and drifts. Empty: not known. `odometry_stands`: the
     motion to this frame is not known, as after a gap or where a lost camera is found; `odometry` tells none.
+    Height and tilt of `base_link` on that path become those in the map there, if the robot is known.
 
     `up`: direction against gravity in the world, as an IMU tells it. Empty: not known.
 
