@@ -28,10 +28,9 @@ def nearest_points(
             continue
         tree = igl.AABB()
         tree.init(corners, part)
-        found, _, places = tree.squared_distance(corners, part, asked[near])
+        found, _, places = map(np.asarray, tree.squared_distance(corners, part, asked[near]))
         is_nearer = found < squared[near]
-        squared[near[is_nearer]] = found[is_nearer]
-        feet[near[is_nearer]] = np.asarray(places)[is_nearer]
+        squared[near[is_nearer]], feet[near[is_nearer]] = found[is_nearer], places[is_nearer]
     return np.sqrt(squared), feet
 
 
