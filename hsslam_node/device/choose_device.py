@@ -16,9 +16,10 @@ _REMEDY = (
 )
 
 
-def choose_device(choice: DeviceChoice) -> Device:
+def choose_device(choice: DeviceChoice, *, reproducible: bool = False) -> Device:
     """The device to compute with, tried out. Imports torch unless the choice is the CPU.
 
+    With `reproducible`, `auto` is the CPU: a GPU adds in another order each time.
     `cuda` under TRITON_INTERPRET=1 is Triton's interpreter: the same code, slowly, without a GPU.
 
     Raises:
@@ -26,6 +27,8 @@ def choose_device(choice: DeviceChoice) -> Device:
     """
     if choice == "cpu":
         return Device("cpu", "CPU", "asked for")
+    if choice == "auto" and reproducible:
+        return Device("cpu", "CPU", "lockstep is reproducible on the CPU alone")
     if choice == "cuda" and TRITON_INTERPRET.value() == "1":
         return Device("interpreter", "Triton's interpreter", "TRITON_INTERPRET=1 is set")
     missing = _what_is_missing()

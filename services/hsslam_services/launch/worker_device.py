@@ -20,9 +20,11 @@ def worker_device(
     Raises:
         UserError: CUDA is asked for and does not work; the run ends with that line.
     """
-    has_all = after_the_last_frame or worker.options.pace == "lockstep"
+    in_lockstep = worker.options.pace == "lockstep"
+    has_all = after_the_last_frame or in_lockstep
     threads = max(int(granted_cores()), 1) if has_all else 1
-    device = dataclasses.replace(choose_device(worker.options.device), threads=threads)
+    device = choose_device(worker.options.device, reproducible=in_lockstep)
+    device = dataclasses.replace(device, threads=threads)
     if warm_started and device.kind == "cuda":
         from hsslam_node.warm_start import warm_start
 
@@ -33,4 +35,13 @@ def worker_device(
 def tell_device(worker: Worker, device: Device) -> None:
     """For one process of the run: an event for status line, log and viewer, and a section of the summary."""
     worker.event("info", f"the map is computed by {device}")
+    if warning := not_reproducible(worker.options.pace, device):
+        worker.event("warning", warning)
     worker.add_to_summary({"device": dataclasses.asdict(device)})
+
+
+def not_reproducible(pace: str, device: Device) -> str | None:
+    """The warning of a lockstep run whose result differs from run to run; None for all others."""
+    if pace != "lockstep" or device.kind != "cuda":
+        return None
+    return "--device cuda: lockstep is not reproducible on a GPU: expected cpu or auto for equal results"

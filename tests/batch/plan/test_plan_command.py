@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from hsslam_batch.attempt.serve_log import serve_command
 from hsslam_batch.plan.batch import read_batch
 from hsslam_batch.plan.command import plan_command
 from hsslam_batch.plan.lock import alone
 from hsslam_batch.plan.log import read_manifest
 from hsslam_bench.batch.small_log import write_small_log
+from hsslam_node.device.choose_device import choose_device
 from hsslam_node.errors import UserError
 from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.run.config_file import CONFIG_FILE, config_text
@@ -43,6 +45,18 @@ def test_manifest_and_options_are_written(
     options = parse_command_line(["--config", str(batch.config)])
     assert (options.preset, options.seed, options.pace) == ("eslam", 3, "lockstep")
     assert options.viewer == "none"
+
+
+@pytest.mark.parametrize(("given", "device"), [([], "auto"), (["--device", "cuda"], "cuda")])
+def test_a_run_takes_a_gpu_only_if_the_plan_names_one(
+    logs: Path, tmp_path: Path, given: list[str], device: str
+):
+    batch = _plan(logs, tmp_path / "out", *given)
+    _, _, _, _, *arguments = serve_command(batch, read_manifest(batch.out)[0], tmp_path / "run")
+    options = parse_command_line(arguments)
+    assert (options.pace, options.device) == ("lockstep", device)
+    if device == "auto":
+        assert choose_device(device, reproducible=True).kind == "cpu"
 
 
 def test_the_hash_follows_the_options_and_not_the_folder(logs: Path, tmp_path: Path):

@@ -21,6 +21,11 @@ def test_the_cpu_is_chosen_without_importing_torch():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_auto_is_the_cpu_where_results_are_to_be_equal():
+    device = choose_device("auto", reproducible=True)
+    assert str(device) == "CPU: lockstep is reproducible on the CPU alone"
+
+
 @without_cuda
 def test_auto_takes_the_cpu_and_says_why(monkeypatch):
     for interpreted in ("0", "1"):
