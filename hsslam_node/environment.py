@@ -18,6 +18,10 @@ class Variable:
         """What it is set to now; empty if it is not set."""
         return os.environ.get(self.name, "")
 
+    def set(self, value: str) -> None:
+        """For this process and those that it starts."""
+        os.environ[self.name] = value
+
 
 DATA = Variable(
     "HSSLAM_DATA",
@@ -36,6 +40,13 @@ TRITON_INTERPRET = Variable(
     "TRITON_INTERPRET",
     "1: `--device cuda` runs in Triton's interpreter, slowly and without a GPU.",
 )
+TRITON_CACHE = Variable(
+    "TRITON_CACHE_DIR",
+    "Folder of the GPU's compiled kernels (not set: `triton` in the folder `hsslam` of caches).",
+)
+COMPILER = Variable(
+    "CC", "C compiler that Triton uses for a GPU (not set: gcc, or clang if there is no gcc)."
+)
 DISPLAYS = (
     Variable("DISPLAY", "If it is set, `--viewer auto` opens a window."),
     Variable("WAYLAND_DISPLAY", "As `DISPLAY`."),
@@ -43,7 +54,16 @@ DISPLAYS = (
 BENCH_DATA = Variable(
     "HSSLAM_TEST_DATA", "Folder of the sequences of `hsslam-bench` and the tests."
 )
-VARIABLES = (DATA, TUM_URL, CACHE_HOME, TRITON_INTERPRET, *DISPLAYS, BENCH_DATA)
+VARIABLES = (
+    DATA,
+    TUM_URL,
+    CACHE_HOME,
+    TRITON_INTERPRET,
+    TRITON_CACHE,
+    COMPILER,
+    *DISPLAYS,
+    BENCH_DATA,
+)
 
 
 def environment_table() -> str:

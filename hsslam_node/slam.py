@@ -20,6 +20,7 @@ from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.growing_map import GrowingMap
 from hsslam_node.dense_map.shapes import Shapes
 from hsslam_node.dense_map.snapshot import map_snapshot
+from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import UserError
 from hsslam_node.fragments.fragment_tracker import open_fragment_tracker
@@ -64,7 +65,7 @@ class Slam:
         config: SlamConfig,
         seed: int = 0,
         arrays: ArrayAllocator | None = None,
-        device: Device = CPU,
+        device: Device | DeviceChoice = CPU,
         *,
         saved_map: Path | str | None = None,
         localise_only: bool = False,
@@ -76,13 +77,13 @@ class Slam:
         joins the map where the two meet; 0: never.
 
         Raises:
-            UserError: the map cannot be used (`restore_map`), or there is none to localise in.
+            UserError: the map cannot be used (`restore_map`), there is none to localise in, or the device.
         """
         self.config = config
         self.localise_only = localise_only
         self.seed = seed
         self._new_map_after_s = new_map_after_s
-        self._device = device
+        self._device = device if isinstance(device, Device) else choose_device(device)
         self._arrays = arrays or MemoryAllocator()
         self.store: KeyframeStore | None = None
         self.parameters: FieldParameters | None = None
@@ -93,7 +94,7 @@ class Slam:
         self.bad_frames: list[BadFrame] = []
         self.pose_log = PoseLog(MemoryAllocator())  # of this process alone
         self._path = SmoothPath(self.pose_log, config.tracker.longest_gap_s)
-        self._maps = GrowingMap(config, device)
+        self._maps = GrowingMap(config, self._device)
         if saved_map is not None:
             self.store, self.parameters = restore_map(self._arrays, Path(saved_map), config)
             self._attach(self.parameters)

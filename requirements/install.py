@@ -3,8 +3,8 @@
 python requirements/install.py [--venv FOLDER] [--dev] [--ros2] [--editable] [PROJECT]
 
 `make run`, `make test` and the images use it. uv does the work if it is on PATH, else pip.
-TORCH=cpu|cuda decides which PyTorch; else a machine with a CUDA driver gets that of PyPI, any other
-PyTorch's CPU wheel. TORCH_INDEX=URL names a mirror of PyTorch's index of CPU wheels.
+TORCH=cpu|cuda decides which PyTorch; else a machine with a CUDA driver that it can use gets that of PyPI,
+any other PyTorch's CPU wheel. TORCH_INDEX=URL names a mirror of PyTorch's index of CPU wheels.
 
 It stands beside the locks, as nothing of it is needed after installation, and wants no package.
 """
@@ -112,11 +112,22 @@ def choose_torch(wish: str) -> tuple[str, str]:
     if wish != "auto":
         return wish, f"TORCH={wish} is set"
     sys.path.insert(0, str(ROOT))
-    from hsslam_node.device.cuda_driver import has_cuda_driver
+    from hsslam_node.device.cuda_driver import driver_version, has_cuda_driver
 
-    if has_cuda_driver():
-        return "cuda", "this machine has a CUDA driver (TORCH=cpu decides otherwise)"
-    return "cpu", "this machine has no CUDA driver (TORCH=cuda decides otherwise)"
+    return fitting_torch(has_cuda_driver(), driver_version())
+
+
+def fitting_torch(has_driver: bool, version: str) -> tuple[str, str]:
+    """The same by the CUDA driver and its version, which is empty if it is not known."""
+    from hsslam_node.device.cuda_driver import OLDEST_DRIVER, is_too_old
+
+    if not has_driver:
+        return "cpu", "this machine has no CUDA driver (TORCH=cuda decides otherwise)"
+    driver = f"CUDA driver {version}".strip()
+    if is_too_old(version):
+        needed = f"{OLDEST_DRIVER} or newer is needed (TORCH=cuda decides otherwise)"
+        return "cpu", f"this machine has {driver}, and {needed}"
+    return "cuda", f"this machine has {driver} (TORCH=cpu decides otherwise)"
 
 
 def why_unreachable(index: str, within_s: float = _ANSWER_WITHIN_S) -> str | None:

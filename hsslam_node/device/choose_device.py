@@ -1,66 +1,109 @@
 """The choice of the device: CUDA if it really works, else the CPU with the reason."""
 
 import importlib.util
-from typing import Literal
+from typing import Literal, NamedTuple, get_args
 
+from hsslam_node.device.cuda_driver import OLDEST_DRIVER, driver_version, is_too_old
 from hsslam_node.device.device import Device
+from hsslam_node.device.gpu_memory import too_little_memory
+from hsslam_node.device.triton_tools import keep_kernels, missing_tool
 from hsslam_node.environment import TRITON_INTERPRET
-from hsslam_node.errors import UserError
+from hsslam_node.errors import UserError, one_line
 
 DeviceChoice = Literal["auto", "cpu", "cuda"]
 
 _LARGEST_ERROR = 1e-4
-_REMEDY = (
-    "choose --device cpu or auto, or install PyTorch for CUDA, and gcc with the headers of Python, "
-    "beside an NVIDIA driver"
-)
+_LONGEST = 200  # characters of an error that is told
+
+
+class _Missing(NamedTuple):
+    """Why the GPU cannot be used, and what would help; empty if that is not known."""
+
+    what: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.what}: expected {self.remedy}" if self.remedy else self.what
 
 
 def choose_device(choice: DeviceChoice, *, reproducible: bool = False) -> Device:
     """The device to compute with, tried out. Imports torch unless the choice is the CPU.
 
-    With `reproducible`, `auto` is the CPU: a GPU adds in another order each time.
+    With `reproducible`, `auto` is the CPU: a GPU adds in another order each time. `auto` is the CPU as
+    well if the GPU has little free memory.
     `cuda` under TRITON_INTERPRET=1 is Triton's interpreter: the same code, slowly, without a GPU.
 
     Raises:
-        UserError: `cuda` is asked for and does not work.
+        UserError: `cuda` is asked for and does not work, or there is no such choice.
     """
+    if choice not in (choices := get_args(DeviceChoice)):
+        raise UserError(f"device {choice}: expected {', '.join(choices)}")
     if choice == "cpu":
         return Device("cpu", "CPU", "asked for")
     if choice == "auto" and reproducible:
         return Device("cpu", "CPU", "lockstep is reproducible on the CPU alone")
     if choice == "cuda" and TRITON_INTERPRET.value() == "1":
         return Device("interpreter", "Triton's interpreter", "TRITON_INTERPRET=1 is set")
-    missing = _what_is_missing()
-    if missing is None:
-        import torch
-
-        reason = "asked for" if choice == "cuda" else "CUDA works"
-        return Device("cuda", torch.cuda.get_device_name(), reason)
-    if choice == "cuda":
-        raise UserError(f"--device cuda: {missing}: {_REMEDY}")
-    return Device("cpu", "CPU", f"no CUDA: {missing}")
-
-
-def _what_is_missing() -> str | None:
-    """Why the GPU cannot be used, in one line; None where a kernel ran and gave the right numbers."""
     import torch
 
     if torch.version.cuda is None:
-        return f"this PyTorch ({torch.__version__}) is built without it"
+        what = f"this PyTorch ({torch.__version__}) is built without it"
+        if choice == "auto":  # most users of this build have no GPU
+            return Device("cpu", "CPU", f"no CUDA: {what}")
+        raise _not_usable(_Missing(what, "PyTorch for CUDA"))
+    missing = _what_is_missing()
+    if choice == "cuda":
+        if missing is not None:
+            raise _not_usable(missing)
+        return Device("cuda", torch.cuda.get_device_name(), "asked for")
+    if missing is not None:
+        return Device("cpu", "CPU", f"no CUDA: {missing}")
+    if full := too_little_memory(torch.cuda.mem_get_info()[0]):
+        return Device("cpu", "CPU", full)
+    return Device("cuda", torch.cuda.get_device_name(), "CUDA works")
+
+
+def _not_usable(missing: _Missing) -> UserError:
+    remedies = [missing.remedy, "--device cpu or auto"]
+    return UserError(
+        f"--device cuda: {missing.what}: expected {', or '.join(filter(None, remedies))}"
+    )
+
+
+def _what_is_missing() -> _Missing | None:
+    """What PyTorch for CUDA lacks on this machine; None where a kernel ran and gave the right numbers."""
+    import torch
+
     if not torch.cuda.is_available():
-        return f"PyTorch {torch.__version__} finds no usable NVIDIA GPU or driver"
+        return _no_gpu(torch.__version__, driver_version())
     if importlib.util.find_spec("triton") is None:
-        return "Triton is not installed"
+        return _Missing("Triton is not installed", "the package triton")
     if TRITON_INTERPRET.value() == "1":
-        return "TRITON_INTERPRET=1 is set, so that kernels would be interpreted"
+        return _Missing("TRITON_INTERPRET=1 interprets kernels", "TRITON_INTERPRET not set")
+    keep_kernels()
     try:
         from hsslam_node.gpu_kernels.trial_kernel import trial_error
 
         error = trial_error("cuda")
     except Exception as failure:  # driver, compiler and Triton raise errors of many types
-        text = " ".join(str(failure).split())[:200]
-        return f"a trial kernel fails: {type(failure).__name__}: {text}"
+        if tool := missing_tool():  # it may have kept what it would compile
+            return _Missing(*tool)
+        return _Missing(f"a trial kernel fails: {_shortened(one_line(failure))}")
     if not error < _LARGEST_ERROR:
-        return f"a trial kernel is wrong by {error:.1g}"
+        return _Missing(f"a trial kernel is wrong by {error:.1g}")
     return None
+
+
+def _no_gpu(torch_version: str, driver: str) -> _Missing:
+    """For a version of the driver; empty: it is not known."""
+    what = f"PyTorch {torch_version} finds no usable NVIDIA GPU"
+    if is_too_old(driver):
+        return _Missing(f"{what} with driver {driver}", f"driver {OLDEST_DRIVER} or newer")
+    if driver:
+        return _Missing(f"{what} with driver {driver}")
+    return _Missing(f"{what} or driver", f"an NVIDIA driver, {OLDEST_DRIVER} or newer")
+
+
+def _shortened(text: str) -> str:
+    """A long one by its end: the command line of a compiler comes first, and what is wrong last."""
+    return text if len(text) <= _LONGEST else f"...{text[-_LONGEST:]}"

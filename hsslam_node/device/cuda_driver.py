@@ -1,7 +1,14 @@
-"""Whether this machine has a CUDA driver: alone, as the installer asks before any package is there."""
+"""The CUDA driver of this machine: alone, as the installer asks before any package is there."""
+
+from __future__ import annotations
 
 import ctypes
+import re
 from pathlib import Path
+
+OLDEST_DRIVER = 580  # major version that CUDA 13 needs, with which PyPI's PyTorch is built
+
+_VERSION_FILE = Path("/proc/driver/nvidia/version")  # not on WSL and Jetson
 
 
 def has_cuda_driver() -> bool:
@@ -16,3 +23,18 @@ def has_cuda_driver() -> bool:
     except OSError:
         return False
     return True
+
+
+def driver_version(file: Path = _VERSION_FILE) -> str:
+    """The version of the driver that the kernel has loaded, as 580.65.06; empty if it is not known."""
+    try:
+        first, *_ = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    except (OSError, ValueError):
+        return ""
+    found = re.search(r"\d+(\.\d+)+", first)
+    return found[0] if found else ""
+
+
+def is_too_old(version: str) -> bool:
+    """Whether PyTorch from PyPI cannot use a driver of this version; False if it is not known."""
+    return bool(version) and int(version.partition(".")[0]) < OLDEST_DRIVER

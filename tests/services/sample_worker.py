@@ -31,6 +31,8 @@ def _run(worker: Worker) -> None:
         raise UserError("field = 3: expected 4")
     if behaviour == "no memory":
         raise OutOfMemoryError("array x: needs 8 bytes")
+    if behaviour == "full GPU":
+        raise RuntimeError("CUDA out of memory. Tried to allocate 20.00 MiB. GPU 0 has none")
     if behaviour == "full disk":
         os.dup2(os.open("/dev/full", os.O_WRONLY), 2)
         worker.event("warning", "a line that its log has no room for")

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress, ProgressColumn
 
 from hsslam_node import __version__
+from hsslam_node.device.gpu_memory import gpu_memory_errors
 from hsslam_node.errors import UserError, did_you_mean
 from hsslam_services.commands.options.help_text import print_help
 from hsslam_services.commands.options.layers import merged
@@ -87,7 +88,8 @@ def exit_code(command: Callable[[], int | None]) -> int:
     _open_closed_streams()
     try:
         try:
-            return command() or 0
+            with gpu_memory_errors():
+                return command() or 0
         finally:
             sys.stdout.flush()
     except UserError as error:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
+from hsslam_node.device.gpu_memory import gpu_memory_errors
 from hsslam_node.errors import OutOfMemoryError, UserError
 from hsslam_services.arena.process_registry import enter_process
 from hsslam_services.launch.parent_death import die_with_parent
@@ -49,7 +50,8 @@ def run_worker(name: str, loop: Callable[[Worker], None]) -> NoReturn:
             try:
                 if not_entered:
                     worker.event("warning", not_entered)
-                loop(worker)
+                with gpu_memory_errors():
+                    loop(worker)
             except UserError as error:
                 worker.event("error", str(error))
                 raise

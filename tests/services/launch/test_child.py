@@ -111,7 +111,9 @@ def test_bad_input_in_a_run_that_works_is_tried_again(watch, run_info: RunInfo):
     assert child.user_error == ""
 
 
-@pytest.mark.parametrize(("behaviour", "restarts"), [("no memory", 1), ("bad input", 0)])
+@pytest.mark.parametrize(
+    ("behaviour", "restarts"), [("no memory", 1), ("full GPU", 1), ("bad input", 0)]
+)
 def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
     watch, behaviour: str, restarts: int
 ):
@@ -119,6 +121,9 @@ def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
     child = start(behaviour, may_pass=True, reads_source=True)
     until(lambda: child.restarts or child.state == "failed")
     assert child.restarts == restarts
+    if behaviour == "full GPU":
+        told = "GPU memory: full: expected 20.00 MiB more free: --device cpu needs none"
+        assert child.news[0].startswith(f"sample_worker ended: {told}: restart")
 
 
 def test_a_log_without_room_ends_no_process(watch, run_info: RunInfo):
