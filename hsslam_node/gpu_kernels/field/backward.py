@@ -57,7 +57,7 @@ def field_backward(
         position_backward(params, layout, n, acts, d_points)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _scatter_planes(
     values, touched, ints, floats, n, position, inside, d_geometry_in, d_color_in,
     C: tl.constexpr, L: tl.constexpr, B: tl.constexpr,
@@ -78,7 +78,7 @@ def _scatter_planes(
     scatter_plane(values, touched, ints, floats, plane, u, v, live, d, C)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _scatter_hash(
     values, touched, ints, floats, n, position, inside, d_geometry_in,
     C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr, B: tl.constexpr,

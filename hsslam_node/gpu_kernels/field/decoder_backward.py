@@ -63,9 +63,9 @@ def geometry_backward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _color_backward(
-    params, ints, floats, n, position, inside, geometry_out, color_in, color_hidden, rgb, d_rgb,
+    parameters, ints, floats, n, position, inside, geometry_out, color_in, color_hidden, rgb, d_rgb,
     values, d_color_in, d_color_hidden, WEIGHTS: tl.constexpr, C: tl.constexpr,
     BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
@@ -84,7 +84,7 @@ def _color_backward(
     if WEIGHTS:
         product = tl.dot(tl.trans(hidden), d_logit, input_precision="ieee")
         add_output_columns(values + V2, product, 3)
-    weights = tl.trans(output_columns(params + V2, 3))
+    weights = tl.trans(output_columns(parameters + V2, 3))
     d_hidden = tl.dot(d_logit, weights, input_precision="ieee")
     d_hidden = tl.where(hidden > 0.0, d_hidden, 0.0)
     tl.store(d_color_hidden + row * 32 + unit, d_hidden, mask=on[:, None])
@@ -97,7 +97,7 @@ def _color_backward(
             if WEIGHTS:
                 product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
                 add_weight_rows(values + V1, s * C, product, C)
-            weights = tl.trans(weight_rows(params + V1, s * C, C))
+            weights = tl.trans(weight_rows(parameters + V1, s * C, C))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_color_in + offset, d_f, mask=on[:, None])
     g = tl.load(geometry_out + row * 16 + column, mask=live[:, None], other=0.0)
@@ -109,9 +109,9 @@ def _color_backward(
         scatter_one_blob(values + V1, 2 * C, floats, x, y, z, d_hidden)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _geometry_backward(
-    params, ints, floats, n, position, inside, geometry_in, geometry_hidden, sdf, d_sdf,
+    parameters, ints, floats, n, position, inside, geometry_in, geometry_hidden, sdf, d_sdf,
     d_color_hidden, values, d_geometry_in, d_geometry_hidden,
     WEIGHTS: tl.constexpr, C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr,
     BLOBS: tl.constexpr, B: tl.constexpr,
@@ -122,7 +122,7 @@ def _geometry_backward(
     live = tl.load(inside + k, mask=on, other=0) != 0
     column = tl.arange(0, 16)[None, :]
     unit = tl.arange(0, 32)[None, :]
-    V1 = params + tl.load(ints + 2)
+    V1 = parameters + tl.load(ints + 2)
     d_color = tl.load(d_color_hidden + row * 32 + unit, mask=on[:, None], other=0.0)
     weights = tl.trans(feature_rows(V1, 2 * C + BLOBS))
     d_out = tl.dot(d_color, weights, input_precision="ieee")
@@ -135,7 +135,7 @@ def _geometry_backward(
     if WEIGHTS:
         product = tl.dot(tl.trans(hidden), d_out, input_precision="ieee")
         add_output_columns(values + W2, product, 16)
-    d_hidden = tl.dot(d_out, tl.trans(output_columns(params + W2, 16)), input_precision="ieee")
+    d_hidden = tl.dot(d_out, tl.trans(output_columns(parameters + W2, 16)), input_precision="ieee")
     d_hidden = tl.where(hidden > 0.0, d_hidden, 0.0)
     tl.store(d_geometry_hidden + row * 32 + unit, d_hidden, mask=on[:, None])
 
@@ -149,7 +149,7 @@ def _geometry_backward(
             if WEIGHTS:
                 product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
                 add_hash_rows(values + W1, product, feature, L, LP)
-            weights = tl.trans(hash_rows(params + W1, feature, L, LP))
+            weights = tl.trans(hash_rows(parameters + W1, feature, L, LP))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_geometry_in + offset, d_f, mask=on[:, None] & (level < L))
     if C > 0:
@@ -159,7 +159,7 @@ def _geometry_backward(
             if WEIGHTS:
                 product = tl.dot(tl.trans(f), d_hidden, input_precision="ieee")
                 add_weight_rows(values + W1, 2 * L + s * C, product, C)
-            weights = tl.trans(weight_rows(params + W1, 2 * L + s * C, C))
+            weights = tl.trans(weight_rows(parameters + W1, 2 * L + s * C, C))
             d_f = tl.dot(d_hidden, weights, input_precision="ieee")
             tl.store(d_geometry_in + offset, d_f, mask=on[:, None])
     if WEIGHTS and BLOBS > 0:

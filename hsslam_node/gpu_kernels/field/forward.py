@@ -42,9 +42,9 @@ def field_forward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _field_forward(
-    params, ints, floats, points, n, position, inside, geometry_in, geometry_hidden, geometry_out,
+    parameters, ints, floats, points, n, position, inside, geometry_in, geometry_hidden, geometry_out,
     color_in, color_hidden, sdf, rgb, C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr,
     BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
@@ -57,11 +57,11 @@ def _field_forward(
     tl.store(position + 3 * k + 2, z, mask=on)
     tl.store(inside + k, live.to(tl.uint8), mask=on)
 
-    W1 = params + tl.load(ints)
+    W1 = parameters + tl.load(ints)
     width: tl.constexpr = 2 * L + 2 * C
     hidden = tl.zeros([B, 32], tl.float32)
     if L > 0:
-        f0, f1 = gather_hash(params, ints, floats, x, y, z, live, L, LP)
+        f0, f1 = gather_hash(parameters, ints, floats, x, y, z, live, L, LP)
         hidden = tl.dot(f0, hash_rows(W1, 0, L, LP), hidden, input_precision="ieee")
         hidden = tl.dot(f1, hash_rows(W1, 1, L, LP), hidden, input_precision="ieee")
         level = tl.arange(0, LP)[None, :]
@@ -70,7 +70,7 @@ def _field_forward(
         tl.store(target + 1, f1, mask=on[:, None] & (level < L))
     if C > 0:
         for s in tl.static_range(2):
-            f = gather_planes(params, ints, floats, s, x, y, z, live, C)
+            f = gather_planes(parameters, ints, floats, s, x, y, z, live, C)
             rows = weight_rows(W1, 2 * L + s * C, C)
             hidden = tl.dot(f, rows, hidden, input_precision="ieee")
             target = geometry_in + row * width + 2 * L + s * C + tl.arange(0, C)[None, :]
@@ -81,18 +81,18 @@ def _field_forward(
     unit = tl.arange(0, 32)[None, :]
     tl.store(geometry_hidden + row * 32 + unit, hidden, mask=on[:, None])
 
-    W2 = output_columns(params + tl.load(ints + 1), 16)
+    W2 = output_columns(parameters + tl.load(ints + 1), 16)
     out = tl.dot(hidden, W2, input_precision="ieee")
     column = tl.arange(0, 16)[None, :]
     tl.store(geometry_out + row * 16 + column, out, mask=on[:, None])
     distance = tanh(tl.sum(tl.where(column == 0, out, 0.0), axis=1))
     tl.store(sdf + k, tl.where(live, distance, 1.0), mask=on)
 
-    V1 = params + tl.load(ints + 2)
+    V1 = parameters + tl.load(ints + 2)
     hidden = tl.dot(out, feature_rows(V1, 2 * C + BLOBS), input_precision="ieee")
     if C > 0:
         for s in tl.static_range(2):
-            f = gather_planes(params, ints, floats, 2 + s, x, y, z, live, C)
+            f = gather_planes(parameters, ints, floats, 2 + s, x, y, z, live, C)
             hidden = tl.dot(f, weight_rows(V1, s * C, C), hidden, input_precision="ieee")
             target = color_in + row * (2 * C) + s * C + tl.arange(0, C)[None, :]
             tl.store(target, f, mask=on[:, None])
@@ -100,7 +100,7 @@ def _field_forward(
         hidden = add_one_blob(V1, 2 * C, floats, x, y, z, hidden)
     hidden = tl.maximum(hidden, 0.0)
     tl.store(color_hidden + row * 32 + unit, hidden, mask=on[:, None])
-    V2 = output_columns(params + tl.load(ints + 3), 3)
+    V2 = output_columns(parameters + tl.load(ints + 3), 3)
     color = tl.sigmoid(tl.dot(hidden, V2, input_precision="ieee"))
     color = tl.where(live[:, None], color, 0.5)
     tl.store(rgb + 3 * row + column, color, mask=on[:, None] & (column < 3))

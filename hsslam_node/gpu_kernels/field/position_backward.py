@@ -30,9 +30,9 @@ def position_backward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _position_backward(
-    params, ints, floats, n, position, inside, d_geometry_in, d_geometry_hidden, d_color_in,
+    parameters, ints, floats, n, position, inside, d_geometry_in, d_geometry_hidden, d_color_in,
     d_color_hidden, d_points, C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr,
     BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
@@ -51,7 +51,7 @@ def _position_backward(
         d0 = tl.load(source, mask=live[:, None] & (level < L), other=0.0)
         d1 = tl.load(source + 1, mask=live[:, None] & (level < L), other=0.0)
         ex, ey, ez = hash_position_gradient(
-            params, ints, floats, x, y, z, live, d0, d1, L, LP
+            parameters, ints, floats, x, y, z, live, d0, d1, L, LP
         )  # fmt: skip
         dx += ex
         dy += ey
@@ -61,26 +61,28 @@ def _position_backward(
         for s in tl.static_range(2):
             source = d_geometry_in + row * width + 2 * L + s * C + channel
             d = tl.load(source, mask=live[:, None], other=0.0)
-            ex, ey, ez = plane_position_gradient(params, ints, floats, s, x, y, z, live, d, C)
+            ex, ey, ez = plane_position_gradient(parameters, ints, floats, s, x, y, z, live, d, C)
             dx += ex
             dy += ey
             dz += ez
             source = d_color_in + row * (2 * C) + s * C + channel
             d = tl.load(source, mask=live[:, None], other=0.0)
-            ex, ey, ez = plane_position_gradient(params, ints, floats, 2 + s, x, y, z, live, d, C)
+            ex, ey, ez = plane_position_gradient(
+                parameters, ints, floats, 2 + s, x, y, z, live, d, C
+            )
             dx += ex
             dy += ey
             dz += ez
     if BLOBS > 0:
         unit = tl.arange(0, 32)[None, :]
         d = tl.load(d_geometry_hidden + row * 32 + unit, mask=live[:, None], other=0.0)
-        W1 = params + tl.load(ints)
+        W1 = parameters + tl.load(ints)
         ex, ey, ez = one_blob_position_gradient(W1, width, floats, x, y, z, d)
         dx += ex
         dy += ey
         dz += ez
         d = tl.load(d_color_hidden + row * 32 + unit, mask=live[:, None], other=0.0)
-        V1 = params + tl.load(ints + 2)
+        V1 = parameters + tl.load(ints + 2)
         ex, ey, ez = one_blob_position_gradient(V1, 2 * C, floats, x, y, z, d)
         dx += ex
         dy += ey

@@ -47,16 +47,16 @@ def query_sdf(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"])
 def _query_sdf(
-    params, ints, floats, points, n, sdf, inside, gradient, GRADIENT: tl.constexpr,
+    parameters, ints, floats, points, n, sdf, inside, gradient, GRADIENT: tl.constexpr,
     C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr, BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     k = tl.program_id(0) * B + tl.arange(0, B)
     on = k < n
     x, y, z, live = relative_position(points, floats, k, on)
     phi, gx, gy, gz = sdf_and_gradient(
-        params, ints, floats, x, y, z, live, GRADIENT, C, L, LP, BLOBS
+        parameters, ints, floats, x, y, z, live, GRADIENT, C, L, LP, BLOBS
     )
     tl.store(sdf + k, phi, mask=on)
     tl.store(inside + k, live.to(tl.uint8), mask=on)

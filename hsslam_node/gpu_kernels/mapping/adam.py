@@ -40,9 +40,9 @@ def sparse_adam(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["chunks"])
 def _sparse_adam(
-    params, first_moment, second_moment, values, touched, step, rates, regions, eps, beta1, beta2,
+    parameters, first_moment, second_moment, values, touched, step, rates, regions, eps, beta1, beta2,
     stepped_at, chunks, B: tl.constexpr,
 ):  # fmt: skip
     chunk = tl.program_id(0) * B + tl.arange(0, B)
@@ -64,9 +64,9 @@ def _sparse_adam(
         g = tl.load(values + k, mask=mask, other=0.0)
         m = beta1 * tl.load(first_moment + k, mask=mask, other=0.0) + (1.0 - beta1) * g
         v = beta2 * tl.load(second_moment + k, mask=mask, other=0.0) + (1.0 - beta2) * g * g
-        p = tl.load(params + k, mask=mask, other=0.0)
+        p = tl.load(parameters + k, mask=mask, other=0.0)
         p -= (rate / correction1)[:, None] * m / (tl.sqrt(v) / correction2 + eps)
-        tl.store(params + k, p, mask=mask)
+        tl.store(parameters + k, p, mask=mask)
         tl.store(first_moment + k, m, mask=mask)
         tl.store(second_moment + k, v, mask=mask)
         tl.store(values + k, tl.zeros([B, 16], tl.float32), mask=mask)

@@ -55,7 +55,7 @@ def losses_backward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["R"], do_not_specialize_on_alignment=["log_beta", "d_log_beta"])
 def _losses_backward(
     sdf, rgb, inside, z, log_beta, weights, color, depth, measured_color, measured_depth,
     ray_weight, loss_weight, T, d_color_extra, ray_count, R, S, d_sdf, d_rgb, ray_loss, terms,

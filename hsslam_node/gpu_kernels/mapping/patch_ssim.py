@@ -39,7 +39,7 @@ def patch_ssim_backward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["W"])
 def _patch_ssim_backward(
     color, measured, windows, window_count, window_weight, scale, d_color, loss, W, K,
     KP: tl.constexpr, B: tl.constexpr,

@@ -77,7 +77,7 @@ def pose_gradients(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["R"])
 def _place_samples(
     direction, depth, slot, ray_count, R, poses, jitter, free_reach, half, z, points,
     FREE: tl.constexpr, SURFACE: tl.constexpr, SP: tl.constexpr, B: tl.constexpr,
@@ -118,7 +118,7 @@ def _sample_depth(s, place, D, free_reach, half, FREE: tl.constexpr, SURFACE: tl
     return tl.where(D < 0.0, blind, tl.where(s < FREE, free, surface))
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["R"])
 def _pose_gradients(
     direction, slot, ray_count, R, S, poses, z, d_points, d_twist,
     SP: tl.constexpr, B: tl.constexpr,

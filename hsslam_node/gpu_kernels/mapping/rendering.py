@@ -36,7 +36,7 @@ def render_forward(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["R"], do_not_specialize_on_alignment=["log_beta"])
 def _render_forward(
     sdf, rgb, inside, z, log_beta, R, S, weights, color, depth, opacity,
     SP: tl.constexpr, B: tl.constexpr,

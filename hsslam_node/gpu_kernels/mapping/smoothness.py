@@ -44,12 +44,12 @@ def smoothness_backward(
 
 @triton.jit
 def _gather(
-    params, ints, floats, cube, n, feature, L: tl.constexpr, LP: tl.constexpr, B: tl.constexpr
+    parameters, ints, floats, cube, n, feature, L: tl.constexpr, LP: tl.constexpr, B: tl.constexpr
 ):
     k = tl.program_id(0) * B + tl.arange(0, B)
     on = k < n * n * n
     x, y, z, live = relative_position(cube, floats, k, on)
-    f0, f1 = gather_hash(params, ints, floats, x, y, z, live, L, LP)
+    f0, f1 = gather_hash(parameters, ints, floats, x, y, z, live, L, LP)
     level = tl.arange(0, LP)[None, :]
     target = feature + k[:, None] * (2 * L) + level
     mask = on[:, None] & (level < L)

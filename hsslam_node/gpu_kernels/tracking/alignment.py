@@ -57,16 +57,18 @@ def sdf_normal_equations(
     _add_up[(1,)](partial, blocks, H, b, sums, B=16)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["n"], do_not_specialize_on_alignment=["point_count"])
 def _linearise(
-    params, ints, floats, points, point_count, n, pose, T, sigma_m, sigma_slope, huber, partial,
+    parameters, ints, floats, points, point_count, n, pose, T, sigma_m, sigma_slope, huber, partial,
     C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr, BLOBS: tl.constexpr, B: tl.constexpr,
 ):  # fmt: skip
     """partial [8, 8] of a block: w a a^T with a = (6 of J, residual, 0), and four sums in its last row."""
     k = tl.program_id(0) * B + tl.arange(0, B)
     on = k < tl.minimum(tl.load(point_count), n)
     wx, wy, wz, x, y, z, live = world_position(points, pose, floats, k, on)
-    phi, gx, gy, gz = sdf_and_gradient(params, ints, floats, x, y, z, live, True, C, L, LP, BLOBS)
+    phi, gx, gy, gz = sdf_and_gradient(
+        parameters, ints, floats, x, y, z, live, True, C, L, LP, BLOBS
+    )
     used = live & (tl.abs(phi) <= 0.95)
     r = tl.where(used, phi * T, 0.0)
     far = tl.maximum(tl.load(points + 3 * k + 2, mask=on, other=0.0) - 0.4, 0.0)
@@ -103,7 +105,7 @@ def _linearise(
     tl.store(target + 59, tl.sum(tl.where(inlier, r * r, 0.0), axis=0))
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["blocks"])
 def _add_up(partial, blocks, H, b, sums, B: tl.constexpr):
     k = tl.arange(0, 64)
     total = tl.zeros([64], tl.float64)
