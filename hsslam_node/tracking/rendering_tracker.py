@@ -13,6 +13,7 @@ from hsslam_node.kernels.tracking.alignment import add_sdf_term
 from hsslam_node.kernels.tracking.depth_points import transform_points
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import first_pose
+from hsslam_node.tracking.alignment.frame_terms import open_sdf_term
 from hsslam_node.tracking.map_view import MapView
 from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.rendering_objective import PoseObjective, RenderingObjective, descend
@@ -37,9 +38,14 @@ class SurfaceFit:
 def surface_fit(
     points: np.ndarray, T_world_cam: np.ndarray, view: MapView, config: TrackerConfig
 ) -> SurfaceFit:
-    """The fit of points [N, 3] float32 (m, camera) seen from T_world_cam [4, 4]."""
+    """The fit of points [N, 3] float32 (m, camera) seen from T_world_cam [4, 4], to what was rendered."""
     n = len(points)
     world = np.empty((n, 3), np.float32)
+    H, b = np.zeros((8, 8)), np.zeros(8)
+    if view.on_device is not None:  # others may overwrite `view.params` meanwhile
+        term = open_sdf_term(view, (points, points), config)
+        inliers, seen, squares = term.add(T_world_cam, world, True, H, b)
+        return _fit(n, inliers, seen, squares)
     sdf, inside = np.empty(n, np.float32), np.empty(n, np.uint8)
     gradient = np.zeros((n, 3), np.float32)
     transform_points(T_world_cam, points, world)
@@ -47,9 +53,14 @@ def surface_fit(
     _, inliers, seen, squares = add_sdf_term(
         sdf, gradient, inside, world, points[:, 2], T_world_cam[:3, 3].copy(), view.truncation_m,
         config.sdf_sigma_m, config.sdf_sigma_slope, config.sdf_huber_m,
-        np.zeros((8, 8)), np.zeros(8),
+        H, b,
     )  # fmt: skip
-    return SurfaceFit(inliers / max(seen, 1), float(np.sqrt(squares / max(inliers, 1))), n - seen)
+    return _fit(n, inliers, seen, squares)
+
+
+def _fit(points: int, inliers: int, seen: int, squares_m2: float) -> SurfaceFit:
+    rms_m = float(np.sqrt(squares_m2 / max(inliers, 1)))
+    return SurfaceFit(inliers / max(seen, 1), rms_m, points - seen)
 
 
 _FEWEST_POINTS = 100

@@ -7,7 +7,8 @@ import pytest
 
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.tracking.rendering_tracker import RenderingTracker
+from hsslam_node.tracking.rendering_tracker import RenderingTracker, surface_fit
+from hsslam_node.tracking.tracked_frame import frame_points
 from tests.node.gpu_kernels.interpreter import DEVICE, import_gpu_kernels
 from tests.small_room import SMALL, displaced, map_view, room_frames, room_poses, with_black
 
@@ -49,6 +50,17 @@ def test_loss_and_gradient_are_those_of_the_twin(view):
         error = np.linalg.norm(gradient - expected_gradient)
         assert error < 2e-3 * np.linalg.norm(expected_gradient)
     assert found[1][0][0] != found[1][1][0]
+
+
+def test_a_pose_is_judged_by_the_map_that_was_rendered(view):
+    """Others may overwrite the parameters in host memory meanwhile."""
+    points, T = frame_points(room_frames()[K], SMALL.tracker, 0)[::8].copy(), room_poses()[K]
+    torn = replace(view, params=np.full_like(view.params, np.nan))
+    expected = surface_fit(points, T, replace(view, on_device=None), SMALL.tracker)
+    found = surface_fit(points, T, torn, SMALL.tracker)
+    assert expected.inlier_ratio > 0.9 and found.outside == expected.outside
+    assert found.inlier_ratio == pytest.approx(expected.inlier_ratio, abs=0.01)
+    assert found.rms_m == pytest.approx(expected.rms_m, rel=0.01)
 
 
 def test_the_tracker_asks_the_map_where_it_is(view):
