@@ -185,16 +185,25 @@ def repeated_effects(options: ServeOptions) -> list[str]:
     ]
 
 
+def run_metadata(file: Path) -> dict[str, str]:
+    """What the log says of the run that wrote it: `run_id`, `options`, ...; empty if it says nothing.
+
+    Raises:
+        UserError: the log is damaged.
+    """
+    with log_reader(file) as reader:
+        records = list(reader.iter_metadata())
+    return next((record.metadata for record in records if record.name == RUN_METADATA), {})
+
+
 def logged_options(files: list[Path]) -> ServeOptions | None:
     """The options of the run that wrote the log; None if it does not hold them, or is of another version.
 
     Raises:
         UserError: the log is damaged.
     """
-    with log_reader(files[0]) as reader:
-        records = list(reader.iter_metadata())
-    about = next((record.metadata for record in records if record.name == RUN_METADATA), {})
+    written = run_metadata(files[0]).get("options", "")
     try:
-        return msgspec.json.decode(about.get("options", "").encode(), type=ServeOptions)
+        return msgspec.json.decode(written.encode(), type=ServeOptions)
     except (msgspec.MsgspecError, UserError):
         return None

@@ -11,7 +11,8 @@ import rerun as rr
 from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.topics import TOPICS
 from hsslam_services.commands.log.progress import log_progress
-from hsslam_services.log.reader import bus_messages
+from hsslam_services.log.reader import bus_messages, end_ns, log_reader, start_ns
+from hsslam_services.log.source import run_metadata
 from hsslam_services.viewer.layout import blueprint
 from hsslam_services.viewer.scene import RerunScene
 
@@ -22,7 +23,8 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     Raises:
         OSError: the file cannot be written whole; then there is none.
     """
-    stream = rr.RecordingStream("hsslam", recording_id=f"{files[0].parent.name}-export")
+    stream = rr.RecordingStream("hsslam", recording_id=_recording_id(files))
+    stream.send_recording_name(_recording_name(files))
     written = _Written(path)
     stream.set_sinks(rr.FileSink(written.pipe), default_blueprint=blueprint())
     written.start()
@@ -41,6 +43,19 @@ def export_rrd(files: list[Path], path: Path) -> Iterator[str]:
     written.join()
     written.expect_no_error()
     yield f"{path}: {path.stat().st_size / 1e6:.1f} MB"
+
+
+def _recording_id(files: list[Path]) -> str:
+    """The same for the same messages, wherever their log lies: viewers merge recordings of one id."""
+    with log_reader(files[0]) as first, log_reader(files[-1]) as last:
+        span = f"{start_ns(first)}-{end_ns(last)}"
+    return f"{run_metadata(files[0]).get('run_id', 'log')}-export-{span}"
+
+
+def _recording_name(files: list[Path]) -> str:
+    """For people: the folder and the files."""
+    first, last = files[0].resolve(), files[-1].resolve()
+    return f"{first.parent.name}/{first.name}" + (f" to {last.name}" if len(files) > 1 else "")
 
 
 class _Written(threading.Thread):

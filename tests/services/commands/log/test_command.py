@@ -4,6 +4,7 @@ import contextlib
 import csv
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,7 @@ from hsslam_services.commands.serve_command_line import parse_command_line
 from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_log
+from tests.services.recorded import rrd
 from tests.services.wire_samples import frame
 
 
@@ -261,6 +263,24 @@ def test_the_exported_recording_is_whole_for_rerun(tmp_path):
     ).stdout
     for entity in ("/world/mesh", "/world/camera/image", "/world/keyframes/0", "/events"):
         assert entity in printed
+
+
+def test_a_recording_has_the_id_of_its_log_wherever_that_lies(tmp_path, capsys):
+    ids = []
+    for day, run_id in (("monday", "1"), ("tuesday", "2"), ("copy", "1")):
+        folder = tmp_path / day / "desk"
+        folder.mkdir(parents=True)
+        path = write_log(folder, count=2, color="jpeg", metadata={"run_id": run_id})
+        assert main(["export", str(path), "--only", "rrd"]) == 0
+        recording = folder / "run-export" / "run.rrd"
+        ids += set(re.findall(r'Recording,\s+"hsslam",\s+"(.+)"', rrd("print", recording)))
+        assert "[desk/run.mcap]" in rrd("print", "-vvv", recording)
+    monday, tuesday, copy = ids
+    assert monday == copy != tuesday
+    short = tmp_path / "desk.mcap"
+    assert main(["trim", str(path), str(short), "--end", "0.05"]) == 0
+    assert main(["export", str(short), "--only", "rrd"]) == 0
+    assert monday not in rrd("print", tmp_path / "desk-export" / "run.rrd")
 
 
 def test_rerun_finds_nothing_wrong_with_the_log(tmp_path):
