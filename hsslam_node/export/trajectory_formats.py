@@ -11,17 +11,25 @@ from hsslam_node.geometry.trajectory import Trajectory, format_stamp, tum_text
 
 TrajectoryFormat = Literal["tum", "kitti", "euroc", "csv"]
 
+KITTI_TIMES = ".kitti.times.txt"
+"""The end of the name of the file with `stamps_text`, beside the one in the format kitti."""
+
 _EUROC_HEAD = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
 _CSV_HEAD = "timestamp_s,tx_m,ty_m,tz_m,qx,qy,qz,qw"
 
 
 def kitti_text(trajectory: Trajectory) -> str:
-    """A line of 12 numbers a pose: the upper three rows of T_world_cam, m. There are no stamps.
+    """A line of 12 numbers a pose: the upper three rows of T_world_cam, m. `stamps_text` has the stamps.
 
     Source: readme of the odometry benchmark, https://www.cvlibs.net/datasets/kitti/eval_odometry.php
     """
     rows = trajectory.T_world_cam[:, :3].reshape(-1, 12).tolist()
     return "".join(" ".join(f"{number:.9f}" for number in row) + "\n" for row in rows)
+
+
+def stamps_text(trajectory: Trajectory) -> str:
+    """A line a pose: its stamp, s; as KITTI's times.txt, which begins at 0."""
+    return "".join(f"{format_stamp(stamp_ns)}\n" for stamp_ns in trajectory.stamps_ns.tolist())
 
 
 def euroc_text(trajectory: Trajectory) -> str:

@@ -1,11 +1,12 @@
 """Poses in the form of the wire; a file of its own as tracker, global BA and ROS share it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hsslam_node.geometry.se3 import quaternion_from_rotation, transform
+from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
 from hsslam_proto.message import Quaternion, Vector
+from hsslam_proto.messages import Keyframe, Pose
 
 _UPPER = np.triu_indices(6)
 
@@ -26,6 +27,17 @@ def pose_numbers(T: np.ndarray) -> list[float]:
     """x, y, z, qx, qy, qz, qw of a transform [4, 4]."""
     t, q = wire_pose(T)
     return [*t, *q]
+
+
+def in_joined_keyframe(pose: Pose, of_fragment: Mapping[int, Keyframe]) -> tuple[int, np.ndarray]:
+    """The keyframe of the map that a frame of a joined fragment moves with, and its pose in that [4, 4].
+
+    `of_fragment`: what the map has in the place of the fragment's keyframes, by `fragment_keyframe`.
+    """
+    number = max((n for n in of_fragment if n <= pose.keyframe), default=min(of_fragment))
+    keyframe = of_fragment[number]
+    T_fragment_keyframe = pose_matrix([*keyframe.t_in_fragment, *keyframe.q_in_fragment])
+    return keyframe.id, inverse(T_fragment_keyframe) @ pose_matrix([*pose.t, *pose.q])
 
 
 def wire_covariance(covariance: np.ndarray) -> list[float]:

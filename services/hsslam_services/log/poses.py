@@ -9,7 +9,7 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.odometry.spread_errors import spread_errors
 from hsslam_proto import messages
-from hsslam_proto.pose_codec import pose_matrix
+from hsslam_proto.pose_codec import in_joined_keyframe, pose_matrix
 from hsslam_proto.topics import CORRECTION, KEYFRAME, POSE
 from hsslam_services.log.reader import bus_messages
 
@@ -21,12 +21,15 @@ class LoggedPoses:
     `final` is `online` carried along by the reference keyframes, as in a run's trajectory.txt, and has the
     frames of fragments that joined the map; a pose whose keyframe the log neither has nor corrects (a part
     of it was cut off) stays as published. `keyframes` are the run's own, without those of a saved map.
+    `fragments` has the frames of those that did not join, by number, as published: each fragment has a
+    coordinate frame of its own.
     """
 
     poses: list[messages.Pose]
     online: Trajectory
     final: Trajectory
     keyframes: Trajectory
+    fragments: dict[int, Trajectory]
 
 
 def logged_poses(files: list[Path]) -> LoggedPoses:
@@ -99,19 +102,23 @@ class _Found:
     def all(self) -> LoggedPoses:
         poses = list(self.poses.values())
         known = [pose for pose in poses if pose.status != "lost"]
-        stamps = [pose.source_stamp_ns for pose in known]
         placed = [pose for pose in poses if pose.status != "lost" or pose.fragment in self.brought]
         final = _trajectory(
             [pose.source_stamp_ns for pose in placed], [self._carried(pose) for pose in placed]
         )
         ids = sorted(self.stamps_ns)
+        apart = {pose.fragment for pose in poses} - {0} - self.brought.keys()
         return LoggedPoses(
             poses=poses,
-            online=_trajectory(stamps, [pose_matrix([*pose.t, *pose.q]) for pose in known]),
+            online=_as_published(known),
             final=_fitted_in(final, placed),
             keyframes=_trajectory(
                 [self.stamps_ns[k] for k in ids], [self.keyframes[k] for k in ids]
             ),
+            fragments={
+                number: _as_published([pose for pose in poses if pose.fragment == number])
+                for number in sorted(apart)
+            },
         )
 
     def _refer(self, pose: messages.Pose) -> None:
@@ -120,21 +127,13 @@ class _Found:
 
     def _carried(self, pose: messages.Pose) -> np.ndarray:
         if pose.fragment in self.brought:
-            return self._brought(pose)
+            k, T_keyframe_cam = in_joined_keyframe(pose, self.brought[pose.fragment])
+            return self.keyframes[k] @ T_keyframe_cam
         T_world_keyframe = self.keyframes.get(pose.keyframe)
         T_keyframe_cam = self.T_keyframe_cam.get(_name(pose))
         if T_world_keyframe is None or T_keyframe_cam is None:
             return pose_matrix([*pose.t, *pose.q])
         return T_world_keyframe @ T_keyframe_cam
-
-    def _brought(self, pose: messages.Pose) -> np.ndarray:
-        """Of a frame of a fragment, by the keyframe that the map has in the place of its own."""
-        of_fragment = self.brought[pose.fragment]
-        number = max((n for n in of_fragment if n <= pose.keyframe), default=min(of_fragment))
-        keyframe = of_fragment[number]
-        T_fragment_keyframe = pose_matrix([*keyframe.t_in_fragment, *keyframe.q_in_fragment])
-        T_fragment_cam = pose_matrix([*pose.t, *pose.q])
-        return self.keyframes[keyframe.id] @ inverse(T_fragment_keyframe) @ T_fragment_cam
 
 
 def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
@@ -150,6 +149,11 @@ def _fitted_in(final: Trajectory, poses: list[messages.Pose]) -> Trajectory:
 
 def _name(pose: messages.Pose) -> Name:
     return pose.publisher, pose.index
+
+
+def _as_published(poses: list[messages.Pose]) -> Trajectory:
+    stamps_ns = [pose.source_stamp_ns for pose in poses]
+    return _trajectory(stamps_ns, [pose_matrix([*pose.t, *pose.q]) for pose in poses])
 
 
 def _trajectory(stamps_ns: list[int], poses: list[np.ndarray]) -> Trajectory:

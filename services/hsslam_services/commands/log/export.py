@@ -6,7 +6,12 @@ from pathlib import Path
 
 from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
-from hsslam_node.export.trajectory_formats import TRAJECTORY_FORMATS, TrajectoryFormat
+from hsslam_node.export.trajectory_formats import (
+    KITTI_TIMES,
+    TRAJECTORY_FORMATS,
+    TrajectoryFormat,
+    stamps_text,
+)
 from hsslam_node.geometry.trajectory import Trajectory, format_stamp
 from hsslam_proto import messages
 from hsslam_services.commands.log.options import Part
@@ -23,6 +28,7 @@ _COLUMNS = (
         "map_version",
         "keyframe",
         "map_epoch",
+        "fragment",
     ),
 )
 
@@ -76,9 +82,9 @@ def export_trajectory(
     files: list[Path], folder: Path, say: Say, form: TrajectoryFormat
 ) -> Iterator[str]:
     """trajectory_online: poses as they were published, without those of lost frames; trajectory: the same as
-    refined later; keyframes: keyframes where the last correction put them; each in the format, as
-    trajectory.txt. trajectory_online.csv has all published poses with what is known of each; it takes the
-    place of trajectory_online in the format csv. Where the map was thrown away, these are of the last
+    refined later; keyframes: keyframes where the last correction put them; trajectory_fragment_1: poses of
+    a fragment that has not joined the map; each in the format, as trajectory.txt. trajectory_online.csv has
+    all published poses with what is known of each; it takes the place of trajectory_online in the format csv. Where the map was thrown away, these are of the last
     map epoch, and those before have the number of theirs in the name, as trajectory.epoch0.txt. Yields what
     it wrote."""
     epochs = logged_epochs(files)
@@ -96,12 +102,17 @@ def export_trajectory(
             yield _write(folder / f"trajectory{suffixes[epoch]}", found.final, form)
         if len(found.keyframes):
             yield _write(folder / f"keyframes{suffixes[epoch]}", found.keyframes, form)
+        for number, poses_of_it in found.fragments.items():
+            name = f"trajectory_fragment_{number}{suffixes[epoch]}"
+            yield _write(folder / name, poses_of_it, form)
 
 
 def _write(stem: Path, trajectory: Trajectory, form: TrajectoryFormat) -> str:
     ending, text = TRAJECTORY_FORMATS[form]
     path = stem.with_name(stem.name + ending)
     write_durably(path, text(trajectory).encode())
+    if form == "kitti":
+        write_durably(stem.with_name(stem.name + KITTI_TIMES), stamps_text(trajectory).encode())
     return f"{path}: {len(trajectory)} poses"
 
 
@@ -113,6 +124,6 @@ def _write_csv(path: Path, poses: list[messages.Pose]) -> str:
             latency_ms = f"{(p.publish_ns - p.stamp_ns) / 1e6:.3f}"
             quality = (p.quality, p.inlier_ratio, p.residual_mm, latency_ms)
             stamp = format_stamp(p.source_stamp_ns)
-            of_map = (p.map_version, p.keyframe, p.map_epoch)
+            of_map = (p.map_version, p.keyframe, p.map_epoch, p.fragment)
             writer.writerow((p.index, stamp, *p.t, *p.q, p.status, *quality, *of_map))
     return f"{path}: {len(poses)} poses"

@@ -85,13 +85,14 @@ class ExportOptions:
     Files:
       trajectory_online.txt, .csv     poses as published (TUM: s, m, unit quaternion xyzw, camera to world)
       trajectory.txt, keyframes.txt   poses as refined later
+      trajectory_fragment_1.txt       poses of a fragment that has not joined the map, in its own frame
       mesh.ply, mesh.glb              the mesh; PLY with y down and z forward, glTF with y up
       frames/                         images in TUM layout, for --source tum:FOLDER; second camera: frames-2/
       run.rrd                         a recording for the rerun viewer
 
     Formats of trajectories, all camera to world:
       tum      .txt         s, m, unit quaternion xyzw
-      kitti    .kitti.txt   three rows of the 4 x 4 matrix, m; no stamps
+      kitti    .kitti.txt   three rows of the 4 x 4 matrix, m; stamps (s) in .kitti.times.txt
       euroc    .euroc.csv   ns, m, unit quaternion wxyz
       csv      .csv         as tum, with commas and names of columns
     """

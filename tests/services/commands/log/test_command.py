@@ -17,7 +17,7 @@ import trimesh
 from mcap.reader import make_reader
 
 from hsslam_node.frame import Frame
-from hsslam_node.geometry.trajectory import read_tum
+from hsslam_node.geometry.trajectory import format_stamp, read_tum
 from hsslam_node.sources.open_source import open_source
 from hsslam_proto import topics
 from hsslam_proto.codec import encode
@@ -28,7 +28,7 @@ from hsslam_services.log.frame_compression import compress_frame
 from hsslam_services.log.parted_log import LogSettings, PartedLog
 from tests.services.log.sample_log import PERIOD_NS, START_NS, textured, write_log
 from tests.services.recorded import rrd
-from tests.services.wire_samples import frame
+from tests.services.wire_samples import frame, keyframe, pose
 
 
 def test_info_tells_topics_rates_duration_and_the_options_of_the_run(tmp_path, capsys):
@@ -150,6 +150,26 @@ def test_poses_of_two_map_epochs_are_exported_to_files_of_their_own(tmp_path, ca
     assert epochs == ["0"] * 12 + ["1"] * 8
 
 
+def test_a_fragment_that_has_not_joined_is_a_trajectory_of_its_own(tmp_path):
+    log = PartedLog(tmp_path, "r", LogSettings())
+
+    def put(topic, message, **fields):
+        log.write(topic, encode(topic, msgspec.structs.replace(message, **fields)), 1, 1, 1)
+
+    for index, fragment in enumerate([0, 1, 1, 2, 2, 0]):
+        put(topics.POSE, pose(index, "lost" if fragment else "tracked"), fragment=fragment)
+    put(topics.KEYFRAME, keyframe(5), fragment=1, fragment_keyframe=0)
+    log.close()
+    assert main(["export", str(log.path), "--only", "trajectory"]) == 0
+    folder = tmp_path / "run-export"
+    apart = read_tum(folder / "trajectory_fragment_2.txt")
+    assert apart.positions[:, 0].tolist() == [3, 4]
+    assert len(read_tum(folder / "trajectory.txt")) == 4
+    assert not (folder / "trajectory_fragment_1.txt").exists()
+    with (folder / "trajectory_online.csv").open() as stream:
+        assert [row["fragment"] for row in csv.DictReader(stream)] == [*"011220"]
+
+
 def test_exported_trajectories_and_meshes_are_read_by_others(tmp_path):
     path = write_log(tmp_path)
     assert main(["export", str(path), "--only", "trajectory", "mesh"]) == 0
@@ -185,6 +205,8 @@ def test_trajectories_come_in_the_format_that_is_wanted(tmp_path, capsys):
     final = read_tum(folder / "trajectory.txt")
     kitti = np.loadtxt(folder / "trajectory.kitti.txt").reshape(-1, 3, 4)
     np.testing.assert_allclose(kitti, final.T_world_cam[:, :3], atol=1e-8)
+    times_s = (folder / "trajectory.kitti.times.txt").read_text().splitlines()
+    assert times_s == [format_stamp(stamp_ns) for stamp_ns in final.stamps_ns.tolist()]
     euroc = (folder / "keyframes.euroc.csv").read_text().splitlines()[1:]
     assert [line.split(",")[1:4] for line in euroc][1] == [
         "9.000000000",
