@@ -19,6 +19,11 @@ class BlockRevisions:
         self._epoch = _NONE_YET  # map epoch and series
         self._revisions: dict[Block, int] = {}
 
+    @property
+    def map_epoch(self) -> int:
+        """Of the blocks that are taken now; -1: there were none yet."""
+        return self._epoch[0]
+
     def begin(self, map_epoch: int) -> bool:
         """Take no more blocks of earlier map epochs; whether there were any."""
         is_later = map_epoch > self._epoch[0]

@@ -14,7 +14,10 @@ class EpochOrder:
 
     def begins_with(self, message: Message) -> bool:
         """Whether the message is the first of a new map epoch."""
-        map_epoch = getattr(message, "map_epoch", self.now)
+        return self.begins(getattr(message, "map_epoch", self.now))
+
+    def begins(self, map_epoch: int) -> bool:
+        """Whether this is a new map epoch, which is the newest then."""
         is_first = map_epoch > self.now
         self.now = max(map_epoch, self.now)
         return is_first

@@ -14,10 +14,14 @@ _SNAP_CELLS = 1e-2  # vertices this close to a lattice vertex are that vertex
 
 
 class BlockNews(NamedTuple):
-    """Blocks to draw, None: no surface any more. `anew`: what was drawn of blocks before is gone."""
+    """Blocks to draw, None: no surface any more. `anew`: what was drawn of blocks before is gone.
+
+    `map_epoch`: of all of them; -1: there were none yet.
+    """
 
     anew: bool
     blocks: dict[Block, Triangles | None]
+    map_epoch: int
 
 
 class PendingBlocks:
@@ -50,7 +54,7 @@ class PendingBlocks:
             for block in taken:
                 del self._blocks[block]
             was_anew, self._anew = self._anew, False
-            return BlockNews(was_anew, taken)
+            return BlockNews(was_anew, taken, self._revisions.map_epoch)
 
     def forget_before(self, map_epoch: int) -> None:
         """Draw no blocks of earlier map epochs: their map was thrown away."""

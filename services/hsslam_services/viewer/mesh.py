@@ -4,16 +4,15 @@ import numpy as np
 import rerun as rr
 
 from hsslam_proto.block_revisions import Block
-from hsslam_proto.mesh.assembled import PendingBlocks
+from hsslam_proto.mesh.assembled import BlockNews
 from hsslam_proto.mesh.codec import Triangles, mesh_arrays
 from hsslam_proto.mesh.messages import Mesh
 
 ENTITY = "world/mesh"
 
 
-def draw_blocks(stream: rr.RecordingStream, blocks: PendingBlocks, most: int | None = None) -> None:
-    """Draw what waits as world/mesh/live/<i>_<j>_<k>, at most `most` blocks (None: all)."""
-    news = blocks.take(most)
+def draw_blocks(stream: rr.RecordingStream, news: BlockNews) -> None:
+    """Draw blocks as world/mesh/live/<i>_<j>_<k>."""
     if news.anew:
         stream.log(ENTITY, rr.Clear(recursive=True))
     for block, triangles in news.blocks.items():

@@ -1,246 +1,156 @@
-"""Poses in the viewer: plots, camera, and the path coloured by tracking quality, lost stretches in red."""
+"""The path in the viewer, coloured by tracking quality, lost stretches in red."""
 
-import time
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import groupby, pairwise
+from collections.abc import Iterator
+from itertools import chain, count
 
-import numpy as np
 import rerun as rr
 
-from hsslam_proto.message import Vector
-from hsslam_proto.messages import Pose
-
-Color = tuple[int, int, int]
+from hsslam_proto.messages import Correction, Keyframe, Pose
+from hsslam_proto.pose_codec import pose_matrix
+from hsslam_services.viewer.fragment_path import FragmentPath
+from hsslam_services.viewer.path_line import Color, PathLine, PathPose
 
 _SEGMENT_POSES = 64  # per entity; a pose re-logs its segment only
-_LOST: Color = (255, 60, 60)
-_QUALITIES: tuple[tuple[float, Color], ...] = (  # colours between them are mixed
-    (0.3, (255, 110, 40)),
-    (0.6, (255, 220, 60)),
-    (0.9, (70, 200, 255)),
-)
-_FPS_WEIGHT = 0.1  # of the newest interval in the running mean
-_MOST_WAITING = 64
 _FINE_SEGMENTS = 64  # the newest; of older ones every n-th pose is drawn, in long segments
 _COARSE_STEP, _COARSE_POSES = 8, 512
+_COARSE_SEGMENTS = 16  # the newest move with their keyframes: half an hour at 30 Hz
+_MOST_STRETCHES, _MOST_FRAGMENTS = 64, 16  # the newest move, too
+_LOST: Color = (255, 60, 60)
 
 
 class RerunPath:
-    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>.
+    """Draws poses as world/trajectory/<segment>, what lies between a loss and its end as world/lost/<k>, a
+    fragment that has joined the map as world/trajectory/fragment/<n>.
 
-    Only the newest poses are drawn each; older ones as world/trajectory/old/<n>, one of eight.
+    Only the newest poses are drawn each; older ones as world/trajectory/old/<n>, one of eight. When keyframes
+    are corrected, what was tracked from them moves and is drawn again, but for what is oldest.
+    `is_drawn`: whether it is drawn as it is.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
+        self.is_drawn = True
         self._stream = stream
-        self._points: list[Vector] = []
-        self._colors: list[Color] = []
-        self._segment = 0
-        self._stretches = 0
+        self._segments, self._olds, self._stretches = count(), count(), count()
         self._is_lost = False
-        self._is_drawn = True
-        self._fine: deque[_Segment] = deque()
-        self._coarse = _Segment(0, [], [])
-        self._joins = False
+        self._fine: deque[PathLine] = deque()
+        self._newest = self._segment()
+        self._coarse = deque([self._old()], _COARSE_SEGMENTS)
+        self._lost: deque[PathLine] = deque(maxlen=_MOST_STRETCHES)
+        self._joined: deque[PathLine] = deque(maxlen=_MOST_FRAGMENTS)
+        self._fragment = FragmentPath(0)  # the newest
 
     def add(self, pose: Pose) -> None:
-        """Add a pose; a lost one is not drawn, as its position is a guess."""
+        """Add a pose; one that is lost to the map has no place there, but if its fragment joins the map."""
         if pose.status == "lost":
-            if not self._is_lost and self._points:
-                self._stream.log(
-                    "world/lost/here",
-                    rr.Points3D(self._points[-1:], colors=[_LOST], radii=rr.Radius.ui_points(7)),
+            if pose.fragment:
+                self._of_fragment(pose.fragment).add(pose)
+            if not self._is_lost and self._newest.poses:
+                here = rr.Points3D(
+                    [self._newest.poses[-1].t], colors=[_LOST], radii=rr.Radius.ui_points(7)
                 )
+                self._stream.log("world/lost/here", here)
             self._is_lost = True
             return
+        at = PathPose.of(pose)
         if self._is_lost:
-            self._end_stretch(pose.t)
-        self._points.append(pose.t)
-        self._colors.append(quality_color(pose.quality))
-        self._is_drawn = False
-        if len(self._points) > _SEGMENT_POSES:
-            self._begin_segment(self._points[-1])
+            self._end_stretch(at)
+        self._newest.add(at)
+        if len(self._newest.poses) > _SEGMENT_POSES:
+            self._begin_segment(at)
+        self.is_drawn = False
+
+    def add_keyframe(self, keyframe: Keyframe) -> None:
+        """If it came from a fragment, that has joined the map."""
+        if keyframe.fragment:
+            self._of_fragment(keyframe.fragment).add_keyframe(keyframe)
+            self.is_drawn = False
+
+    def correct(self, moved: Correction) -> None:
+        """Move what was tracked from these keyframes."""
+        used = {pose.keyframe for line in self._lines() for pose in line.poses}
+        used |= self._fragment.keyframes
+        T_world_keyframe = {
+            k: pose_matrix([*t, *q])
+            for k, t, q in zip(moved.keyframes, moved.t, moved.q, strict=True)
+            if k in used
+        }
+        self._fragment.correct(T_world_keyframe)
+        for line in self._lines():
+            line.correct(T_world_keyframe)
+        self.is_drawn = False
 
     def draw(self) -> None:
-        """Draw the newest segment, if poses were added to it."""
-        if len(self._points) > 1 and not self._is_drawn:
-            self._draw_line(f"world/trajectory/{self._segment}", self._points, self._colors)
-        self._is_drawn = True
+        """Draw what has changed."""
+        if self._fragment.has_news:
+            self._place_fragment()
+        for line in self._lines():
+            line.draw(self._stream)
+        self.is_drawn = True
 
     def draw_again(self) -> None:
-        """Draw the newest poses once more, for a file that begins here."""
-        long = self._coarse
-        if len(long.points) > 1:
-            self._draw_line(f"world/trajectory/old/{long.number}", long.points, long.colors)
-        for segment in self._fine:
-            if len(segment.points) > 1:
-                self._draw_line(
-                    f"world/trajectory/{segment.number}", segment.points, segment.colors
-                )
-        self._is_drawn = False
+        """Draw all that may still move once more, for a file that begins here."""
+        for line in self._lines():
+            line.is_drawn = False
         self.draw()
 
-    def _draw_line(self, entity: str, points: list[Vector], colors: list[Color]) -> None:
-        strips, strip_colors = colored_strips(points, colors)
-        line = rr.LineStrips3D(strips, colors=_packed(strip_colors), radii=rr.Radius.ui_points(1.8))
-        self._stream.log(entity, line)
+    def _lines(self) -> Iterator[PathLine]:
+        return chain(self._coarse, self._fine, [self._newest], self._lost, self._joined)
 
-    def _end_stretch(self, t: Vector) -> None:
+    def _segment(self) -> PathLine:
+        return PathLine(f"world/trajectory/{next(self._segments)}")
+
+    def _old(self) -> PathLine:
+        return PathLine(f"world/trajectory/old/{next(self._olds)}")
+
+    def _of_fragment(self, number: int) -> FragmentPath:
+        if number != self._fragment.number:
+            self._fragment = FragmentPath(number)
+        return self._fragment
+
+    def _place_fragment(self) -> None:
+        """Draw the newest fragment where it lies in the map; the camera was lost until there."""
+        line = PathLine(
+            f"world/trajectory/fragment/{self._fragment.number}", self._fragment.placed()
+        )
+        if self._joined and self._joined[-1].entity == line.entity:
+            self._joined.pop()
+        self._joined.append(line)
+        if self._fragment.stretch is not None:
+            self._fragment.stretch.poses.pop()
+            self._fragment.stretch.add(line.poses[0]._replace(color=_LOST))
+
+    def _end_stretch(self, at: PathPose) -> None:
         self._stream.log("world/lost/here", rr.Clear(recursive=False))
-        if self._points:
-            line = rr.LineStrips3D(
-                [[self._points[-1], t]], colors=[_LOST], radii=rr.Radius.ui_points(2.5)
-            )
-            self._stream.log(f"world/lost/{self._stretches}", line)
-            self._stretches += 1
+        if self._newest.poses:
+            ends = [p._replace(color=_LOST) for p in (self._newest.poses[-1], at)]
+            stretch = PathLine(f"world/lost/{next(self._stretches)}", ends, width=2.5)
+            self._lost.append(stretch)
+            self._fragment.stretch = self._fragment.stretch or stretch
         self._is_lost = False
         self._begin_segment()
 
-    def _begin_segment(self, *first: Vector) -> None:
-        self.draw()
-        self._fine.append(_Segment(self._segment, self._points, self._colors, self._joins))
-        self._joins = bool(first)
+    def _begin_segment(self, *first: PathPose) -> None:
+        self._fine.append(self._newest)
+        self._newest = self._segment()
+        self._newest.add(*first)
+        self._newest.joins = bool(first)
         if len(self._fine) > _FINE_SEGMENTS:
             self._coarsen(self._fine.popleft())
-        self._points = list(first)
-        self._colors = self._colors[-1:] if first else []
-        self._segment += 1
 
-    def _coarsen(self, segment: "_Segment") -> None:
+    def _coarsen(self, segment: PathLine) -> None:
         """Let a segment go on as a part of a long one with fewer points."""
-        self._stream.log(f"world/trajectory/{segment.number}", rr.Clear(recursive=False))
-        if len(segment.points) < 2:
+        self._stream.log(segment.entity, rr.Clear(recursive=False))
+        if len(segment.poses) < 2:
             return
-        long = self._coarse
-        if not segment.joins and long.points:  # the camera was lost between them
-            long = self._coarse = _Segment(long.number + 1, [], [])
-        long.points += segment.points[::_COARSE_STEP]
-        long.colors += segment.colors[::_COARSE_STEP]
-        self._draw_line(f"world/trajectory/old/{long.number}", long.points, long.colors)
-        if len(long.points) >= _COARSE_POSES:
-            self._coarse = _Segment(long.number + 1, long.points[-1:], long.colors[-1:])
+        if not segment.joins and self._coarse[-1].poses:  # the camera was lost between them
+            self._next_old()
+        self._coarse[-1].add(*segment.poses[::_COARSE_STEP])
+        if len(self._coarse[-1].poses) >= _COARSE_POSES:
+            self._next_old(self._coarse[-1].poses[-1])
 
-
-@dataclass
-class _Segment:
-    """A piece of the path."""
-
-    number: int
-    points: list[Vector]
-    colors: list[Color]
-    joins: bool = False  # goes on where the one before ends
-
-
-def colored_strips(
-    points: list[Vector], colors: list[Color]
-) -> tuple[list[list[Vector]], list[Color]]:
-    """Lines through the points and their colours: one for each run of poses of equal colour."""
-    strips, strip_colors, end = [], [], 0
-    for color, run in groupby(colors[1:]):
-        begin, end = end, end + sum(1 for _ in run)
-        strips.append(points[begin : end + 1])
-        strip_colors.append(color)
-    return strips, strip_colors
-
-
-def _packed(colors: list[Color]) -> np.ndarray:
-    """RGBA in one word each, [n] uint32: a third of what the SDK takes for tuples."""
-    return np.array([r << 24 | g << 16 | b << 8 | 0xFF for r, g, b in colors], np.uint32)
-
-
-def quality_color(quality: float) -> Color:
-    """From orange (few points agree with the map) over yellow to blue (nearly all do)."""
-    for (low, below), (high, above) in pairwise(_QUALITIES):
-        if quality < high:
-            share = max(quality - low, 0.0) / (high - low)
-            r, g, b = (round(x + share * (y - x)) for x, y in zip(below, above, strict=True))
-            return r, g, b
-    return _QUALITIES[-1][1]
-
-
-class RerunPoses:
-    """Collects poses and draws plots/*, world/camera, world/trajectory and world/lost from them.
-
-    A call of the SDK costs as much for one pose as for ten: `is_due` says when `every_s` has gone by.
-    """
-
-    def __init__(self, stream: rr.RecordingStream, every_s: float) -> None:
-        self._stream = stream
-        self._every_s = every_s
-        self._drawn_s = time.monotonic()
-        self._waiting: list[Pose] = []
-        self._path = RerunPath(stream)
-        self._camera: Pose | None = None  # where it was last
-        self._tracked_ns = 0
-        self._interval_s = 0.0
-
-    def add(self, pose: Pose) -> None:
-        """One more to draw."""
-        self._waiting.append(pose)
-
-    def is_due(self) -> bool:
-        """Whether some wait, and have for long enough."""
-        late = time.monotonic() - self._drawn_s >= self._every_s
-        return bool(self._waiting) and (late or len(self._waiting) >= _MOST_WAITING)
-
-    def draw(self) -> None:
-        """Draw all that wait, each at its own time."""
-        self._drawn_s = time.monotonic()
-        poses, self._waiting = self._waiting, []
-        self._plot("quality", poses, [pose.quality for pose in poses])
-        self._plot("latency_ms", poses, [(pose.publish_ns - pose.stamp_ns) / 1e6 for pose in poses])
-        tracked = [pose for pose in poses if pose.status != "lost"]
-        rates = [(pose, fps) for pose in tracked if (fps := self._fps(pose)) > 0]
-        self._plot("fps", [pose for pose, _ in rates], [fps for _, fps in rates])
-        if tracked:
-            self._camera = tracked[-1]
-            self._stream.send_columns(
-                "world/camera",
-                _times(tracked),
-                rr.Transform3D.columns(
-                    translation=[pose.t for pose in tracked],
-                    quaternion=[pose.q for pose in tracked],
-                ),
-            )
-        for pose in poses:
-            self._stream.set_time("frame", sequence=pose.index)
-            self._stream.set_time("time", timestamp=np.datetime64(pose.stamp_ns, "ns"))
-            self._path.add(pose)
-        self._path.draw()
-
-    def draw_again(self) -> None:
-        """Place the camera where it was last, and as `RerunPath.draw_again`."""
-        if self._camera is not None:
-            at = self._camera
-            place = rr.Transform3D(translation=at.t, quaternion=rr.Quaternion(xyzw=at.q))
-            self._stream.log("world/camera", place)
-        self._path.draw_again()
-
-    def begin_path(self) -> None:
-        """Draw what waits; the next pose has nothing to do with those before."""
-        self.draw()
-        self._path = RerunPath(self._stream)
-
-    def _plot(self, name: str, poses: Sequence[Pose], values: Sequence[float]) -> None:
-        if poses:
-            columns = rr.Scalars.columns(scalars=values)
-            self._stream.send_columns(f"plots/{name}", _times(poses), columns)
-
-    def _fps(self, pose: Pose) -> float:
-        """Running mean up to this pose; 0 for the first."""
-        if self._tracked_ns:
-            interval_s = (pose.publish_ns - self._tracked_ns) / 1e9
-            mean_s = self._interval_s or interval_s
-            self._interval_s = mean_s + _FPS_WEIGHT * (interval_s - mean_s)
-        self._tracked_ns = pose.publish_ns
-        return 1 / self._interval_s if self._interval_s > 0 else 0.0
-
-
-def _times(poses: Sequence[Pose]) -> list[rr.TimeColumn]:
-    stamps_ns = np.array([pose.stamp_ns for pose in poses], "datetime64[ns]")
-    return [
-        rr.TimeColumn("frame", sequence=[pose.index for pose in poses]),
-        rr.TimeColumn("time", timestamp=stamps_ns),
-    ]
+    def _next_old(self, *first: PathPose) -> None:
+        """Begin a long segment; the oldest one that moved stays as it is drawn."""
+        self._coarse[0].draw(self._stream)
+        self._coarse.append(self._old())
+        self._coarse[-1].add(*first)

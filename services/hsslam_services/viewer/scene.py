@@ -15,7 +15,7 @@ from hsslam_proto.mesh.messages import MeshBlocks
 from hsslam_proto.message import Message, Quaternion, Vector
 from hsslam_services.log.frame_compression import jpeg
 from hsslam_services.viewer.mesh import draw_blocks, draw_whole
-from hsslam_services.viewer.path import RerunPoses
+from hsslam_services.viewer.poses import RerunPoses
 
 _BLOCK_KEYFRAMES = 32  # per entity; a keyframe re-logs its block only
 _MOST_KEYFRAME_BLOCKS = 64  # the newest; work and memory do not grow with the run
@@ -76,9 +76,11 @@ class RerunScene:
                 self._poses.add(message)
             case messages.Keyframe():
                 self._place_keyframes([(message.id, (message.t, message.q))])
+                self._poses.add_keyframe(message)
             case messages.Correction():
                 moved = zip(message.t, message.q, strict=True)
                 self._place_keyframes(zip(message.keyframes, moved, strict=True))
+                self._poses.correct(message)
                 self._loops.update(dict.fromkeys(message.loops))
                 while len(self._loops) > _MOST_LOOPS:
                     del self._loops[next(iter(self._loops))]
@@ -132,8 +134,11 @@ class RerunScene:
             self._stream.log(f"plots/{name}", rr.SeriesLines(names=name), static=True)
 
     def _draw_blocks(self, most: int | None = None) -> None:
+        news = self._blocks.take(most)
+        if self._epochs.begins(news.map_epoch):  # they have overtaken the other messages
+            self._clear()
         self._restore_time()
-        draw_blocks(self._stream, self._blocks, most)
+        draw_blocks(self._stream, news)
         if not self._blocks:
             self._blocks_s = time.monotonic()
 

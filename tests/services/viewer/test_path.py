@@ -1,18 +1,29 @@
+"""The path in the viewer: its colours, its entities, and that it moves with its keyframes."""
+
 import re
-import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 import rerun as rr
-import rerun_cli
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hsslam_services.viewer.path import RerunPath, colored_strips, quality_color
-from tests.services.wire_samples import pose
+from hsslam_proto.messages import Correction, Pose
+from hsslam_services.viewer.fragment_path import FragmentPath
+from hsslam_services.viewer.path import RerunPath
+from hsslam_services.viewer.path_line import colored_strips, quality_color
+from hsslam_services.viewer.scene import RerunScene
+from tests.services.recorded import rrd
+from tests.services.wire_samples import keyframe, pose
 
 _RED, _BLUE = (255, 0, 0), (0, 0, 255)
+_AT_REST = (0.0, 0.0, 0.0, 1.0)
+_HALF_TURN = (0.0, 0.0, 1.0, 0.0)  # about z: x becomes -x
 
 
 def test_colour_says_how_well_the_camera_is_tracked():
@@ -39,19 +50,106 @@ def test_poses_of_one_colour_are_one_strip(colors):
     assert all(a != b for a, b in pairwise(strip_colors))
 
 
-def test_a_long_path_is_few_entities(tmp_path):
+def test_a_long_path_is_few_entities_which_all_move_with_their_keyframes(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        path = RerunPath(stream)
+        for index in range(64 * 100):
+            path.add(_in_keyframe(index, 0))
+        path.draw()
+        path.correct(_moved(0, (0.0, 0.0, 1.0)))
+        path.draw()
+    lines = _lines(tmp_path / "path.rrd")
+    old = [name for name in lines if name.startswith("trajectory/old/")]
+    assert 1 <= len(old) <= 2 and len(lines) <= 68
+    assert "Clear" in rrd("print", "-v", tmp_path / "path.rrd")
+    assert all((points[:, 2] == 1).all() for points in lines.values())
+
+
+def test_what_was_tracked_from_a_corrected_keyframe_moves_and_no_more(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        path = RerunPath(stream)
+        for index in range(8):
+            lost = index == 4
+            path.add(pose(index, "lost") if lost else _in_keyframe(index, int(index > 5)))
+        path.draw()
+        path.correct(_moved(0, (0.0, 1.0, 0.0), _HALF_TURN))
+        path.draw()
+        path.correct(_moved(1, (0.0, 0.001, 0.0)))  # nobody sees that
+        assert all(line.is_drawn for line in path._lines())
+    lines = _lines(tmp_path / "path.rrd")
+    moved = [[-x, 1, 0] for x in range(6)]
+    np.testing.assert_allclose(lines["trajectory/0"], moved[:4], atol=1e-6)
+    np.testing.assert_allclose(lines["trajectory/1"], [moved[5], [6, 0, 0], [7, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(lines["lost/0"], [moved[3], moved[5]], atol=1e-6)
+
+
+def test_a_fragment_that_joins_the_map_is_drawn_where_it_lies(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        scene = RerunScene(stream, poses_every_s=1e3)
+        for index in range(9):
+            is_out = 3 <= index < 8
+            scene.draw(_of_fragment(index, 1, index // 2) if is_out else _in_keyframe(index, 0))
+        for k, own, y in ((1, 1, 5.0), (2, 3, 6.0)):  # the first pose in the map comes before them
+            joined = msgspec.structs.replace(keyframe(k), t=(0.0, y, 0.0), fragment=1)
+            scene.draw(msgspec.structs.replace(joined, fragment_keyframe=own))
+        scene.draw(_moved(2, (0.0, 7.0, 0.0)))
+        scene.finish()
+    lines = _lines(tmp_path / "path.rrd")
+    expected = [[x, 5, 0] for x in (3, 4, 5)] + [[x, 7, 0] for x in (6, 7)]
+    np.testing.assert_allclose(lines["trajectory/fragment/1"], expected, atol=1e-6)
+    np.testing.assert_allclose(lines["lost/0"], [[2, 0, 0], expected[0]], atol=1e-6)
+
+
+def test_a_fragment_that_stays_out_is_not_drawn(tmp_path):
+    with _stream(tmp_path / "path.rrd") as stream:
+        path = RerunPath(stream)
+        for index in range(9):
+            is_out = 3 <= index < 6
+            path.add(_of_fragment(index, 1, 0) if is_out else _in_keyframe(index, 0))
+        path.draw()
+    assert sorted(_lines(tmp_path / "path.rrd")) == ["lost/0", "trajectory/0", "trajectory/1"]
+
+
+def test_of_a_long_fragment_every_nth_frame_is_kept():
+    path = FragmentPath(1)
+    for index in range(5000):
+        path.add(_of_fragment(index, 1, 0))
+    path.add_keyframe(msgspec.structs.replace(keyframe(1), fragment=1, fragment_keyframe=0))
+    assert [placed.t[0] for placed in path.placed()] == [1 + x for x in range(0, 5000, 8)]
+
+
+@contextmanager
+def _stream(recording: Path) -> Iterator[rr.RecordingStream]:
     stream = rr.RecordingStream("hsslam", recording_id="path")
-    stream.set_sinks(rr.FileSink(tmp_path / "path.rrd"))
-    path = RerunPath(stream)
-    for index in range(64 * 100):
-        path.add(pose(index))
-    path.draw()
+    stream.set_sinks(rr.FileSink(recording))
+    yield stream
     stream.flush()
     stream.disconnect()
-    command = [str(Path(rerun_cli.__file__).parent / "rerun"), "rrd", "print", "-v"]
-    printed = subprocess.run(
-        [*command, tmp_path / "path.rrd"], check=True, capture_output=True, text=True
-    ).stdout
-    old = set(re.findall("world/trajectory/old/[0-9]+", printed))
-    assert 1 <= len(old) <= 2
-    assert "Clear" in printed
+
+
+def _lines(recording: Path) -> dict[str, np.ndarray]:
+    """The first points of each line as drawn last, by its entity under /world."""
+    found, entity = {}, ""
+    for line in rrd("print", "-vvv", recording).splitlines():
+        if head := re.search(r" rows .* - /world/(\S+) ", line):
+            entity = head[1]
+        elif "[[[" in line:  # what does not fit into the column is left out
+            points = re.findall(r"\[([^][]+, [^][]+, [^][]+)\]", line)
+            found[entity] = np.array([point.split(", ") for point in points], float)
+    return found
+
+
+def _in_keyframe(index: int, k: int) -> Pose:
+    """At x = index; its keyframe is at 0."""
+    at = [float(index), 0.0, 0.0, *_AT_REST]
+    return msgspec.structs.replace(pose(index), keyframe=k, in_keyframe=at)
+
+
+def _of_fragment(index: int, fragment: int, k: int) -> Pose:
+    return msgspec.structs.replace(pose(index, "lost"), fragment=fragment, keyframe=k)
+
+
+def _moved(k: int, t, q=_AT_REST) -> Correction:
+    return Correction(
+        pose_version=1, base_version=0, keyframes=[k], t=[t], q=[q], loss_before=2.0, loss_after=1.0
+    )

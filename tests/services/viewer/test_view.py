@@ -13,9 +13,10 @@ from hsslam_node.errors import UserError
 from hsslam_proto import messages, run_messages
 from hsslam_services.viewer.drawing import Drawing, Intervals
 from hsslam_services.viewer.rerun_process import ViewerProcess
+from hsslam_services.viewer.scene import RerunScene
 from hsslam_services.viewer.view import RerunView
 from tests.services.recorded import rrd, rrd_rows
-from tests.services.wire_samples import frame, keyframe, mesh, pose
+from tests.services.wire_samples import blocks, frame, keyframe, mesh, pose
 
 
 def test_the_file_has_the_whole_scene(tmp_path):
@@ -73,6 +74,27 @@ def test_a_new_map_epoch_clears_what_was_drawn_of_the_old(tmp_path):
     assert printed.count("Clear:is_recursive") >= 6
     rows = re.findall(r"with (\d+) rows .* - /world/trajectory/0 ", printed)
     assert sum(map(int, rows)) == 2  # the old path, and from pose 101 to pose 103
+
+
+def test_blocks_of_a_new_map_stay_if_they_overtake_its_first_message(tmp_path):
+    stream = rr.RecordingStream("hsslam", recording_id="run-1")
+    stream.set_sinks(rr.FileSink(tmp_path / "run.rrd"))
+    scene = RerunScene(stream, poses_every_s=0.0)
+    for map_epoch in (0, 1):  # as by a viewer that lags
+        scene.add_blocks(msgspec.structs.replace(blocks(1, map_epoch), map_epoch=map_epoch))
+        scene.draw(pose(1))
+    scene.draw(msgspec.structs.replace(pose(2), map_epoch=1))
+    scene.finish()
+    stream.disconnect()
+    drawn = {
+        entity: max(re.findall("row_([0-9A-Fa-f]+)", chunk))
+        for entity, chunk in re.findall(
+            r" - (/world/mesh\S*) (.*?)(?=\n\n|\Z)",
+            rrd("print", "-vvv", tmp_path / "run.rrd"),
+            re.S,
+        )
+    }
+    assert drawn["/world/mesh/live/0_0_2"] < drawn["/world/mesh"] < drawn["/world/mesh/live/1_0_2"]
 
 
 def test_the_next_file_opens_alone(tmp_path):

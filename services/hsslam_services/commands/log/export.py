@@ -81,12 +81,14 @@ def _expect_room(folder: Path, only: Collection[Part]) -> None:
 def export_trajectory(
     files: list[Path], folder: Path, say: Say, form: TrajectoryFormat
 ) -> Iterator[str]:
-    """trajectory_online: poses as they were published, without those of lost frames; trajectory: the same as
-    refined later; keyframes: keyframes where the last correction put them; trajectory_fragment_1: poses of
-    a fragment that has not joined the map; each in the format, as trajectory.txt. trajectory_online.csv has
-    all published poses with what is known of each; it takes the place of trajectory_online in the format csv. Where the map was thrown away, these are of the last
-    map epoch, and those before have the number of theirs in the name, as trajectory.epoch0.txt. Yields what
-    it wrote."""
+    """Write trajectories, each in the format, as trajectory.txt; yields what it wrote.
+
+    trajectory_online: poses as they were published, without those of lost frames; trajectory: the same as
+    refined later; keyframes: keyframes where the last correction put them; trajectory_fragment_1: poses of a
+    fragment that has not joined the map. trajectory_online.csv has all published poses with what is known of
+    each; it takes the place of trajectory_online in the format csv. Where the map was thrown away, these are
+    of the last map epoch, and those before have the number of theirs in the name, as trajectory.epoch0.txt.
+    """
     epochs = logged_epochs(files)
     poses = [pose for found in epochs.values() for pose in found.poses]
     if not poses:

@@ -1,0 +1,67 @@
+"""Frames of a fragment, which is lost to the map, kept until it joins the map and has a place there."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hsslam_proto.messages import Keyframe, Pose
+from hsslam_proto.pose_codec import in_joined_keyframe, pose_matrix
+from hsslam_services.viewer.path_line import PathLine, PathPose, quality_color
+
+_MOST_POSES = 1024  # of a longer fragment every n-th frame is kept
+
+
+class FragmentPath:
+    """The frames of fragment `number`, and the keyframes that the map has from it, in any order.
+
+    `has_news`: whether the fragment has joined, and what it has since then was not taken with `placed`.
+    `stretch`: the line from where the camera was lost to where it was found.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.has_news = False
+        self.stretch: PathLine | None = None
+        self._poses: list[Pose] = []
+        self._step, self._seen = 1, 0
+        self._keyframes: dict[int, Keyframe] = {}  # by their number in the fragment
+        self._T_world_keyframe: dict[int, np.ndarray] = {}  # by their id in the map
+
+    @property
+    def keyframes(self) -> set[int]:
+        """Those of the map that came from the fragment, by id."""
+        return set(self._T_world_keyframe)
+
+    def add(self, pose: Pose) -> None:
+        """One more frame."""
+        if self._seen % self._step == 0:
+            self._poses.append(pose)
+            self.has_news = bool(self._keyframes)
+        self._seen += 1
+        if len(self._poses) > _MOST_POSES:
+            del self._poses[1::2]
+            self._step *= 2
+
+    def add_keyframe(self, keyframe: Keyframe) -> None:
+        """The map has this keyframe from the fragment; older logs do not tell in the place of which."""
+        if keyframe.fragment_keyframe < 0:
+            return
+        self._keyframes[keyframe.fragment_keyframe] = keyframe
+        self._T_world_keyframe[keyframe.id] = pose_matrix([*keyframe.t, *keyframe.q])
+        self.has_news = bool(self._poses)
+
+    def correct(self, T_world_keyframe: Mapping[int, np.ndarray]) -> None:
+        """These keyframes are there now."""
+        for k in self._T_world_keyframe.keys() & T_world_keyframe.keys():
+            self._T_world_keyframe[k] = T_world_keyframe[k]
+
+    def placed(self) -> list[PathPose]:
+        """The frames where they lie in the map."""
+        self.has_news = False
+        return [self._placed(pose) for pose in self._poses]
+
+    def _placed(self, pose: Pose) -> PathPose:
+        k, T_keyframe_cam = in_joined_keyframe(pose, self._keyframes)
+        x, y, z = (self._T_world_keyframe[k] @ T_keyframe_cam)[:3, 3].tolist()
+        inside = T_keyframe_cam[:3, 3].tolist()
+        return PathPose((x, y, z), quality_color(pose.quality), k, tuple(inside))
