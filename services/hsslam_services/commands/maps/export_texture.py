@@ -1,5 +1,6 @@
 """A textured mesh of a saved map, as glTF or as Wavefront's obj with its material and image."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
     """The mesh with a texture from the keyframes; returns what it wrote.
 
     A .glb has y up and z back, as glTF requires, and holds the image. Beside an .obj lie an .mtl and a .png
-    of its name; they are written first.
+    of its name, with _ for blanks, at which many readers split; they are written first.
 
     Raises:
         UserError: the map has no images, one is damaged, its parts do not fit, or a file cannot be written.
@@ -50,8 +51,9 @@ def write_textured(out: Path, saved: SavedMap, mesh: Trimesh, most_px: int) -> s
 
 
 def _write_obj(out: Path, textured: Trimesh) -> None:
-    textured.visual.material.name = out.stem  # type: ignore[union-attr]
-    text, beside = export_obj(textured, return_texture=True, mtl_name=f"{out.stem}.mtl")
+    name = re.sub(r"\s", "_", out.stem)
+    textured.visual.material.name = name  # type: ignore[union-attr]
+    text, beside = export_obj(textured, return_texture=True, mtl_name=f"{name}.mtl")
     for name, data in (*beside.items(), (out.name, text.encode())):
         with out_file(out.with_name(name)) as partial:
             partial.write_bytes(data)

@@ -11,6 +11,7 @@ import trimesh
 
 from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.distance.floor_plane import floor_by
+from hsslam_node.durable_file import write_durably
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, read_tum
 from hsslam_node.geometry.view_from_above import looking_down, mean_ahead, mean_up
@@ -41,7 +42,7 @@ def draw_run(run_dir: Path) -> Path:
     """Draw mesh.ply and trajectory.txt of a run into picture.png; returns its path.
 
     Raises:
-        UserError: the run left no mesh.
+        UserError: the run left no mesh, or the picture cannot be written.
     """
     if not (run_dir / "mesh.ply").exists():
         raise UserError(f"{run_dir / 'mesh.ply'}: not there: expected a run that has finished")
@@ -50,7 +51,11 @@ def draw_run(run_dir: Path) -> Path:
     up, surface = _up(run_dir, trajectory), _surface(mesh)
     panels = [_panel(surface, trajectory, up, angle) for angle in (80.0, 40.0)]
     path = run_dir / "picture.png"
-    cv2.imwrite(str(path), np.concatenate(panels, axis=1))
+    _, data = cv2.imencode(".png", np.concatenate(panels, axis=1))
+    try:
+        write_durably(path, data.tobytes())
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}: expected to write the picture there") from None
     return path
 
 

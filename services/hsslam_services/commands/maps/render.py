@@ -1,8 +1,10 @@
 """`hsslam-render`: images of a saved map along a trajectory."""
 
 import math
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -15,10 +17,12 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import read_tum
 from hsslam_services.commands.cli import exit_code, parse_options, terminal_progress
+from hsslam_services.commands.maps.surface import out_file
 from hsslam_services.commands.maps.whole_space import map_file
 
 _PROG = "hsslam-render"
 _CODECS = {".mp4": "mp4v", ".avi": "MJPG"}
+_IMAGE = re.compile(r"\d{6,}\.png")
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class RenderOptions:
       hsslam-render runs/desk --trajectory poses.txt --video flight.mp4
 
     The command writes one PNG a pose: 000000.png, 000001.png, ... Pixels without surface are black.
+    A folder that holds such images is refused.
 
     Exit codes: 0 if the images are written, 1 if the command is interrupted, 2 if the input is bad.
 
@@ -68,8 +73,11 @@ class RenderOptions:
             raise UserError(f"--fov-deg {self.fov_deg}: expected 1 to 170 degrees")
         if not (math.isfinite(self.rate_hz) and 0 < self.rate_hz <= 240):
             raise UserError(f"--rate-hz {self.rate_hz}: expected above 0, 240 at most")
-        if self.video is not None and self.video.suffix.lower() not in (".mp4", ".avi"):
-            raise UserError(f"--video {self.video}: expected a file .mp4 or .avi")
+        if self.video is not None and not (
+            self.video.suffix.lower() in _CODECS and self.video.absolute().parent.is_dir()
+        ):
+            expected = "expected a file .mp4 or .avi in a folder that exists"
+            raise UserError(f"--video {self.video}: {expected}")
 
     def expect_inputs(self) -> tuple[Path, Path]:
         """The map and the trajectory; UserError if one is not given."""
@@ -91,28 +99,25 @@ def _render(options: RenderOptions) -> None:
     poses = read_tum(trajectory).T_world_cam[:: options.every]
     if len(poses) == 0:
         raise UserError(f"--trajectory {trajectory}: no poses: expected one or more")
+    if any(_IMAGE.fullmatch(path.name) for path in options.out.glob("*.png")):
+        raise UserError(f"--out {options.out}: is there already: expected a new folder")
     saved = SavedMap.open(map_path, options.device)
     camera = _camera(saved.camera.undistorted(), options)
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"--out {options.out}: {error.strerror}: expected a folder") from None
-    video = _open_video(options, camera)
-    try:
-        with terminal_progress() as progress:
-            for k in progress.track(range(len(poses)), description="images"):
-                color, _ = saved.render(poses[k], camera)
-                image = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
-                path = options.out / f"{k:06d}.png"
-                if not cv2.imwrite(str(path), image):
-                    raise UserError(
-                        f"{path}: cannot be written: expected free space and permission"
-                    )
-                if video is not None:
-                    video.write(image)
-    finally:
-        if video is not None:
-            video.release()
+    with _video(options, camera, len(poses)) as film, terminal_progress() as progress:
+        for k in progress.track(range(len(poses)), description="images"):
+            color, _ = saved.render(poses[k], camera)
+            image = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
+            path = options.out / f"{k:06d}.png"
+            try:
+                path.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+            except OSError as error:
+                expected = "expected free space and permission"
+                raise UserError(f"{path}: {error.strerror}: {expected}") from None
+            film(image)
     size = f"{camera.width_px} x {camera.height_px} px"
     also = f", {options.video}" if options.video else ""
     print(f"{options.out}: {len(poses)} images, {size}{also}")
@@ -125,15 +130,40 @@ def _camera(camera: Camera, options: RenderOptions) -> Camera:
     return camera if options.downscale == 1 else camera.scaled(1 / options.downscale)
 
 
-def _open_video(options: RenderOptions, camera: Camera) -> cv2.VideoWriter | None:
+@contextmanager
+def _video(
+    options: RenderOptions, camera: Camera, count: int
+) -> Iterator[Callable[[np.ndarray], object]]:
+    """Takes the `count` images, BGR, of the video; its file appears whole or not at all.
+
+    OpenCV does not tell whether it could write an image, so the finished file is read.
+    """
     if options.video is None:
-        return None
+        yield lambda image: None
+        return
     codec = cv2.VideoWriter.fourcc(*_CODECS[options.video.suffix.lower()])
     size = (camera.width_px, camera.height_px)
-    video = cv2.VideoWriter(str(options.video), codec, options.rate_hz, size)
-    if not video.isOpened():
-        raise UserError(f"--video {options.video}: OpenCV cannot write it: expected .avi or none")
-    return video
+    with out_file(options.video, "--video") as partial:
+        video = cv2.VideoWriter(str(partial), codec, options.rate_hz, size)
+        if not video.isOpened():
+            expected = "expected .avi, and permission to write there"
+            raise UserError(f"--video {options.video}: OpenCV cannot write it: {expected}")
+        try:
+            yield video.write
+        finally:
+            video.release()
+        if (found := _images_in(partial)) != count:
+            told = f"has {found} of {count} images: expected free space"
+            raise UserError(f"--video {options.video}: {told}")
+
+
+def _images_in(video: Path) -> int:
+    reader = cv2.VideoCapture(str(video))
+    found = 0
+    while reader.grab():
+        found += 1
+    reader.release()
+    return found
 
 
 if __name__ == "__main__":

@@ -36,8 +36,8 @@ def surface(saved: SavedMap, path: Path | str, voxel_m: float) -> Trimesh:
 
 
 @contextmanager
-def out_file(out: Path) -> Iterator[Path]:
-    """A place to write `--out` at; the file appears whole or not at all, in the place of an older one.
+def out_file(out: Path, option: str = "--out") -> Iterator[Path]:
+    """A place to write an option's file at; it appears whole or not at all, in the place of an older one.
 
     Raises:
         UserError: the file cannot be written.
@@ -47,7 +47,7 @@ def out_file(out: Path) -> Iterator[Path]:
             yield partial
     except OSError as error:
         raise UserError(
-            f"--out {out}: {error.strerror}: expected a file that can be written"
+            f"{option} {out}: {error.strerror}: expected a file that can be written"
         ) from None
 
 

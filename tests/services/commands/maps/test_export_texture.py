@@ -31,7 +31,7 @@ def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
     mapped_run, tmp_path, capsys, kind
 ):
     found = {}
-    for name, more in (("plain", ()), ("textured", ("--texture",))):
+    for name, more in (("plain", ()), ("my room", ("--texture",))):
         out = tmp_path / f"{name}.{kind}"
         arguments = ["export", str(mapped_run), "--format", kind, "-o", str(out), *_COARSE, *more]
         assert main(arguments) == 0
@@ -39,12 +39,14 @@ def test_a_texture_draws_other_frames_better_than_colours_of_vertices(
         if kind == "glb":
             found[name].apply_transform(OPENGL_FROM_OPENCV)
     told = capsys.readouterr().out.splitlines()[-1]
-    assert told.startswith(f"{out}: {len(found['textured'].faces)} triangles, texture of ")
-    assert _drawn_db(found["textured"]) > _drawn_db(found["plain"]) + 3
+    assert told.startswith(f"{out}: {len(found['my room'].faces)} triangles, texture of ")
+    assert _drawn_db(found["my room"]) > _drawn_db(found["plain"]) + 3
     if kind == "obj":
         files = sorted(path.name for path in tmp_path.iterdir())
-        assert files == ["plain.obj", "textured.mtl", "textured.obj", "textured.png"]
-        words = [line.split() for line in (tmp_path / "textured.mtl").read_text().splitlines()]
+        assert files == ["my room.obj", "my_room.mtl", "my_room.png", "plain.obj"]
+        words = [line.split() for line in (tmp_path / "my_room.mtl").read_text().splitlines()]
+        assert ["map_Kd", "my_room.png"] in words  # no blank in a name: readers split there
+        assert {"mtllib my_room.mtl", "usemtl my_room"} < set(out.read_text().splitlines())
         (diffuse,) = [line[1:] for line in words if line[:1] == ["Kd"]]
         assert [float(value) for value in diffuse] == [1, 1, 1]  # a factor of the image
 

@@ -1,6 +1,7 @@
 """`hsslam-mesh` and `hsslam-render` on a map of the small room."""
 
 import json
+import resource
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,8 @@ from hsslam_services.artefacts.mesh_file import mesh_of_arena
 from hsslam_services.commands.maps import mesh as mesh_command
 from hsslam_services.commands.maps import render as render_command
 from tests.small_room import SMALL, mapped_room, room_frames, room_poses
+
+_FILE_BYTES = 5000  # enough for an image, not for a video
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +85,7 @@ def test_the_mesh_of_a_map_with_images_is_that_of_the_service(saved, tmp_path):
         SavedMap.open(path, "cpu").mesh()
 
 
-def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
+def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path, capsys):
     poses, out = tmp_path / "poses.txt", tmp_path / "views"
     write_tum(poses, Trajectory(np.arange(4) * 10**9, room_poses()[:4]))
     video = tmp_path / "flight.avi"
@@ -96,6 +99,30 @@ def test_a_view_from_a_frame_looks_like_the_frame(saved, tmp_path):
     assert drawn.mean() > 0.8
     assert psnr_db(image[drawn] / 255.0, true[drawn] / 255.0) > 15
     assert video.stat().st_size > 1000
+    told = _refused(render_command, [str(saved), *arguments], capsys)
+    assert told == f"error: --out {out}: is there already: expected a new folder\n"
+
+
+def test_a_video_that_the_disk_does_not_take_is_refused_and_the_older_one_stays(
+    saved, tmp_path, capsys
+):
+    poses, video = tmp_path / "poses.txt", tmp_path / "flight.avi"
+    write_tum(poses, Trajectory(np.arange(4) * 10**9, room_poses()[:4]))
+    video.write_bytes(b"older")
+    words = [str(saved), "--trajectory", str(poses), "--downscale", "4", "-o"]
+    render_command.main(
+        [*words, str(tmp_path / "before")]
+    )  # what it compiles it writes to files, too
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (_FILE_BYTES, limits[1]))
+    try:
+        words += [str(tmp_path / "views"), "--video", str(video)]
+        told = _refused(render_command, words, capsys)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert f"--video {video}: has " in told and "of 4 images: expected free space" in told
+    assert video.read_bytes() == b"older"
+    assert not list(tmp_path.glob(".flight*"))
 
 
 def test_a_run_folder_stands_for_its_map(mapped_run, tmp_path, capsys):
@@ -142,6 +169,11 @@ def test_a_bad_map_is_one_line_and_code_2(saved, tmp_path, capsys, command, dama
         (render_command, ("m",), "--trajectory: missing"),
         (render_command, ("m", "--trajectory", "/nowhere"), "expected a trajectory in TUM format"),
         (render_command, ("m", "--video", "x.gif"), "--video x.gif: expected a file .mp4 or .avi"),
+        (
+            render_command,
+            ("m", "--video", "/no/x.avi"),
+            "--video /no/x.avi: expected a file .mp4 or .avi in a folder that exists",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(capsys, command, arguments, text):

@@ -9,6 +9,7 @@ import trimesh
 
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.trajectory import Trajectory, write_tum
+from hsslam_services.commands.maps import picture
 from hsslam_services.commands.maps.picture import draw_run
 
 FLOOR, CEILING, WALL, BEHIND = (200, 30, 30), (30, 30, 200), (30, 200, 30), (200, 200, 30)  # RGB
@@ -57,3 +58,10 @@ def test_it_shows_the_room_from_behind_the_camera_without_ceiling_and_near_wall(
 def test_a_run_without_a_mesh_is_refused(tmp_path: Path):
     with pytest.raises(UserError, match=r"mesh\.ply: not there: expected a run that has finished"):
         draw_run(tmp_path)
+
+
+def test_a_picture_that_cannot_be_written_is_refused(run_dir: Path, monkeypatch):
+    monkeypatch.setattr(picture, "_POINTS", 10_000)
+    (run_dir / "picture.png").mkdir()
+    with pytest.raises(UserError, match=r"picture\.png: .*: expected to write the picture there"):
+        draw_run(run_dir)
