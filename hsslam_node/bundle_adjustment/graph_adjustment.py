@@ -49,15 +49,16 @@ class GraphBundleAdjustment:
 
     def is_due(self, store: KeyframeStore) -> bool:
         """Whether enough keyframes have come since the last round."""
-        return self._map.is_due(store)
+        return store.count - self._seen >= self._slam.ba.every_keyframes
 
     def is_behind(self, store: KeyframeStore) -> bool:
-        """Whether keyframes have come since the last round, or were left to the next."""
-        return bool(self._left) or self._map.is_behind(store)
+        """Whether keyframes have come that no round has looked at, or were left to the next."""
+        return bool(self._left) or store.count > self._seen
 
     def has_joined(self, store: KeyframeStore) -> bool:
         """Whether a fragment has joined the map since the last round."""
-        return self._map.has_joined(store)
+        fragments = store.fragments()[self._seen - 1 :]
+        return bool((fragments != fragments[:1]).any())
 
     def round(
         self,
@@ -98,7 +99,7 @@ class GraphBundleAdjustment:
             self._alignment = KeyframeAlignment(store, tracker, c, self._seed)
             self._loops = LoopSearch(store, self._alignment, tracker, c, self._seed)
         count = len(poses)
-        fragments = store.fragments()
+        fragments = store.fragments()[:count]
         for k in range(self._seen, count):
             T = inverse(poses[k - 1]) @ poses[k]
             self._edges += self._chain.add(k, T, store.gap_covariance(k))

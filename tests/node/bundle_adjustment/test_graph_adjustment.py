@@ -185,6 +185,21 @@ def test_rounds_are_due_every_few_keyframes():
     assert not ba.is_due(room.store)
 
 
+def test_keyframes_that_come_while_a_round_measures_are_left_to_the_next():
+    room, came = mapped_room(_config()), []
+
+    def rest():
+        if not came:
+            came.append(room.store.append(room_frames()[1], room.store.pose(9), fragment=1))
+
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    ba.round(room.store, rest=rest)
+    assert came == [10]
+    assert ba.is_behind(room.store) and ba.is_due(room.store) and ba.has_joined(room.store)
+    ba.round(room.store)
+    assert not (ba.is_behind(room.store) or ba.has_joined(room.store))
+
+
 def test_twice_the_same_to_the_bit():
     poses = []
     for _ in range(2):
