@@ -16,8 +16,8 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.kernels.compiled import njit
-from hsslam_node.meshing.observed_space import surface_shift_m
 from hsslam_node.presets import REALTIME
 
 _MARGIN_M = 0.5  # around what was seen: a map that grows does not need another grid each time

@@ -10,8 +10,8 @@ from hsslam_node.distance.occupancy import Occupancy
 from hsslam_node.distance.voxel_grid import VOXEL_M, VoxelGrid
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.se3 import inverse, transformed
+from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.meshing.observed_space import surface_shift_m
 from hsslam_node.presets import REALTIME
 
 SIZE_M = (10.0, 10.0, 2.5)

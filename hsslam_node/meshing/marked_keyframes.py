@@ -6,8 +6,8 @@ import numpy as np
 
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
+from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.meshing.live_mesh import HasTime, LiveMesh
-from hsslam_node.meshing.observed_space import surface_shift_m
 from hsslam_node.meshing.sparse_space import SparseSpace
 
 _MARGIN_M = 4.0  # around the bound: a keyframe may come before the map has grown to what it sees

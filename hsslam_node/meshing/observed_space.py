@@ -1,4 +1,4 @@
-"""Which part of the space around the surfaces was seen, and how far corrected poses have moved it."""
+"""Which part of the space around the surfaces was seen."""
 
 import numpy as np
 
@@ -171,20 +171,3 @@ def observed_cells(surface: np.ndarray) -> np.ndarray:
     grown = _window(surface, 2 * CLOSE_CELLS + 1, np.bitwise_or)  # one vertex of halo is left
     vertices = _window(grown, 3, np.bitwise_and)  # [n + 1] vertices
     return _window(vertices, 2, np.bitwise_and).view(np.bool_)
-
-
-_FAR_M = 2.0  # a turn moves surfaces at this distance
-
-
-def surface_shift_m(before: np.ndarray, after: np.ndarray) -> float:
-    """The most that a surface 2 m away has been moved by new poses of its keyframes, m.
-
-    Args:
-        before: T_world_cam [N, 4, 4] of the keyframes when they were observed.
-        after: T_world_cam [N, 4, 4] of the same keyframes now.
-    """
-    if len(before) == 0:
-        return 0.0
-    step_m = np.linalg.norm(after[:, :3, 3] - before[:, :3, 3], axis=1)
-    turn = np.linalg.norm(after[:, :3, :3] - before[:, :3, :3], axis=(1, 2)) / np.sqrt(2)  # rad
-    return float((step_m + _FAR_M * turn).max())

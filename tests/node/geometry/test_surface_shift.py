@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hsslam_node.meshing.observed_space import surface_shift_m
+from hsslam_node.geometry.view_distance import surface_shift_m
 
 
 def _poses(n):
