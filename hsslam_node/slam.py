@@ -233,7 +233,7 @@ class Slam:
         """One round of bundle adjustment."""
         report = ba.round(store)
         if report.moved:
-            store.correct_poses(report.keyframes, report.T_world_cam, report.known)
+            store.correct_poses(report.keyframes, report.T_world_cam, report.known, report.T_then)
 
     def _open_tracker(self, store: KeyframeStore) -> FrameTracker:
         return open_fragment_tracker(

@@ -139,7 +139,7 @@ class GlobalBundleAdjustment:
                         poses[slot] = moved_about_camera(poses[slot], step)
         self._table.rest(chosen)
         moved = free and bool((poses != poses_before).any())
-        return BaReport(chosen, poses, losses[0], losses[-1], moved)
+        return BaReport(chosen, poses_before, poses, losses[0], losses[-1], moved)
 
     def _select(
         self, store: KeyframeStore, generator: np.random.Generator, lease: Lease, rest: Rest

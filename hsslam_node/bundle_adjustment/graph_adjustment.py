@@ -14,6 +14,7 @@ from hsslam_node.bundle_adjustment.tracked_chain import TrackedChain
 from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.geometry.se3 import inverse
+from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 
@@ -69,7 +70,8 @@ class GraphBundleAdjustment:
     ) -> BaReport:
         """Measure, solve, refine the map. `lease()` is held while the map is stepped, not before.
 
-        Where `may_step()` says no, the round ends, and what was solved for is left to the next.
+        Where `may_step()` says no, the round ends, and what was solved for is left to the next. So it is
+        where that moves no surface by `least_shift_m`.
         `rest()` is called before each keyframe that is aligned and each step of the map.
         """
         poses = store.poses()
@@ -77,16 +79,13 @@ class GraphBundleAdjustment:
         all_asked = self._all_at_next
         solved = self._solved(poses)
         mapped = self._map.round(store, lease, may_step, rest)
-        if not may_step():
+        if not may_step() or surface_shift_m(poses, solved) < self._config.least_shift_m:
             self._all_at_next = all_asked
-            return replace(mapped, moved=False, loops=closed)
-        shift_m = np.linalg.norm(solved[:, :3, 3] - poses[:, :3, 3], axis=1)
-        if shift_m.max() < self._config.least_shift_m:
             return replace(mapped, moved=False, loops=closed)
         ids = np.flatnonzero((solved != poses).any(axis=(1, 2)))
         return replace(
-            mapped, keyframes=ids, T_world_cam=solved[ids], moved=True, loops=closed,
-            known=len(poses),
+            mapped, keyframes=ids, T_then=poses[ids], T_world_cam=solved[ids], moved=True,
+            loops=closed, known=len(poses),
         )  # fmt: skip
 
     def _measure(

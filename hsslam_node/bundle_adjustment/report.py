@@ -19,6 +19,7 @@ class BaReport:
     """One round. `keyframes` is empty where nothing was to be done."""
 
     keyframes: np.ndarray  # [n] ids
+    T_then: np.ndarray  # T_world_cam [n, 4, 4] that the round began with
     T_world_cam: np.ndarray  # [n, 4, 4], refined
     loss_before: float
     loss_after: float
@@ -65,4 +66,5 @@ def no_rest() -> None:
 
 def nothing_done() -> BaReport:
     """A round in which nothing was to be done, or that was ended."""
-    return BaReport(np.zeros(0, int), np.zeros((0, 4, 4)), 0.0, 0.0, False)
+    none = np.zeros((0, 4, 4))
+    return BaReport(np.zeros(0, int), none, none, 0.0, 0.0, False)

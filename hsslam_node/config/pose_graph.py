@@ -51,7 +51,7 @@ class PoseGraphConfig:
     window: int = 200
     """Newest keyframes whose poses are solved for; a loop may need more."""
     least_shift_m: float = 2e-4
-    """Ignore smaller corrections, m."""
+    """Ignore corrections that move surfaces 2 m away by less, m."""
 
     def __post_init__(self) -> None:
         group = "pose_graph"

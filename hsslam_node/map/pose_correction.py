@@ -25,6 +25,15 @@ class PoseCorrection:
         )
 
 
+def on_top(then: np.ndarray, now: np.ndarray, corrected: np.ndarray) -> np.ndarray:
+    """Poses `corrected` [n, 4, 4], computed from those of `then`, where others have moved them to `now`: both
+    changes count, one after the other."""
+    both = corrected.copy()
+    moved = (now != then).any(axis=(1, 2))
+    both[moved] = now[moved] @ inverse_batch(then[moved]) @ corrected[moved]
+    return both
+
+
 def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
     """Move the keyframes from `known` on in `after` [n, 4, 4] as the last one before them has moved."""
     if 0 < known < len(before):

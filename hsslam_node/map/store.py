@@ -296,11 +296,16 @@ class KeyframeStore:
         return self._rows.losses(ids)
 
     def correct_poses(
-        self, ids: np.ndarray, T_world_cam: np.ndarray, known: int | None = None
+        self,
+        ids: np.ndarray,
+        T_world_cam: np.ndarray,
+        known: int | None = None,
+        T_then: np.ndarray | None = None,
     ) -> PoseCorrection:
         """Bundle adjustment and mapping, one at a time: replace the poses [n, 4, 4] of `ids`.
 
         Retired keyframes move with their anchors. `known`: keyframes there were when the correction was
-        computed; those that came since move as the last of these did.
+        computed; those that came since move as the last of these did. `T_then` [n, 4, 4]: poses of `ids` from
+        which it was computed; where others have moved them since, both changes count.
         """
-        return self._poses.correct(ids, T_world_cam, known)
+        return self._poses.correct(ids, T_world_cam, known, T_then)

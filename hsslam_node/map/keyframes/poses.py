@@ -11,7 +11,7 @@ from hsslam_node.map.keyframes.header import APPENDING, COUNT, POSE_VERSION
 from hsslam_node.map.keyframes.rows import KeyframeRows
 from hsslam_node.map.keyframes.slots import KeyframeSlots
 from hsslam_node.map.memory_order import load_ordered, store_ordered
-from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last
+from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last, on_top
 
 _POLL_S = 0.0005
 _LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
@@ -70,13 +70,17 @@ class KeyframePoses:
             store_ordered(self._header, APPENDING, 0)
 
     def correct(
-        self, ids: np.ndarray, T_world_cam: np.ndarray, known: int | None
+        self,
+        ids: np.ndarray,
+        T_world_cam: np.ndarray,
+        known: int | None,
+        T_then: np.ndarray | None = None,
     ) -> PoseCorrection:
         """As `KeyframeStore.correct_poses`."""
         version, n = self.version, self._count
         before = self._rows.all_poses(n, version % 2)
         after = before.copy()
-        after[ids] = T_world_cam
+        after[ids] = T_world_cam if T_then is None else on_top(T_then, before[ids], T_world_cam)
         if known is not None:
             follow_last(before, after, known)
         is_kept = np.isin(np.arange(n), self._slots.held(n))

@@ -33,10 +33,11 @@ class PoseCorrector:
         known: int | None,
         losses: tuple[float, float],
         loops: list[tuple[int, int]] | None = None,
+        T_then: np.ndarray | None = None,
     ) -> None:
         """As `KeyframeStore.correct_poses`; `losses`: before and after, `loops`: closed, for the message."""
         base = store.pose_version
-        moved = store.correct_poses(keyframes, T_world_cam, known)
+        moved = store.correct_poses(keyframes, T_world_cam, known, T_then)
         t = moved.T_world_cam[:, :3, 3]
         q = quaternions_from_rotations(moved.T_world_cam[:, :3, :3])
         for first in range(0, max(len(moved.keyframes), 1), _MOST_A_MESSAGE):

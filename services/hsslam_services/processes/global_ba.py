@@ -126,8 +126,9 @@ class _BaLoop:
     def _correct(self, store: KeyframeStore, report: BaReport) -> None:
         losses = report.loss_before, report.loss_after
         self._corrector.correct(
-            store, report.keyframes, report.T_world_cam, report.known, losses, self._loops
-        )
+            store, report.keyframes, report.T_world_cam, report.known, losses, self._loops,
+            T_then=report.T_then,
+        )  # fmt: skip
         self._worker.count("corrections")
         self._loops = []
 

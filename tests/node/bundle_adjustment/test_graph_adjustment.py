@@ -185,6 +185,43 @@ def test_rounds_are_due_every_few_keyframes():
     assert not ba.is_due(room.store)
 
 
+def test_a_keyframe_that_is_only_turned_comes_back():
+    room = mapped_room(_config(least_shift_m=0.01))
+    right = room.store.pose(9)
+    _move(room, 9, 0.0, 1.0)  # moves surfaces by 3 cm
+    assert pose_error(_adjusted(room)[9], right)[1] < 0.2
+
+
+def test_a_loop_that_moves_too_little_asks_for_all_poses_again():
+    room, truth = _drifted_return(_config(neighbours=(1,), window=1, least_shift_m=10.0), 0.04)
+    ba = GraphBundleAdjustment(room.config, room.parameters, 0)
+    report = ba.round(room.store)
+    assert report.loops and not report.moved
+    ba._config = replace(ba._config, least_shift_m=1e-5)
+    report = ba.round(room.store)
+    assert len(report.keyframes) > 10  # with the window alone it is one
+    room.store.correct_poses(report.keyframes, report.T_world_cam)
+    assert _errors(room.store.poses(), truth)[:, 0].max() < 0.01
+
+
+def test_what_mapping_refines_during_a_round_stays_beside_its_correction():
+    room, refined = mapped_room(_config()), []
+    _move(room, 6, 0.02, 1.0)
+    then = room.store.poses()
+
+    def rest():  # between two pieces of the round
+        if not refined:
+            _move(room, 3, 0.1, 5.0)
+            refined.append(room.store.pose(3))
+
+    report = GraphBundleAdjustment(room.config, room.parameters, 0).round(room.store, rest=rest)
+    room.store.correct_poses(report.keyframes, report.T_world_cam, report.known, report.T_then)
+    of_3 = report.T_world_cam[report.keyframes == 3][0]
+    np.testing.assert_allclose(room.store.pose(3), refined[0] @ inverse(then[3]) @ of_3, atol=1e-12)
+    of_6 = report.T_world_cam[report.keyframes == 6][0]
+    np.testing.assert_array_equal(room.store.pose(6), of_6)
+
+
 def test_keyframes_that_come_while_a_round_measures_are_left_to_the_next():
     room, came = mapped_room(_config()), []
 

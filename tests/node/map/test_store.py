@@ -11,7 +11,7 @@ import pytest
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
-from hsslam_node.geometry.se3 import se3_exp
+from hsslam_node.geometry.se3 import inverse, se3_exp
 from hsslam_node.map.allocator import MemoryAllocator
 from hsslam_node.map.keyframes.slots import SLAB_KEYFRAMES
 from hsslam_node.map.store import KeyframeStore
@@ -114,6 +114,17 @@ def test_correction_moves_only_its_keyframes():
     np.testing.assert_array_equal(store.poses(), expected)
     np.testing.assert_array_equal(store.pose(10), _pose(10))
     assert store.pose_version == 2
+
+
+def test_a_correction_is_added_to_what_others_have_moved_since_it_was_computed():
+    _, store = _filled(10)
+    then, corrected = store.poses_of(np.array([2, 7])), np.stack([_pose(100), _pose(101)])
+    store.correct_poses(np.array([7]), _pose(50)[None])
+    moved = store.correct_poses(np.array([2, 7]), corrected, T_then=then)
+    np.testing.assert_array_equal(store.pose(2), corrected[0])  # as it is: to the bit
+    both = _pose(50) @ inverse(then[1]) @ corrected[1]
+    np.testing.assert_allclose(store.pose(7), both, atol=1e-12)
+    np.testing.assert_array_equal(moved.T_world_cam, store.poses_of(np.array([2, 7])))
 
 
 def test_a_full_store_names_its_option():
