@@ -178,7 +178,7 @@ class Slam:
         Raises:
             UserError: there is no map yet, or the file cannot be written.
         """
-        checkpoint = map_snapshot(self.store, self.parameters, self.config.sampling)
+        checkpoint = map_snapshot(self.store, self.parameters, self.config)
         save_checkpoint(Path(path), checkpoint)
 
     def _join(self, joined: JoinedFragment) -> None:

@@ -83,6 +83,6 @@ def saved_session(
     if gravity is not None:
         store.world_frame.note_gravity(gravity)
     folder.mkdir()
-    save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL.sampling))
+    save_checkpoint(folder / "map.safetensors", map_snapshot(store, parameters, SMALL))
     write_tum(folder / "trajectory.txt", Trajectory(store.stamps_ns(), store.poses()))
     return folder

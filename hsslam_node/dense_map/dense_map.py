@@ -22,6 +22,7 @@ from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.trajectory import Trajectory
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.meshing.map_queries import open_map_queries
+from hsslam_node.presets import REALTIME
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
@@ -43,6 +44,7 @@ class DenseMap:
         sampling: pattern of the rays that it was trained with; views need it.
         device: where the field is asked.
         seen: gives what the keyframes saw, once it is asked for; None: it is looked for in their depth.
+        max_depth_m: farther depth counts as none, as in the mapping.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class DenseMap:
         sampling: SamplingPattern,
         device: Device = CPU,
         seen: Callable[[], SeenCells] | None = None,
+        max_depth_m: float = REALTIME.mapper.max_depth_m,
     ) -> None:
         self._layout = layout
         self._params = params
@@ -61,7 +64,9 @@ class DenseMap:
         self._truncation_m = layout.config.truncation_m
         self._queries = open_map_queries(layout, params, device)
         self._rays = SdfRayCaster(self._queries.sdf, layout.bound, self._truncation_m)
-        self._look = seen or partial(SeenSpace(self._truncation_m).follow, keyframes)
+        self._max_depth_m = max_depth_m
+        space = SeenSpace(self._truncation_m, max_depth_m=max_depth_m)
+        self._look = seen or partial(space.follow, keyframes)
 
     @property
     def bound(self) -> Bound:
@@ -181,6 +186,7 @@ class DenseMap:
             keyframes.camera,
             keyframes.views,
             voxel_m,
+            max_depth_m=self._max_depth_m,
             threads=queries.threads,
         )
 

@@ -17,7 +17,7 @@ class GrowingMap:
     """Gives the newest map. The depth of each keyframe is looked through once, for all versions."""
 
     def __init__(self, config: SlamConfig, device: Device) -> None:
-        self._sampling = config.sampling
+        self._config = config
         self._device = device
         self._seen = SeenSpace(config.field.truncation_m, max_depth_m=config.mapper.max_depth_m)
         self._newest: tuple[tuple[int, int, int], DenseMap] | None = None
@@ -34,7 +34,10 @@ class GrowingMap:
         if self._newest is None or self._newest[0] != of:
             params, keyframes = published_params(parameters)[1], keyframes_of_store(store)
             layout, seen = parameters.layout, partial(self._seen.follow, keyframes)
-            dense_map = DenseMap(layout, params, keyframes, self._sampling, self._device, seen)
+            c = self._config
+            dense_map = DenseMap(
+                layout, params, keyframes, c.sampling, self._device, seen, c.mapper.max_depth_m
+            )
             self._newest = of, dense_map
         return self._newest[1]
 

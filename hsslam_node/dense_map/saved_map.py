@@ -29,7 +29,8 @@ class SavedMap(DenseMap):
     ) -> None:
         self.checkpoint = checkpoint
         keyframes = keyframes_of_checkpoint(checkpoint, path, self._depth_of_view)
-        space = SeenSpace(checkpoint.layout.config.truncation_m, far_m=far_m)
+        max_depth_m = checkpoint.max_depth_m or REALTIME.mapper.max_depth_m
+        space = SeenSpace(checkpoint.layout.config.truncation_m, max_depth_m=max_depth_m, far_m=far_m)
         super().__init__(
             checkpoint.layout,
             checkpoint.params,
@@ -37,6 +38,7 @@ class SavedMap(DenseMap):
             checkpoint.sampling or REALTIME.sampling,
             choose_device(device),
             partial(space.follow, keyframes),
+            max_depth_m,
         )
 
     @classmethod

@@ -2,19 +2,19 @@
 
 import numpy as np
 
+from hsslam_node.config import SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
-from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 
 def map_snapshot(
     store: KeyframeStore | None,
     parameters: FieldParameters | None,
-    sampling: SamplingPattern,
+    config: SlamConfig,
 ) -> MapCheckpoint:
     """The map as published last, and the keyframes of now, while everybody goes on working.
 
@@ -23,7 +23,7 @@ def map_snapshot(
     """
     if store is None or parameters is None or parameters.version == 0 or store.count == 0:
         raise UserError("there is no map yet: expected its first version")
-    return _checkpoint(store, parameters, published_params(parameters)[1], sampling)
+    return _checkpoint(store, parameters, published_params(parameters)[1], config)
 
 
 def published_params(
@@ -46,7 +46,7 @@ def _checkpoint(
     store: KeyframeStore,
     parameters: FieldParameters,
     params: np.ndarray,
-    sampling: SamplingPattern,
+    config: SlamConfig,
 ) -> MapCheckpoint:
     """Everything that going on in the map needs; `params` [P] lie as `parameters.layout` says."""
     keyframes, images = KeyframeImages.of(store)
@@ -57,10 +57,11 @@ def _checkpoint(
         T_world_keyframe=store.poses_of(keyframes),
         keyframe_gaps=gap_covariances(store, keyframes),
         camera=store.camera,
-        sampling=sampling,
+        sampling=config.sampling,
         images=images,
         second_moment=parameters.second_moment.copy(),
         step=parameters.step,
+        max_depth_m=config.mapper.max_depth_m,
         gravity=store.world_frame.gravity,
         T_level_world=store.world_frame.T_level_world,
     )

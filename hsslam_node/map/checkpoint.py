@@ -44,6 +44,7 @@ class MapCheckpoint:
     images: KeyframeImages | None = None  # of the keyframes, to go on in the map; None likewise
     second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
     step: int = 0  # Adam steps that the map has seen
+    max_depth_m: float | None = None  # depth beyond was not mapped; None as above
     gravity: Gravity | None = None  # as an IMU tells it; None: not known
     keyframe_gaps: np.ndarray | None = None  # [n, 6, 6] float64, `gap_covariances`; None likewise
     # to the frame `map` of the robot that made it, [4, 4] (`level_frame`); None: the robot is not known
@@ -94,7 +95,7 @@ def save_checkpoint(path: Path, checkpoint: MapCheckpoint) -> None:
     }
     for name, part in (("camera", checkpoint.camera), ("sampling", checkpoint.sampling)):
         metadata[name] = json.dumps(dataclasses.asdict(part)) if part else "null"
-    metadata["step"] = str(checkpoint.step)
+    metadata |= {"step": str(checkpoint.step), "max_depth_m": json.dumps(checkpoint.max_depth_m)}
     if checkpoint.gravity is not None:
         metadata["gravity"] = json.dumps(dataclasses.asdict(checkpoint.gravity))
     if checkpoint.T_level_world is not None:
@@ -139,6 +140,7 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
             images=_images(tensors, metadata),
             second_moment=None if moment is None else _from_bfloat16(moment),
             step=int(metadata.get("step", "0")),
+            max_depth_m=json.loads(metadata.get("max_depth_m", "null")),
             gravity=_part(metadata, "gravity", Gravity),
             keyframe_gaps=tensors.get("keyframes/gaps"),
             T_level_world=_level_frame(metadata),

@@ -1,5 +1,6 @@
 """The mesh of everything that a set of cameras saw, or of all that a map says, in one call."""
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -24,6 +25,7 @@ def extract_mesh(
     voxel_m: float = 0.03,
     stride_px: int = 1,
     min_component_faces: int = 50,
+    max_depth_m: float = math.inf,
     threads: int = 1,
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
@@ -39,13 +41,15 @@ def extract_mesh(
         voxel_m: cell of marching cubes, m.
         stride_px: step between the depth pixels that mark observed space.
         min_component_faces: smaller connected pieces are left out.
+        max_depth_m: farther depth shows no surface; that nothing stands in its way counts all the same.
         threads: that ask the map and the keyframes at once; the mesh is the same with any number.
     """
     space = ObservedSpace(bound, voxel_m)
 
     def observe(k: int) -> None:
         depth_m, T_world_cam = keyframes[k]
-        space.observe(depth_m, camera, T_world_cam, stride_px)
+        near_m = np.where(depth_m <= max_depth_m, depth_m, 0)
+        space.observe(near_m, camera, T_world_cam, stride_px)
 
     def surface(block: Block) -> BlockMesh | None:
         return block_surface(space, block, query_sdf, query_color)[0]

@@ -25,7 +25,7 @@ _TOOLS = _SECTIONS["Write a map for other tools"]
 def in_a_folder_with_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All that the page names is there."""
     room = mapped_room()
-    checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
+    checkpoint = map_snapshot(room.store, room.parameters, SMALL)
     save_checkpoint(tmp_path / "map.safetensors", checkpoint)
     np.savetxt(tmp_path / "places.txt", [[0.0, -0.1, 0.5]])
     monkeypatch.chdir(tmp_path)

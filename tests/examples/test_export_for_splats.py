@@ -15,7 +15,7 @@ EXAMPLE = ROOT / "examples/export_for_splats.py"
 
 def test_the_points_look_like_the_first_image(tmp_path):
     room, out = mapped_room(), tmp_path / "splats"
-    checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
+    checkpoint = map_snapshot(room.store, room.parameters, SMALL)
     save_checkpoint(tmp_path / "map.safetensors", checkpoint)
     done = run_script(EXAMPLE, str(tmp_path), str(out))
     assert done.returncode == 0, done.stderr

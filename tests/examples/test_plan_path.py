@@ -24,7 +24,7 @@ _SLACK_M = 0.05  # a voxel
 def map_file(tmp_path_factory) -> Path:
     room = mapped_room()
     path = tmp_path_factory.mktemp("map") / "room.safetensors"
-    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL))
     return path
 
 

@@ -23,7 +23,7 @@ from tests.small_room import (
 def path(tmp_path_factory):
     room = mapped_room()
     path = tmp_path_factory.mktemp("map") / "room.safetensors"
-    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL))
     return path
 
 

@@ -87,7 +87,7 @@ def _map(config: SlamConfig, spec: str, options: SourceOptions, path: Path) -> N
     for frame in _frames(spec, options):
         slam.process(frame)
     slam.finish()
-    save_checkpoint(path, map_snapshot(slam.store, slam.parameters, config.sampling))
+    save_checkpoint(path, map_snapshot(slam.store, slam.parameters, config))
 
 
 def _frames(spec: str, options: SourceOptions) -> list[Frame]:

@@ -21,7 +21,7 @@ def save_map(
         UserError: the file cannot be written.
     """
     if store.count > store.inherited or parameters.version > 1:
-        checkpoint = map_snapshot(store, parameters, options.slam.sampling)
+        checkpoint = map_snapshot(store, parameters, options.slam)
         save_checkpoint(run_dir / "map.safetensors", checkpoint)
     return {
         "keyframes": store.count,

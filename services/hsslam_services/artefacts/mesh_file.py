@@ -56,7 +56,8 @@ def mesh_of_arena(
         return keyframes.depth_m(k)
 
     told = replace(keyframes, depth_m=depth_m)
-    dense_map = DenseMap(parameters.layout, params, told, slam.sampling, device)
+    far_m = slam.mapper.max_depth_m
+    dense_map = DenseMap(parameters.layout, params, told, slam.sampling, device, max_depth_m=far_m)
     return dense_map.mesh(slam.mesher.final_voxel_m)
 
 

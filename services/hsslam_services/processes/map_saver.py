@@ -27,7 +27,7 @@ def _run(worker: Worker) -> None:
         raise UserError(f"map {request.name} already exists: expected another name, or --replace")
     options = worker.options
     link = SharedMap(worker.arena, options.slam)
-    checkpoint = map_snapshot(link.store(), link.parameters(), options.slam.sampling)
+    checkpoint = map_snapshot(link.store(), link.parameters(), options.slam)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -10,6 +10,7 @@ Arena: reads keyframes, map, map_state, load_level
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -140,6 +141,7 @@ class _MesherLoop:
         self._pace = BackgroundPace(self._level, worker.stop_event())
         self._view = ModelView(worker.bus, self._level)
         config = worker.options.slam
+        self._max_depth_m = config.mapper.max_depth_m
         self._lock = (
             threading.Lock()
         )  # of the mesh: a thread of the bus answers who asks for all of it
@@ -210,7 +212,9 @@ class _MesherLoop:
 
         with self._lock:
             self._marked.cover(parameters.layout.bound)
-            self._marked.mark(store.poses(), store.camera, lambda k: _depth_m(store, k), until(0.4))
+            self._marked.mark(
+                store.poses(), store.camera, partial(_depth_m, store, self._max_depth_m), until(0.4)
+            )
             self._mesh.probe(queries.sdf, until(0.6))
             refresh = self._mesh.refresh(queries.sdf, queries.color, until(1.0))
         self._publish(refresh.changed)
@@ -258,10 +262,12 @@ def _triangles(mesh: BlockMesh, space: SparseSpace) -> Triangles:
     return Triangles(space.vertex_positions(mesh.block, mesh.vertices), mesh.faces, mesh.colors)
 
 
-def _depth_m(store: KeyframeStore, k: int) -> np.ndarray:
-    """Depth [H, W] float32 of keyframe k; none of one that is retired, as others show what it showed."""
+def _depth_m(store: KeyframeStore, max_depth_m: float, k: int) -> np.ndarray:
+    """Depth [H, W] float32 of keyframe k, 0 beyond `max_depth_m`; none of one that is retired, as others
+    show what it showed."""
     try:
-        return store.frame(k).depth_m()
+        depth_m = store.frame(k).depth_m()
+        return np.where(depth_m <= max_depth_m, depth_m, 0)
     except RetiredKeyframeError:
         return np.zeros((store.camera.height_px, store.camera.width_px), np.float32)
 

@@ -9,11 +9,14 @@ import torch
 
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import keyframes_of_store
+from hsslam_node.dense_map.saved_map import SavedMap
 from hsslam_node.dense_map.shapes import Spheres
+from hsslam_node.dense_map.snapshot import map_snapshot
 from hsslam_node.errors import UserError
 from hsslam_node.evaluation.ground_truth import open_ground_truth
 from hsslam_node.evaluation.mesh.mesh_metrics import distances
 from hsslam_node.geometry.projection import world_points
+from hsslam_node.map.checkpoint import save_checkpoint
 from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_poses
 
 
@@ -37,6 +40,21 @@ def _measured(k: int) -> np.ndarray:
     """Points [N, 3] m that frame k measured."""
     frame = room_frames()[k]
     return world_points(frame.depth_m(), frame.camera, room_poses()[k], 4)
+
+
+def test_depth_that_was_not_mapped_shows_no_surface_in_a_saved_map(tmp_path):
+    room = mapped_room()
+    config = replace(SMALL, mapper=replace(SMALL.mapper, max_depth_m=2.0))
+    save_checkpoint(tmp_path / "m.safetensors", map_snapshot(room.store, room.parameters, config))
+    near = SavedMap.open(tmp_path / "m.safetensors", "cpu")
+
+    def farthest_m(dense_map: DenseMap) -> float:
+        vertices = np.asarray(dense_map.mesh(0.1).vertices)
+        away_m = np.linalg.norm(vertices[:, None] - room.store.poses()[:, :3, 3], axis=2)
+        return float(away_m.min(axis=1).max())
+
+    assert 1.0 < farthest_m(near) < 3.0 < farthest_m(_map())
+    assert near.query(_measured(6)).known.mean() < _map().query(_measured(6)).known.mean()
 
 
 def test_distance_is_zero_at_what_a_frame_measured_and_grows_towards_the_camera():

@@ -53,7 +53,7 @@ def test_consistency_keeps_no_more_frames_than_the_largest_gap_needs():
 def test_images_are_of_frames_that_were_never_keyframes(tmp_path, retired, images):
     """Every fifth of forty, or those between if all of them were keyframes; the map has every fourth."""
     room, path = mapped_room(), tmp_path / "map.safetensors"
-    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL))
     final = Trajectory(np.array([f.stamp_ns for f in room_frames()]), room_poses())
     rows = sorted({*range(0, 40, 4), *retired})
     keyframes = Trajectory(final.stamps_ns[rows], final.T_world_cam[rows])

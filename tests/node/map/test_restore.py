@@ -23,7 +23,7 @@ _LEVEL = RobotFrames.mounted((0.3, 0.1, 0.35, 0.1, 0.7, 0.1, 0.7)).T_base_cam
 
 
 def _saved(path: Path, room: MappedRoom) -> Path:
-    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL))
     return path
 
 
@@ -73,7 +73,7 @@ def test_what_was_not_tracked_stays_unsure_also_between_keyframes_that_are_left(
     store.retire(3, 2)
     room = mapped_room()
     save_checkpoint(
-        tmp_path / "m.safetensors", map_snapshot(store, room.parameters, SMALL.sampling)
+        tmp_path / "m.safetensors", map_snapshot(store, room.parameters, SMALL)
     )
     restored, _ = restore_map(MemoryAllocator(), tmp_path / "m.safetensors", SMALL)
     gaps = np.stack([restored.gap_covariance(k) for k in range(4)])  # of 0, 1, 2, 4

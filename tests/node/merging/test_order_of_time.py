@@ -18,7 +18,7 @@ def _merged(first: slice, second: slice) -> MapCheckpoint:
     for frame, T in zip(frames[second], poses[second], strict=True):
         store.append(frame, T, gap_covariance=gap)
         gap = np.zeros((6, 6))
-    return map_snapshot(store, parameters, SMALL.sampling)
+    return map_snapshot(store, parameters, SMALL)
 
 
 def test_the_earlier_run_comes_first_whichever_is_named_first():

@@ -3,7 +3,8 @@ import numpy as np
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
-from hsslam_services.processes.mesher import model_image
+from hsslam_services.processes.mesher import _depth_m, model_image
+from tests.small_room import empty_room
 
 
 class _Wall:
@@ -15,6 +16,13 @@ class _Wall:
     def color(self, points):
         left = points[:, 0] < 0
         return np.stack([left, ~left, np.zeros(len(left))], axis=1).astype(np.float32)
+
+
+def test_depth_that_is_not_mapped_is_not_marked():
+    store = empty_room().store
+    all_m, near_m = (_depth_m(store, far_m, 3) for far_m in (12.0, 2.0))
+    np.testing.assert_array_equal(near_m, np.where(all_m <= 2.0, all_m, 0))
+    assert all_m.max() > 2.0 >= near_m.max() > 0 and near_m.dtype == np.float32
 
 
 def test_the_map_is_drawn_where_the_camera_sees_it():

@@ -75,7 +75,7 @@ def merge_runs(options: MergeOptions) -> None:
             frames, found.parts, np.split(poses, [found.seam]), strict=True
         )
     )
-    snapshot = map_snapshot(found.store, found.parameters, found.config.sampling)
+    snapshot = map_snapshot(found.store, found.parameters, found.config)
     merged = in_order_of_time(snapshot, found.seam)
     saved = SavedMap(options.out / MAP_NAME, merged, options.device)
     mesh = saved.mesh(found.config.mesher.final_voxel_m)

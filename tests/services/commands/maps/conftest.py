@@ -14,6 +14,6 @@ def mapped_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """It holds map.safetensors alone: ten keyframes at their true poses."""
     room = mapped_room()
     folder = tmp_path_factory.mktemp("mapped_run")
-    checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
+    checkpoint = map_snapshot(room.store, room.parameters, SMALL)
     save_checkpoint(folder / "map.safetensors", checkpoint)
     return folder

@@ -28,7 +28,7 @@ from tests.small_room import OPTIONS, SMALL, mapped_room, room_frames, room_pose
 def run_folder(tmp_path_factory) -> Path:
     room = mapped_room()
     folder = tmp_path_factory.mktemp("run")
-    checkpoint = map_snapshot(room.store, room.parameters, SMALL.sampling)
+    checkpoint = map_snapshot(room.store, room.parameters, SMALL)
     save_checkpoint(folder / "map.safetensors", checkpoint)
     return folder
 

@@ -22,7 +22,7 @@ PLACES = np.array([[0.0, -0.1, 0.5], [0.3, 0.25, 1.25], [0.0, 0.0, 99.0]])
 def saved(tmp_path_factory) -> Path:
     room = mapped_room()
     path = tmp_path_factory.mktemp("map") / "room.safetensors"
-    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL.sampling))
+    save_checkpoint(path, map_snapshot(room.store, room.parameters, SMALL))
     return path
 
 
