@@ -40,11 +40,11 @@ class BoundConfig:
     farthest_m: float = 50.0
     """Largest distance of the box from the first camera, m."""
     box: tuple[float, ...] = ()
-    """The box itself, m: lowest x y z, then highest x y z; it does not grow. None: as above."""
-
+    """The box itself, m: lowest x y z, then highest x y z; it does not grow. None: as above. A saved map
+    covers both its own box and this one."""
     first_camera: tuple[float, ...] = ()
     """Where the first camera stands in the world of `box`: the rows of a 3x4 matrix that maps camera points
-    there, m. None: the camera's first place is the world's origin."""
+    there, m. None: the camera's first place is the world's origin. Not with a saved map."""
 
     def __post_init__(self) -> None:
         low, high = self.box[:3], self.box[3:]

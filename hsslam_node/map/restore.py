@@ -9,6 +9,7 @@ import numpy as np
 from hsslam_node.config import FieldConfig, SlamConfig
 from hsslam_node.errors import UserError
 from hsslam_node.frame import Frame
+from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.checkpoint import MapCheckpoint, load_checkpoint
@@ -23,11 +24,19 @@ def restore_map(
 ) -> tuple[KeyframeStore, FieldParameters]:
     """Load the map of a file into arrays that no process uses yet; processes that attach later go on in it.
 
+    With `config.bound.box` it covers that box as well.
+
     Raises:
         UserError: no such file, one that is damaged, of another version or of another field than
-            `config.field`, or one without the images of its keyframes (versions before 3).
+            `config.field`, or one without the images of its keyframes (versions before 3);
+            `config.bound.first_camera`.
         OutOfMemoryError: there is no room for the arrays.
     """
+    if config.bound.first_camera:
+        raise UserError(
+            f"bound.first_camera = {config.bound.first_camera}: expected none with a saved map ({path}), as "
+            "the camera is found in it"
+        )
     saved = load_checkpoint(path)
     expect_field(path, saved.layout.config, config.field)
     images, camera, moment = _whole(path, saved)
@@ -44,7 +53,7 @@ def restore_map(
     if saved.gravity is not None:
         store.world_frame.note_gravity(saved.gravity)
     store.world_frame.note_level(saved.T_level_world)
-    return store, _restore_parameters(arrays, saved, moment)
+    return store, _restore_parameters(arrays, saved, moment, config.bound.box)
 
 
 def saved_frames(path: Path, saved: MapCheckpoint) -> Iterator[Frame]:
@@ -91,9 +100,9 @@ def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
 
 
 def _restore_parameters(
-    arrays: ArrayAllocator, saved: MapCheckpoint, second_moment: np.ndarray
+    arrays: ArrayAllocator, saved: MapCheckpoint, second_moment: np.ndarray, box: tuple[float, ...]
 ) -> FieldParameters:
-    """Published as version 1; the first moments are forgotten."""
+    """Over `box` as well, if there is one; published as version 1. The first moments are forgotten."""
     layout = saved.layout
     first = FieldLayout(layout.config, layout.lattice)
     parameters = FieldParameters.create(arrays, first, 0)
@@ -104,5 +113,7 @@ def _restore_parameters(
     while parameters.step < saved.step:
         parameters.count_step()
     parameters.mark_stepped(np.arange(len(parameters.stepped_at)), saved.step)
+    if box and not layout.bound.contains(np.reshape(box, (2, 3))).all():
+        parameters.grow(Bound.of(*np.reshape(box, (2, 3))), 0)
     parameters.publish()
     return parameters

@@ -17,6 +17,7 @@ from hsslam_node.map.checkpoint import load_checkpoint, save_checkpoint
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.restore import restore_map
 from hsslam_node.map.store import KeyframeStore
+from hsslam_node.meshing.map_queries import MapQueries
 from tests.small_room import SMALL, MappedRoom, mapped_room
 
 _LEVEL = RobotFrames.mounted((0.3, 0.1, 0.35, 0.1, 0.7, 0.1, 0.7)).T_base_cam
@@ -72,9 +73,7 @@ def test_what_was_not_tracked_stays_unsure_also_between_keyframes_that_are_left(
         store.append(source.frame(k), source.pose(k), gap_covariance=gap)
     store.retire(3, 2)
     room = mapped_room()
-    save_checkpoint(
-        tmp_path / "m.safetensors", map_snapshot(store, room.parameters, SMALL)
-    )
+    save_checkpoint(tmp_path / "m.safetensors", map_snapshot(store, room.parameters, SMALL))
     restored, _ = restore_map(MemoryAllocator(), tmp_path / "m.safetensors", SMALL)
     gaps = np.stack([restored.gap_covariance(k) for k in range(4)])  # of 0, 1, 2, 4
     assert not gaps[:3].any()
@@ -97,6 +96,31 @@ def test_a_map_that_has_grown_may_grow_on(tmp_path):
     parameters.publish()
     assert reader.published()[0] == 2
     assert reader.layout == parameters.layout != room.parameters.layout
+
+
+def test_a_map_covers_the_box_that_is_configured_as_well(room, path):
+    before = room.parameters.layout.bound
+    box = (*np.subtract(before.low, 0.7).tolist(), *before.low)
+    arrays = MemoryAllocator()
+    _, parameters = restore_map(arrays, path, replace(SMALL, bound=replace(SMALL.bound, box=box)))
+    bound = parameters.layout.bound
+    assert bound.contains(np.array([box[:3], before.low, before.high])).all()
+    assert FieldParameters(arrays, SMALL.field).published()[1].size == parameters.params.size
+    point = np.array([[0.2, 0.1, 1.0]], np.float32)
+    of_both = [
+        MapQueries(p.layout, p.published()[1]).sdf(point) for p in (room.parameters, parameters)
+    ]
+    np.testing.assert_allclose(of_both[0], of_both[1], atol=1e-4)
+    within = (*before.low, *before.high)
+    config = replace(SMALL, bound=replace(SMALL.bound, box=within))
+    assert restore_map(MemoryAllocator(), path, config)[1].layout == room.parameters.layout
+
+
+def test_a_place_of_the_first_camera_is_refused_as_the_camera_is_found(path):
+    first = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    bound = replace(SMALL.bound, box=(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0), first_camera=first)
+    with pytest.raises(UserError, match=r"bound\.first_camera = .*expected none with a saved map"):
+        restore_map(MemoryAllocator(), path, replace(SMALL, bound=bound))
 
 
 def test_a_map_of_another_field_is_refused(path):
