@@ -87,15 +87,15 @@ class GlobalBundleAdjustment:
 
     def is_due(self, store: KeyframeStore) -> bool:
         """Whether enough keyframes have come since the last round."""
-        return store.count - self._keyframes_at_round >= self._config.every_keyframes
+        return store.count - self._adjusted(store) >= self._config.every_keyframes
 
     def is_behind(self, store: KeyframeStore) -> bool:
         """Whether keyframes have come since the last round."""
-        return store.count > self._keyframes_at_round
+        return store.count > self._adjusted(store)
 
     def has_joined(self, store: KeyframeStore) -> bool:
         """Whether a fragment has joined the map since the last round."""
-        fragments = store.fragments()[self._keyframes_at_round - 1 :]
+        fragments = store.fragments()[self._adjusted(store) - 1 :]
         return bool((fragments != fragments[:1]).any())
 
     def round(
@@ -140,6 +140,10 @@ class GlobalBundleAdjustment:
         self._table.rest(chosen)
         moved = free and bool((poses != poses_before).any())
         return BaReport(chosen, poses_before, poses, losses[0], losses[-1], moved)
+
+    def _adjusted(self, store: KeyframeStore) -> int:
+        """Keyframes that were there at the last round, here or in the run that saved the map."""
+        return max(self._keyframes_at_round, store.inherited)
 
     def _select(
         self, store: KeyframeStore, generator: np.random.Generator, lease: Lease, rest: Rest

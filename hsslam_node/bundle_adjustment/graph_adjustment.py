@@ -50,15 +50,15 @@ class GraphBundleAdjustment:
 
     def is_due(self, store: KeyframeStore) -> bool:
         """Whether enough keyframes have come since the last round."""
-        return store.count - self._seen >= self._slam.ba.every_keyframes
+        return store.count - self._adjusted(store) >= self._slam.ba.every_keyframes
 
     def is_behind(self, store: KeyframeStore) -> bool:
         """Whether keyframes have come that no round has looked at, or were left to the next."""
-        return bool(self._left) or store.count > self._seen
+        return bool(self._left) or store.count > self._adjusted(store)
 
     def has_joined(self, store: KeyframeStore) -> bool:
         """Whether a fragment has joined the map since the last round."""
-        fragments = store.fragments()[self._seen - 1 :]
+        fragments = store.fragments()[self._adjusted(store) - 1 :]
         return bool((fragments != fragments[:1]).any())
 
     def round(
@@ -87,6 +87,10 @@ class GraphBundleAdjustment:
             mapped, keyframes=ids, T_then=poses[ids], T_world_cam=solved[ids], moved=True,
             loops=closed, known=len(poses),
         )  # fmt: skip
+
+    def _adjusted(self, store: KeyframeStore) -> int:
+        """Keyframes that were there at the last round, here or in the run that saved the map."""
+        return max(self._seen, store.inherited)
 
     def _measure(
         self, store: KeyframeStore, poses: np.ndarray, rest: Rest

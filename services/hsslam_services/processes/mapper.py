@@ -109,8 +109,9 @@ class _MapperLoop:
         store, parameters = self._link.store(), self._link.parameters()
         if store is not None and parameters is not None and parameters.version > 0:
             self._open(parameters)
-            self._keyframes_seen = store.count - 1
+            self._keyframes_seen = store.count
             if store.inherited < store.count:
+                self._keyframes_seen -= 1  # the newest one may not be mapped yet
                 worker.event("warning", f"mapper resumes at map version {parameters.version}")
 
     def has_work(self) -> bool:

@@ -161,6 +161,8 @@ def test_rounds_are_due_every_few_keyframes():
     room = _room(every_keyframes=4)
     ba = _ba(room)
     assert ba.is_due(room.store)
+    room.store.mark_inherited()  # the run that saved the map has adjusted them
+    assert not ba.is_due(room.store) and not ba.is_behind(room.store)
     ba.round(room.store)
     assert not ba.is_due(room.store)
     for _ in range(4):

@@ -30,6 +30,8 @@ def test_the_map_grows_to_a_fragment_that_joins_after_the_last_frame(
     assert not parameters.layout.bound.contains(away[None, :3, 3])[0]
     with Worker("mapper", replace(run, supervisor_pid=os.getppid())) as worker:
         loop = mapper._MapperLoop(worker)
+        store.mark_inherited()
+        assert not mapper._MapperLoop(worker).has_work()  # a saved map stays until a keyframe comes
         store.append(room_frames()[1], away, fragment=1)
         loop.do_last_iterations()
     step = parameters.step
