@@ -31,7 +31,9 @@ class Fragment:
             MemoryAllocator(), first.camera, first.depth_units_per_m, most
         )
         self.tracker = Tracker(config, self.store, seed)
-        self._selection = KeyframeSelection(config.keyframes, config.mapper.max_depth_m)
+        self._selection = KeyframeSelection(
+            config.keyframes, config.mapper.max_depth_m, judges_all=True
+        )
 
     def track(self, frame: Frame) -> TrackResult:
         """The pose in the fragment."""

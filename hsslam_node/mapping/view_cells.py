@@ -5,7 +5,7 @@ import numpy as np
 from hsslam_node.frame import Frame
 
 _STRIDE_PX = 8  # at 640 px width
-_CELL_M = 0.12
+CELL_M = 0.12
 _BITS = 16  # of a cell's number along an axis
 _NEAREST_M = 0.5  # distances double from band to band
 _BANDS, _LEVELS, _GREY_LEVEL = 8, 4, 64
@@ -25,7 +25,7 @@ def view_cells(frame: Frame, T_world_cam: np.ndarray, max_depth_m: float) -> np.
     camera, z = frame.camera, depth[known]
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))], -1)
     toward = (rays * z[:, None]) @ T_world_cam[:3, :3].T  # [N, 3] from the camera, world axes
-    place = np.floor((toward + T_world_cam[:3, 3]) / _CELL_M).astype(np.int64) + (1 << _BITS - 1)
+    place = np.floor((toward + T_world_cam[:3, 3]) / CELL_M).astype(np.int64) + (1 << _BITS - 1)
     octant = (toward > 0) @ np.array([1, 2, 4])
     away = np.linalg.norm(toward, axis=1)
     band = np.floor(np.log2(np.maximum(away, 0.1) / _NEAREST_M)).astype(np.int64)

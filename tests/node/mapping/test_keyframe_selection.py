@@ -115,6 +115,36 @@ def test_a_restarted_mapper_decides_alike():
     assert abs(len(run.store.kept()) - settled) <= 2
 
 
+def test_a_restarted_mapper_near_the_memory_limit_judges_none_anew():
+    run = Run()
+    for turn in (0.0, 1.6, 3.1):
+        T = se3_exp(np.array([0, 0, 0, 0, turn, 0]))
+        for k in (*VIEWS, *VIEWS, *VIEWS):  # as long as there is room, several show the same
+            run.see(room_frames()[k], T @ room_poses()[k])
+    kept = run.store.kept()
+    run.store.allow(len(kept) + 9)  # one more than those that are left free
+    run.selection = KeyframeSelection(CONFIG, 12.0)
+    assert len(kept) > 50 and not any(run.selection.select(run.store) for _ in range(8))
+    for _ in range(4):  # those that come are judged
+        run.see(room_frames()[0], room_poses()[0])
+        run.selection.select(run.store)
+    assert len(run.store.kept()) < len(kept) + 4
+
+
+def test_after_a_correction_keyframes_count_where_they_stand():
+    run = Run()
+    for _ in range(6):
+        run.go()
+    settled = len(run.store.kept())
+    aside = se3_exp(np.array([5.0, 0, 0, 0, 0, 0]))
+    run.store.correct_poses(np.arange(run.store.count), aside @ run.store.poses())
+    for _ in range(8):
+        run.selection.select(run.store)
+    for k in VIEWS:
+        run.see(room_frames()[k], aside @ room_poses()[k])
+    assert len(run.store.kept()) <= settled + 2
+
+
 def test_keyframes_of_a_saved_map_stay():
     run = Run()
     frame, T = room_frames()[0], room_poses()[0]
