@@ -6,6 +6,7 @@ from hsslam_node.config import SlamConfig
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.geometry.bound import Bound
+from hsslam_node.geometry.view_distance import surface_shifts_m
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.bound import wanted_bound
@@ -16,6 +17,8 @@ from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.window_poses import RefinedPoses, WindowPoses
 
 _MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # less is within what the map resolves
+_MOVED_FAR_M = 0.3  # surfaces: less lies within the margin that a bound grows by
+_MOVED_AT_A_TIME = 16  # keyframes that are looked at again in one call, 5 ms each
 _MOST_REFINED = 4  # times the kept keyframes; retired ones count as well, up to there
 _REPEATS = 8  # draws until the map has followed a keyframe
 
@@ -69,7 +72,8 @@ class Mapper:
         self._bound_config = config.bound
         self._may_grow = config.bound.grow and not config.bound.box
         self._need: RayNeed | None = None
-        self._covered = 0  # keyframes that the bound was held against
+        # T_world_cam of all keyframes where the bound was held against them
+        self._covered_at = np.zeros((0, 4, 4))
         self._moved = MovedKeyframes()
         self._poses = WindowPoses(config.mapper.pose_rate)
         ba = config.ba
@@ -123,19 +127,17 @@ class Mapper:
         return self._selection.select(store)
 
     def grow_bound(self, store: KeyframeStore) -> Bound | None:
-        """Grow the map where a new keyframe sees past its bound; the new bound, None where it fits.
+        """Grow the map where keyframes that are new, or that a correction has moved far, see past its bound;
+        the new bound, None where it fits.
 
         Raises:
             OutOfMemoryError: there is no room. The map stays as it was and grows no more.
         """
         bound = wanted = self._parameters.layout.bound
-        first, self._covered = self._covered, store.count
         if not self._may_grow:
             return None
-        new = store.kept()
-        new = new[(new >= first) & (new < self._covered)]
-        for k, T_world_cam in zip(new.tolist(), store.poses_of(new), strict=True):
-            depth_m = store.frame(k).depth_m()
+        for k in self._take_uncovered(store).tolist():
+            T_world_cam, depth_m = self._covered_at[k], store.frame(k).depth_m()
             wider = wanted_bound(
                 wanted,
                 depth_m,
@@ -154,6 +156,17 @@ class Mapper:
             self._may_grow = False
             raise
         return self._parameters.layout.bound
+
+    def _take_uncovered(self, store: KeyframeStore) -> np.ndarray:
+        """Ids of the kept keyframes that are new, and of some that have moved far, since the bound was held
+        against them."""
+        poses, known = store.poses(), len(self._covered_at)
+        is_kept = np.isin(np.arange(len(poses)), store.kept())
+        has_moved = surface_shifts_m(self._covered_at, poses[:known]) > _MOVED_FAR_M
+        moved = np.flatnonzero(has_moved & is_kept[:known])[:_MOVED_AT_A_TIME]
+        self._covered_at = np.concatenate([self._covered_at, poses[known:]])
+        self._covered_at[moved] = poses[moved]
+        return np.append(moved, known + np.flatnonzero(is_kept[known:]))
 
     def publish(self) -> int:
         """Make the map as it is now the newest version; returns its number."""

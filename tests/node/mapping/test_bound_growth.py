@@ -99,6 +99,23 @@ def test_the_map_grows_between_two_steps_and_keeps_what_it_knew():
     assert mapper.publish() == 2
 
 
+def test_the_map_grows_to_keyframes_that_a_correction_has_moved_some_in_each_call():
+    room = mapped_room()
+    mapper = Mapper(SMALL, room.parameters, 0)
+    for k in range(10):
+        room.store.append(room.store.frame(k), room.store.pose(k))
+    assert mapper.grow_bound(room.store) is None
+    poses = room.store.poses()
+    poses[2:, 0, 3] += 0.1  # within the margin
+    room.store.correct_poses(np.arange(20), poses)
+    assert mapper._take_uncovered(room.store).tolist() == []
+    poses[2:, 0, 3] += 9.0
+    room.store.correct_poses(np.arange(20), poses)
+    grown = mapper.grow_bound(room.store)
+    assert grown is not None and grown.contains(poses[2:, :3, 3]).all()
+    assert mapper._take_uncovered(room.store).tolist() == [18, 19]
+
+
 def test_another_stepper_goes_on_over_the_new_bound():
     """As the bundle adjustment's process does, which has attached before the growth."""
     room = mapped_room()
