@@ -1,6 +1,6 @@
 """Prints the parameters of Nav2 with those of navigation.yaml in them; needs PyYAML, which ROS brings.
 
-    python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
+python3 examples/nav2/merged_parameters.py nav2_params.yaml > nav2.yaml
 """
 
 import sys

@@ -30,7 +30,9 @@ class SavedMap(DenseMap):
         self.checkpoint = checkpoint
         keyframes = keyframes_of_checkpoint(checkpoint, path, self._depth_of_view)
         max_depth_m = checkpoint.max_depth_m or REALTIME.mapper.max_depth_m
-        space = SeenSpace(checkpoint.layout.config.truncation_m, max_depth_m=max_depth_m, far_m=far_m)
+        space = SeenSpace(
+            checkpoint.layout.config.truncation_m, max_depth_m=max_depth_m, far_m=far_m
+        )
         super().__init__(
             checkpoint.layout,
             checkpoint.params,
