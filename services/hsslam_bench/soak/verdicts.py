@@ -25,7 +25,8 @@ class Memory:
 
     by_minute_mb: Sequence[float]  # after the first sixth
     spread: float  # largest distance of these from the median, as a share of it
-    most_mb: float  # from the start to the end
+    most_mb: float  # from the first pose to the last
+    whole_mb: float  # the most with start and end
 
 
 def memory_of(run: LongRun) -> Memory:
@@ -37,8 +38,9 @@ def memory_of(run: LongRun) -> Memory:
     minutes = np.floor(times[late]).astype(int)
     means = [float(sizes[late][minutes == minute].mean()) for minute in np.unique(minutes)]
     middle = float(np.median(means))
-    most_mb = sum(peak_memory(run.usage).values()) / 1e6
-    return Memory(means, float(np.abs(np.array(means) - middle).max()) / middle, most_mb)
+    spread = float(np.abs(np.array(means) - middle).max()) / middle
+    whole_mb = sum(peak_memory(run.usage).values()) / 1e6
+    return Memory(means, spread, float(sizes.max()), whole_mb)
 
 
 def p99_by_quarter_ms(run: LongRun) -> list[float]:
