@@ -72,8 +72,9 @@ class Mapper:
         self._bound_config = config.bound
         self._may_grow = config.bound.grow and not config.bound.box
         self._need: RayNeed | None = None
-        # T_world_cam of all keyframes where the bound was held against them
-        self._covered_at = np.zeros((0, 4, 4))
+        self._covered = 0  # keyframes that the bound was held against
+        self._covered_at: dict[int, np.ndarray] = {}  # T_world_cam of the kept ones of them then
+        self._covered_version = 0  # of the poses for which this is so
         self._moved = MovedKeyframes()
         self._poses = WindowPoses(config.mapper.pose_rate)
         ba = config.ba
@@ -136,7 +137,7 @@ class Mapper:
         bound = wanted = self._parameters.layout.bound
         if not self._may_grow:
             return None
-        for k in self._take_uncovered(store).tolist():
+        for k in self._take_uncovered(store):
             T_world_cam, depth_m = self._covered_at[k], store.frame(k).depth_m()
             wider = wanted_bound(
                 wanted,
@@ -157,16 +158,28 @@ class Mapper:
             raise
         return self._parameters.layout.bound
 
-    def _take_uncovered(self, store: KeyframeStore) -> np.ndarray:
+    def _take_uncovered(self, store: KeyframeStore) -> list[int]:
         """Ids of the kept keyframes that are new, and of some that have moved far, since the bound was held
         against them."""
-        poses, known = store.poses(), len(self._covered_at)
-        is_kept = np.isin(np.arange(len(poses)), store.kept())
-        has_moved = surface_shifts_m(self._covered_at, poses[:known]) > _MOVED_FAR_M
-        moved = np.flatnonzero(has_moved & is_kept[:known])[:_MOVED_AT_A_TIME]
-        self._covered_at = np.concatenate([self._covered_at, poses[known:]])
-        self._covered_at[moved] = poses[moved]
-        return np.append(moved, known + np.flatnonzero(is_kept[known:]))
+        count, kept = store.count, store.kept()
+        new = kept[(kept >= self._covered) & (kept < count)].tolist()
+        chosen = [*self._moved_far(store), *new]
+        if chosen:
+            at = self._covered_at | dict(zip(chosen, store.poses_of(np.array(chosen)), strict=True))
+            self._covered_at = {k: at[k] for k in kept.tolist() if k in at}
+        self._covered = count
+        return [k for k in chosen if k in self._covered_at]
+
+    def _moved_far(self, store: KeyframeStore) -> list[int]:
+        """Of the kept keyframes that the bound was held against, some that a correction has moved since."""
+        version = store.pose_version
+        if version == self._covered_version or not self._covered_at:
+            return []
+        ids, then = np.array(list(self._covered_at)), np.stack(list(self._covered_at.values()))
+        moved = ids[surface_shifts_m(then, store.poses_of(ids)) > _MOVED_FAR_M]
+        if len(moved) <= _MOVED_AT_A_TIME:
+            self._covered_version = version
+        return moved[:_MOVED_AT_A_TIME].tolist()
 
     def publish(self) -> int:
         """Make the map as it is now the newest version; returns its number."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import math
 import numpy as np
 
 from hsslam_bench.runs.serve_run import RunFailedError
@@ -34,7 +35,7 @@ def memory_of(run: LongRun) -> Memory:
     times, sizes = np.array(run.memory_mb()).T if run.memory_mb() else np.zeros((2, 0))
     late = times > run.minutes * _WARM_SHARE
     if not late.any():
-        return Memory((), float("inf"), float("inf"))
+        return Memory((), math.inf, math.inf, math.inf)
     minutes = np.floor(times[late]).astype(int)
     means = [float(sizes[late][minutes == minute].mean()) for minute in np.unique(minutes)]
     middle = float(np.median(means))

@@ -133,9 +133,8 @@ class _PublishedBlocks:
     def __init__(self, worker: Worker) -> None:
         self._publisher = worker.bus.publisher(topics.ESDF_BLOCKS)
         self._publisher.answer_with(self._all)
-        self._measured = (
-            threading.Condition()
-        )  # a thread of the bus answers who asks for all blocks
+        # a thread of the bus answers who asks for all blocks
+        self._measured = threading.Condition()
         self._measured_s = -math.inf
         self._is_asked = False
         self._meter = DistanceMeter()
