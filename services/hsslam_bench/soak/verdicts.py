@@ -1,11 +1,11 @@
 """What is held against bounds: memory by minute, latency by quarter, accuracy, keyframes, the end."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import math
 import numpy as np
 
 from hsslam_bench.runs.serve_run import RunFailedError
