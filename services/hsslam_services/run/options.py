@@ -104,7 +104,7 @@ class ServeOptions:
     pace: Literal["realtime", "lockstep"] = "realtime"
     """realtime drops late frames; lockstep uses all and is reproducible."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where the map is computed; auto: a GPU if one works, in lockstep the CPU."""
+    """Where the map is computed; auto: a GPU that works, in lockstep the CPU."""
     viewer: str = "auto"
     """Live viewer; auto is spawn if there is a display, else none."""
     memory_gb: float = 1.05
