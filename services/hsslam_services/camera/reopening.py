@@ -13,10 +13,8 @@ from hsslam_node.sources.reports import reports_of
 from hsslam_node.sources.source import BadFrame, Source, SourceLostError
 from hsslam_services.arena.arena_view import ArenaView
 from hsslam_services.camera.open_source import open_any_source
-from hsslam_services.launch.worker import Worker
+from hsslam_services.launch.worker import FIRST_PAUSE_S, Worker
 
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0
-_POLL_S = 0.2
 MAY_PASS = (SourceLostError, UserError, OSError, RuntimeError)  # of a source that had given frames
 
 
@@ -30,8 +28,8 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
     Raises:
         UserError: it cannot be opened and gave no frame yet.
     """
-    pause_s, told = _FIRST_PAUSE_S, ""
-    while not worker.should_stop():
+    told = ""
+    for _ in worker.tries():
         try:
             options = _rest(worker.run.source_options, after)
             source = open_any_source(worker.options.source, options, worker.should_stop)
@@ -47,8 +45,6 @@ def open_with_patience(worker: Worker, *, had_frames: bool, after: int = 0) -> S
                 told = str(error)
                 worker.event("warning", f"{told}; tried again until it is right")
         worker.count("opened in vain")
-        _pause(worker, pause_s)
-        pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
     return None
 
 
@@ -87,7 +83,7 @@ def live_frames(
             worker.count("reopened")
         if index == worker.options.frames:
             return
-        _pause(worker, _FIRST_PAUSE_S)
+        worker.pause(FIRST_PAUSE_S)
         opened = open_with_patience(worker, had_frames=True, after=index)
 
 
@@ -108,11 +104,3 @@ def _rest(options: SourceOptions, after: int) -> SourceOptions:
     """The options of a live camera that has given frames."""
     left = options.frames and options.frames - after
     return replace(options, start=0, frames=left) if after else options
-
-
-def _pause(worker: Worker, seconds: float) -> None:
-    """Wait so long, or until the worker must stop; the supervisor sees it come round."""
-    left_s = seconds
-    while left_s > 0 and not worker.should_stop():
-        worker.stop_event().wait(min(_POLL_S, left_s))
-        left_s -= _POLL_S

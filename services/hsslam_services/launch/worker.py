@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from hsslam_services.arena.arena import Arena
 
 _HEARTBEAT_S = 0.5
+FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between two tries
+_POLL_S = 0.2  # of a pause
 _TRIM_EVERY_S = 10.0
 _EMA = 0.1  # weight of a new stage time
 _TOLD_AGAIN = 10  # times as many rejected messages as when it was told last
@@ -106,6 +108,21 @@ class Worker:
     def stop_event(self) -> threading.Event:
         """Set when `should_stop`; to wait on instead of sleeping."""
         return self._stop
+
+    def pause(self, seconds: float) -> None:
+        """Wait so long, or until the worker must stop; the supervisor sees it come round."""
+        left_s = seconds
+        while left_s > 0 and not self.should_stop():
+            self._stop.wait(min(_POLL_S, left_s))
+            left_s -= _POLL_S
+
+    def tries(self) -> Iterator[None]:
+        """One item for each try of what may work later, with growing pauses between, until it must stop."""
+        pause_s = FIRST_PAUSE_S
+        while not self.should_stop():
+            yield
+            self.pause(pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     def count(self, name: str, by: int = 1) -> None:
         """Add to a counter of the heartbeat."""

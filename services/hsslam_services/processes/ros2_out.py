@@ -38,7 +38,6 @@ from hsslam_services.tracked.waiting_frames import WaitingFrames
 
 _POLL_S = 0.1
 _CONNECT_S = 1.0  # in which a router answers; the end of the run waits no longer
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 10.0  # between two tries
 _PATH_S, _POINTS_S = 1.0, 0.2  # between two
 _MOST_PATH_POSES = 1000  # 90 kB; 15 ms of one core
 _MOST_POINTS = 20_000  # 320 kB
@@ -72,8 +71,8 @@ def _run(worker: Worker) -> None:
 def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
     """The node, once the router of ROS nodes is there, which may be started later; None: the run ends."""
     endpoint, options = worker.run.ros_endpoint, worker.options
-    pause_s, is_told = _FIRST_PAUSE_S, False
-    while not worker.should_stop():
+    is_told = False
+    for _ in worker.tries():
         try:
             node = RosNode(
                 endpoint, options.ros2.domain, options.ros2_out, "slam", messages, _CONNECT_S
@@ -82,8 +81,6 @@ def _connected(worker: Worker, messages: RosMessages) -> RosNode | None:
             if not is_told:
                 worker.event("warning", f"{error}: ROS 2 hears nothing until it is there")
             is_told = True
-            worker.stop_event().wait(pause_s)
-            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
         else:
             if is_told:
                 worker.event("info", f"{endpoint}: connected to the router of ROS nodes")

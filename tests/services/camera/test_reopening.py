@@ -20,7 +20,7 @@ from hsslam_node.sources.options.topics import BagOptions, Ros2Options
 from hsslam_node.sources.source import BadFrame
 from hsslam_proto import topics
 from hsslam_services.bus.bus import Bus
-from hsslam_services.camera import reopening, ros2_source
+from hsslam_services.camera import ros2_source
 from hsslam_services.camera.open_source import open_any_source
 from hsslam_services.camera.reopening import live_frames, open_with_patience, with_reports
 from hsslam_services.launch.worker import Worker
@@ -98,7 +98,7 @@ def test_what_a_source_has_to_tell_is_told_once_and_counted(
 def test_a_camera_of_another_lens_than_the_keyframes_is_waited_for(
     make_run: Callable[..., RunInfo], tum_folder: Path, tmp_path: Path, monkeypatch
 ):
-    monkeypatch.setattr(reopening, "_FIRST_PAUSE_S", 0.05)
+    monkeypatch.setattr("hsslam_services.launch.worker.FIRST_PAUSE_S", 0.05)
     run = replace(make_run(source=f"tum:{tum_folder}"), supervisor_pid=os.getppid())
     with (
         Bus(run.endpoint, run.robot, "test") as bus,
