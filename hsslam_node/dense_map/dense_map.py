@@ -16,6 +16,7 @@ from hsslam_node.dense_map.seen_space import SeenCells, SeenSpace
 from hsslam_node.dense_map.shapes import Shapes, finite_rows, finite_transform
 from hsslam_node.device.device import CPU, Device
 from hsslam_node.distance.distance_map import DistanceMap
+from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
@@ -45,6 +46,7 @@ class DenseMap:
         device: where the field is asked.
         seen: gives what the keyframes saw, once it is asked for; None: it is looked for in their depth.
         max_depth_m: farther depth counts as none, as in the mapping.
+        far_m: without `seen`, surfaces and free space that keyframes saw only from farther do not count.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class DenseMap:
         device: Device = CPU,
         seen: Callable[[], SeenCells] | None = None,
         max_depth_m: float = REALTIME.mapper.max_depth_m,
+        far_m: float = FAR_M,
     ) -> None:
         self._layout = layout
         self._params = params
@@ -65,7 +68,7 @@ class DenseMap:
         self._queries = open_map_queries(layout, params, device)
         self._rays = SdfRayCaster(self._queries.sdf, layout.bound, self._truncation_m)
         self._max_depth_m = max_depth_m
-        space = SeenSpace(self._truncation_m, max_depth_m=max_depth_m)
+        space = SeenSpace(self._truncation_m, max_depth_m=max_depth_m, far_m=far_m)
         self._look = seen or partial(space.follow, keyframes)
 
     @property

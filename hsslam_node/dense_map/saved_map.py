@@ -1,13 +1,11 @@
 """A saved map, ready to be asked; alone beside the map that it is, as that knows no file."""
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from hsslam_node.dense_map.dense_map import DenseMap
 from hsslam_node.dense_map.keyframes import camera_of, keyframes_of_checkpoint
-from hsslam_node.dense_map.seen_space import SeenSpace
 from hsslam_node.device.choose_device import DeviceChoice, choose_device
 from hsslam_node.distance.occupancy import FAR_M
 from hsslam_node.geometry.camera import Camera
@@ -28,19 +26,14 @@ class SavedMap(DenseMap):
         self, path: Path, checkpoint: MapCheckpoint, device: DeviceChoice, far_m: float = FAR_M
     ) -> None:
         self.checkpoint = checkpoint
-        keyframes = keyframes_of_checkpoint(checkpoint, path, self._depth_of_view)
-        max_depth_m = checkpoint.max_depth_m or REALTIME.mapper.max_depth_m
-        space = SeenSpace(
-            checkpoint.layout.config.truncation_m, max_depth_m=max_depth_m, far_m=far_m
-        )
         super().__init__(
             checkpoint.layout,
             checkpoint.params,
-            keyframes,
+            keyframes_of_checkpoint(checkpoint, path, self._depth_of_view),
             checkpoint.sampling or REALTIME.sampling,
             choose_device(device),
-            partial(space.follow, keyframes),
-            max_depth_m,
+            max_depth_m=checkpoint.max_depth_m or REALTIME.mapper.max_depth_m,
+            far_m=far_m,
         )
 
     @classmethod
