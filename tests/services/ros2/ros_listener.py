@@ -57,21 +57,27 @@ def read(sample: zenoh.Sample) -> Heard:
     )
 
 
+def ros_peer(endpoint: str, settings: Mapping[str, object] = NO_SETTINGS) -> zenoh.Session:
+    """A session as the default configuration of rmw_zenoh has it."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("connect/endpoints", f'["{endpoint}"]')
+    config.insert_json5("listen/endpoints", '["tcp/localhost:0"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/target", '{"peer": ["router"]}')
+    config.insert_json5("timestamping/enabled", "true")
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
 class RosListener:
     """Keeps every message and token from now on; `settings`: of zenoh, as those for a certificate."""
 
     def __init__(
         self, endpoint: str, domain: int = 0, settings: Mapping[str, object] = NO_SETTINGS
     ) -> None:
-        config = zenoh.Config()
-        config.insert_json5("mode", '"peer"')
-        config.insert_json5("connect/endpoints", f'["{endpoint}"]')
-        config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
-        config.insert_json5("scouting/multicast/enabled", "false")
-        config.insert_json5("timestamping/enabled", "true")
-        for key, value in settings.items():
-            config.insert_json5(key, json.dumps(value))
-        self._session = zenoh.open(config)
+        self._session = ros_peer(endpoint, settings)
         self._domain = domain
         self._lock = threading.Condition()
         self._samples: list[zenoh.Sample] = []

@@ -19,6 +19,7 @@ from hsslam_services.bus.zenoh_session import open_client
 from hsslam_services.run.options import ServeOptions
 from hsslam_services.supervisor.descriptors import most_sessions
 from hsslam_services.supervisor.router import RunRouter, open_run_router
+from tests.services.ros2.ros_listener import ros_peer
 from tests.services.wire_samples import frame, keyframe, pose
 
 _LATEST_S = 0.05
@@ -163,8 +164,8 @@ def test_nodes_of_ros_hear_one_another(tmp_path):
     with (
         _router(tmp_path, ros2_out="/hsslam", zenoh_port=port) as router,
         open_client(router.endpoint) as inside,
-        _ros_node(port) as one,
-        _ros_node(port) as other,
+        ros_peer(f"tcp/localhost:{port}") as one,
+        ros_peer(f"tcp/localhost:{port}") as other,
     ):
         poses = inside.declare_subscriber("hsslam/**")
         _expect_met(one, other, "planner")
@@ -188,17 +189,6 @@ def test_a_busy_port_is_named(tmp_path, own_address):
         with _router(tmp_path, **options), pytest.raises(UserError) as refused:
             open_run_router(ServeOptions(**options), tmp_path / "other")
         assert place in str(refused.value) and str(refused.value).endswith(expected)
-
-
-def _ros_node(port: int) -> zenoh.Session:
-    """As the default configuration of rmw_zenoh has it."""
-    config = zenoh.Config()
-    config.insert_json5("mode", '"peer"')
-    config.insert_json5("connect/endpoints", f'["tcp/localhost:{port}"]')
-    config.insert_json5("listen/endpoints", '["tcp/localhost:0"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/gossip/target", '{"peer": ["router"]}')
-    return zenoh.open(config)
 
 
 def _expect_met(node: zenoh.Session, other: zenoh.Session, name: str) -> None:
