@@ -13,7 +13,7 @@ from hsslam_node.errors import UserError, one_line
 DeviceChoice = Literal["auto", "cpu", "cuda"]
 
 _LARGEST_ERROR = 1e-4
-_LONGEST = 200  # characters of an error that is told
+_LONGEST = 200  # characters of an error that a message quotes
 
 
 class _Missing(NamedTuple):

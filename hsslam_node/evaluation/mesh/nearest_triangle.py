@@ -35,7 +35,7 @@ def nearest_points(
 
 
 def parts(count: int, at_once: int = FACES_AT_ONCE) -> Iterator[slice]:
-    """The rows of a mesh's faces, so many at once."""
+    """Slices of `at_once` rows or fewer that cover `count` rows, in order."""
     for first in range(0, count, at_once):
         yield slice(first, first + at_once)
 

@@ -17,9 +17,8 @@ _TOLD = "viewer: open "  # in the log of the process that serves the page
 _END_S = 5.0
 FROZEN_S = 10.0
 _FLOWING_BYTES = 400_000  # a dozen images: the camera is being tracked
-LOOKED_SHARE = (
-    0.8  # of the seconds with poses, in which a viewer that sees the whole run takes data
-)
+# of the seconds with poses, in which a viewer that sees the whole run takes data
+LOOKED_SHARE = 0.8
 
 
 def looked_share(seconds: Collection[int], begin_ns: int, end_ns: int) -> float:

@@ -11,7 +11,7 @@ from hsslam_services.run.camera_progress import CameraProgress
 class FrameInlet:
     """Refuses frames that cannot be of the run's camera; the topic counts them as rejected.
 
-    A run with a camera process takes the frames of that process alone, by the number that it leaves in
+    If the run has a camera process, frames of others are refused. That process writes its number to
     `camera_arena`. A camera outside is known by the number in its frames, else by the publisher of their
     attachments.
     """
