@@ -11,7 +11,7 @@ from hsslam_node.errors import OutOfMemoryError
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 
-SLAB_ROWS = 4096
+SLAB_ROWS = 1024
 _RESERVE_EVERY = 64  # rows
 INITIAL, TRACKED, LOST, DEAD_RECKONED = 0, 1, 2, 3  # status
 Status = Literal["initial", "tracked", "lost", "dead_reckoned"]
