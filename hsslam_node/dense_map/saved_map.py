@@ -32,7 +32,7 @@ class SavedMap(DenseMap):
             keyframes_of_checkpoint(checkpoint, path, self._depth_of_view),
             checkpoint.sampling or REALTIME.sampling,
             choose_device(device),
-            max_depth_m=checkpoint.max_depth_m or REALTIME.mapper.max_depth_m,
+            max_depth_m=self.max_depth_m,
             far_m=far_m,
         )
 
@@ -57,6 +57,11 @@ class SavedMap(DenseMap):
     def camera(self) -> Camera:
         """The camera that the map was made with; of old maps, which do not tell it, a usual one."""
         return camera_of(self.checkpoint)
+
+    @property
+    def max_depth_m(self) -> float:
+        """Depth beyond this was not mapped; for old maps, which do not store it, the presets' value."""
+        return self.checkpoint.max_depth_m or REALTIME.mapper.max_depth_m
 
     def save(self, path: Path | str) -> None:
         """Write the map as it was read.

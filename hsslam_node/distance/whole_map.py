@@ -11,6 +11,7 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.bound import Bound
 from hsslam_node.geometry.camera import Camera
 from hsslam_node.geometry.projection import world_points
+from hsslam_node.presets import REALTIME
 
 _STRIDE_PX = 8
 _OUTLIERS = 0.002  # share of the points of a view that may lie outside, on each side
@@ -23,6 +24,7 @@ def whole_map(
     floor: FloorPlane,
     voxel_m: float = VOXEL_M,
     far_m: float = FAR_M,
+    max_depth_m: float = REALTIME.mapper.max_depth_m,
 ) -> Occupancy:
     """Free and occupied voxels of all views, in the frame of the floor; later views have the last word.
 
@@ -30,6 +32,7 @@ def whole_map(
         views: depth [H, W] float32 m and T_world_cam [4, 4] of each; gone through twice.
         camera: of all views, undistorted.
         far_m: farther measurements say that the way up to there is free, and nothing else.
+        max_depth_m: depth beyond this is not used.
 
     Raises:
         UserError: no view has depth, or the space is too large for such voxels.
@@ -37,7 +40,7 @@ def whole_map(
     T = floor.T_floor_world
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for depth_m, T_world_cam in views:
-        near_m = np.where(depth_m < far_m, depth_m, 0)
+        near_m = np.where(depth_m < min(far_m, max_depth_m), depth_m, 0)
         points = world_points(near_m, camera, T @ T_world_cam, _STRIDE_PX)
         if len(points) == 0:
             continue
@@ -47,7 +50,7 @@ def whole_map(
     if not np.isfinite(low).all():
         raise UserError("distances: no view has depth: expected some")
     grid = VoxelGrid.over(Bound.of(low - _MARGIN_M, high + _MARGIN_M), voxel_m)
-    occupancy = Occupancy(grid, T, far_m)
+    occupancy = Occupancy(grid, T, far_m, max_depth_m)
     for depth_m, T_world_cam in views:
         occupancy.observe(depth_m, camera, T_world_cam)
     return occupancy

@@ -72,3 +72,12 @@ def test_the_grid_has_free_floor_and_obstacles(found):
 def test_views_without_depth_are_refused(camera, floor):
     with pytest.raises(UserError, match="no view has depth"):
         whole_map([(wall(0.0), np.eye(4))], camera, floor)
+
+
+def test_depth_beyond_the_limit_of_the_mapping_is_not_used(camera, floor):
+    views = [(wall(1.5), np.eye(4)), (wall(3.0), np.eye(4))]
+    near, both = (
+        (whole_map(views, camera, floor, max_depth_m=limit_m).states() == FREE).sum()
+        for limit_m in (2.0, 12.0)
+    )
+    assert 0 < near < both

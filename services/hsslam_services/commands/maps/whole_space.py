@@ -89,7 +89,7 @@ def floor_and_space(
         level = known.T_level_world if given is None else given
         floor = floor_by(known.gravity, views, camera, level)
     try:
-        return floor, whole_map(views, camera, floor, voxel_m, far_m)
+        return floor, whole_map(views, camera, floor, voxel_m, far_m, saved.max_depth_m)
     except GridSizeError as error:
         raise UserError(f"--voxel {voxel_m:g}: {error}") from None
 
