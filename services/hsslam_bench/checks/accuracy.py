@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import RunFailedError, ServeRun, finished
-from hsslam_bench.runs.session import Session, Terms
+from hsslam_bench.runs.session import Refinement, Session, Terms
 
 TRAJECTORIES = ("trajectory.txt", "trajectory_online.txt", "keyframes.txt")
 _ATE_BOUNDS_M = {
@@ -166,11 +166,13 @@ def _covariance_check(sequence: str) -> Check:
 
 
 def _map_term_check(sequence: str, refined: bool) -> Check:
+    refinement: Refinement = "graph" if refined else "unrefined"
+
     def measure(session: Session) -> Measured:
         found = {
             terms: Accuracy.of(
                 [
-                    finished(session.poses(sequence, seed, refined=refined, terms=terms))
+                    finished(session.poses(sequence, seed, refinement=refinement, terms=terms))
                     for seed in session.seeds
                 ]
             )

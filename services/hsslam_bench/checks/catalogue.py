@@ -9,12 +9,14 @@ from hsslam_bench.checks.faults import fault_checks
 from hsslam_bench.checks.fuzz import fuzz_checks
 from hsslam_bench.checks.live import realtime_checks
 from hsslam_bench.checks.map import growth_checks, map_checks
+from hsslam_bench.checks.map_worth.bundle_adjustment import bundle_adjustment_checks
 from hsslam_bench.checks.map_worth.distances import distance_checks
 from hsslam_bench.checks.map_worth.field_error import field_error_checks
 from hsslam_bench.checks.map_worth.gravity import gravity_checks
 from hsslam_bench.checks.map_worth.lost import lost_checks
 from hsslam_bench.checks.map_worth.merge import merge_checks
 from hsslam_bench.checks.map_worth.query_speed import query_checks
+from hsslam_bench.checks.map_worth.rendering import rendering_checks
 from hsslam_bench.checks.map_worth.texture import texture_checks
 from hsslam_bench.checks.quota import quota_checks
 from hsslam_bench.checks.robustness import (
@@ -59,6 +61,8 @@ def catalogue() -> list[Check]:
         *paper_checks(),
         *gpu_checks(),
         *map_term_checks(),
+        *bundle_adjustment_checks(),
+        *rendering_checks(),
         *covariance_checks(),
         *field_error_checks(),
         *distance_checks(),

@@ -7,7 +7,7 @@ from typing import Any
 from hsslam_bench.checks.accuracy import Accuracy, ate_m, scored
 from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.serve_run import ServeRun, finished
-from hsslam_bench.runs.session import Lens, NotMeasured, Session
+from hsslam_bench.runs.session import Lens, NotMeasured, Refinement, Session
 from hsslam_node.presets import PRESETS
 
 _ROBUSTNESS_SEQUENCES = ("person-kinect", "room-kinect-exposure", "corridor-kinect")
@@ -20,6 +20,7 @@ _FACTOR = 2.0  # of the ATE at full rate
 _FACTORS = {"apartment-kinect": 0.6, "house": 1.05, "livingroom": 1.05}
 _MOST_M = {"apartment-kinect": 0.03}
 _LEAST_SCORED = {"lockstep": 1.0, "realtime": 0.95}  # in real time frames may be dropped
+_WITH_AND_WITHOUT: tuple[Refinement, Refinement] = ("graph", "unrefined")
 _BASELINES = ("eslam", "co-slam")
 _OURS = "realtime"
 _SEQUENCE, _FRAMES = "house", 100
@@ -158,8 +159,8 @@ def _refinement_check(pace: str, sequence: str) -> Check:
 
     def measure(session: Session) -> Measured:
         runs, without = (
-            [finished(session.poses(sequence, s, pace, refined=refined)) for s in session.seeds]
-            for refined in (True, False)
+            [finished(session.poses(sequence, s, pace, refinement=how)) for s in session.seeds]
+            for how in _WITH_AND_WITHOUT
         )
         errors_m, plain_m = [ate_m(run) for run in runs], [ate_m(run) for run in without]
         mean_m, plain_mean_m = fmean(errors_m), fmean(plain_m)

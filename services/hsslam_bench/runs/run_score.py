@@ -1,6 +1,6 @@
 """Scores a run of the benchmark, JSON on stdout; a file of its own because it is a process of its own.
 
-`python -m hsslam_bench.runs.run_score RUN tsdf|consistency`
+`python -m hsslam_bench.runs.run_score RUN tsdf|consistency|rendering`
 """
 
 import json
@@ -14,14 +14,15 @@ from hsslam_services.commands.evaluate.subject import run_subject
 
 
 def main() -> None:
-    """tsdf: the run's mesh and TSDFs of its poses and depth; consistency: its frames' agreement."""
+    """tsdf: the run's mesh and TSDFs of its poses and depth; consistency: its frames' agreement; rendering:
+    frames drawn from its map."""
     folder, what = [argument for argument in sys.argv[1:] if argument != "--quick"]
     subject, _ = run_subject(folder, None, lambda text: print(text, file=sys.stderr))
     with_tsdf = what == "tsdf"
     wanted = Wanted(
         depth_views=0,
-        rendering=False,
-        consistency=not with_tsdf,
+        rendering=what == "rendering",
+        consistency=what == "consistency",
         tsdfs=TSDF_SETTINGS if with_tsdf else (),
     )
     if not with_tsdf:

@@ -30,6 +30,16 @@ _TERMS: Mapping[Terms, tuple[str, ...]] = {
     "keyframe": ("--slam.tracker.sdf-weight", "0"),
     "map": ("--slam.tracker.surface-weight", "0", "--slam.tracker.photometric-pixels", "0"),
 }
+_JOINT = ("--slam.ba.method", "joint", "--slam.ba.batch-losses", "--slam.ba.cooldown-rounds", "0")
+_UNIFORM = ("--slam.ba.selection", "uniform")
+Refinement = Literal["graph", "unrefined", "graph-uniform", "joint", "joint-uniform"]  # of poses
+_REFINEMENTS: Mapping[Refinement, tuple[str, ...]] = {
+    "graph": (),
+    "unrefined": ("--slam.ba.no-enabled",),
+    "graph-uniform": _UNIFORM,
+    "joint": _JOINT,
+    "joint-uniform": (*_JOINT, *_UNIFORM),
+}
 _QUOTA_CORES = 1.2
 _AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""}
 
@@ -70,10 +80,10 @@ class Session:
             return self._run(name, options)
         return self._run(f"{name}-{frames}", (*options, "--frames", str(frames)))
 
-    def mapped(self, sequence: str) -> ServeRun:
-        """As `lockstep`, of the first seed; its saved map stays in its folder."""
-        options = (*self._source(sequence), "--pace", "lockstep", "--seed", "0")
-        return self._run(f"mapped-{sequence}", options, keeps_map=True)
+    def mapped(self, sequence: str, seed: int = 0) -> ServeRun:
+        """As `lockstep`; its saved map stays in its folder."""
+        options = (*self._source(sequence), "--pace", "lockstep", "--seed", str(seed))
+        return self._run(f"mapped-{sequence}-seed{seed}", options, keeps_map=True)
 
     def realtime(self, sequence: str, seed: int = 0) -> ServeRun:
         """On the clock of a 30 Hz sensor, recording on."""
@@ -87,12 +97,12 @@ class Session:
         seed: int,
         pace: str = "lockstep",
         stride: int = 1,
-        refined: bool = True,
+        refinement: Refinement = "graph",
         terms: Terms = "both",
     ) -> ServeRun:
         """A run for its poses alone: what comes after the last frame, which cannot move them, is cut short.
 
-        `stride`: use every n-th frame. `refined`: with bundle adjustment. `terms`: what moves a pose.
+        `stride`: use every n-th frame. `refinement`: the bundle adjustment. `terms`: what moves a pose.
         """
         name = f"poses-{pace}-{sequence}-seed{seed}"
         options = (*self._source(sequence), "--pace", pace, "--seed", str(seed), *_POSES_ALONE)
@@ -100,8 +110,8 @@ class Session:
             options = (*options, "--rate-hz", "30")
         if stride > 1:
             name, options = f"{name}-stride{stride}", (*options, "--stride", str(stride))
-        if not refined:
-            name, options = f"{name}-unrefined", (*options, "--slam.ba.no-enabled")
+        if refinement != "graph":
+            name, options = f"{name}-{refinement}", (*options, *_REFINEMENTS[refinement])
         if terms != "both":
             name, options = f"{name}-{terms}", (*options, *_TERMS[terms])
         return self._run(name, options)

@@ -1,0 +1,45 @@
+"""How well the map of the default preset draws frames that it was not made of: rows measured by name."""
+
+import json
+from statistics import fmean
+
+from hsslam_bench.checks.check import Check, Measured
+from hsslam_bench.runs.serve_run import RunFailedError, finished
+from hsslam_bench.runs.session import Session
+
+_BOUNDS_DB = {"livingroom": 30.0, "kitchen": 25.0, "house": None, "house-kinect": None}
+
+
+def rendering_checks() -> list[Check]:
+    """One check for each sequence."""
+    return [_check(sequence, bound_db) for sequence, bound_db in _BOUNDS_DB.items()]
+
+
+def _check(sequence: str, bound_db: float | None) -> Check:
+    def measure(session: Session) -> Measured:
+        scores = []
+        for seed in session.seeds:
+            run = finished(session.mapped(sequence, seed))
+            module = "hsslam_bench.runs.run_score"
+            found = json.loads(session.python(module, str(run.folder), "rendering"))
+            if not found.get("rendering", {}).get("images"):
+                raise RunFailedError(f"{run.name}: no frame was drawn")
+            scores.append(found["rendering"])
+        psnr_db = fmean(score["psnr_db"] for score in scores)
+        each = ", ".join(f"{score['psnr_db']:.2f}" for score in scores)
+        images = sum(score["images"] for score in scores)
+        return Measured(
+            f"{psnr_db:.2f} dB (seeds: {each}); SSIM {fmean(score['ssim'] for score in scores):.3f}; "
+            f"{images} images",
+            None if bound_db is None else psnr_db >= bound_db,
+            {str(seed): score for seed, score in zip(session.seeds, scores, strict=True)},
+            psnr_db,
+            "higher",
+        )
+
+    what = (
+        f"{sequence}, lockstep: PSNR, mean of the seeds, of every fifth frame that is no keyframe, drawn "
+        "from the saved map; SSIM"
+    )
+    bound = "" if bound_db is None else f"{bound_db:g} dB"
+    return Check(f"rendering:{sequence}", what, bound, measure, by_name_only=True)
