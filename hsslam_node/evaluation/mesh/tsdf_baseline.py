@@ -144,6 +144,8 @@ def import_open3d(user: str = "the TSDF") -> Any:
         raise UserError(
             f"{user} needs Open3D: {error}: pip install 'hsslam-node[dev]', and libusb-1.0"
         ) from None
+    # It prints warnings on stdout, where programs print their results.
+    open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
     return open3d
 
 

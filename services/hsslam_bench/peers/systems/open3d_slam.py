@@ -37,7 +37,6 @@ class _Model:
 
     def __init__(self, first: Frame) -> None:
         self._o3d = open3d = expect_open3d()
-        open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
         self._device = open3d.core.Device("CPU:0")
         self._model: Any = open3d.t.pipelines.slam.Model(
             VOXEL_M, 16, _BLOCKS, open3d.core.Tensor(np.eye(4)), self._device
