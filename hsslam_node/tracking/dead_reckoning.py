@@ -1,4 +1,4 @@
-"""Frames whose poses the robot's odometry tells: where they are, how sure that is, the gap they leave."""
+"""Dead reckoning: poses by odometry alone, their covariances, and the gap between keyframes."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ from hsslam_node.geometry.se3 import inverse, so3_log
 from hsslam_node.odometry.reading import Motion, MotionSince, OdometryReading
 from hsslam_node.tracking.alignment.align import Alignment
 
-_SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: twice that is near the prediction
+_SURE_M, _SURE_RAD = 0.025, 0.025  # standard deviations: 2 sigma are the limits of `is_confirmed`
 _FARTHEST = 25.0  # squared Mahalanobis distance of 6 numbers: one in 3000 is beyond
 
 
 @dataclass(frozen=True)
 class Reckoning:
-    """A pose by odometry since the last frame that was aligned."""
+    """A pose by odometry since the last aligned frame."""
 
     T_world_cam: np.ndarray  # [4, 4]
-    doubt: np.ndarray  # [6, 6] of the motion alone, as of `moved_about_camera`
+    doubt: np.ndarray  # [6, 6] covariance of the motion alone, as of `moved_about_camera`
     motion: Motion
 
     @classmethod
@@ -30,16 +30,16 @@ class Reckoning:
 
     @property
     def is_sure(self) -> bool:
-        """Whether an alignment elsewhere is known to be wrong."""
+        """Whether odometry is so sure that an alignment elsewhere must be wrong."""
         return self.motion.is_surer_than(_SURE_M, _SURE_RAD)
 
     def is_within_reach(self, config: TrackerConfig) -> bool:
-        """Whether a pose by odometry alone is still published."""
+        """Whether the pose is sure enough to be published by odometry alone."""
         return self.motion.is_surer_than(config.odometry_reach_m, config.odometry_reach_rad)
 
     def agrees(self, alignment: Alignment | None, config: TrackerConfig) -> bool:
-        """Whether the alignment fits the little that the keyframe shows of the frame, where odometry expects
-        it: enough for a camera that comes back from where no keyframe looks."""
+        """Whether the alignment fits the keyframe, of which it may cover little, and is near the pose by
+        odometry: enough for a camera that returns from a place that no keyframe shows."""
         return (
             alignment is not None
             and bool(np.isfinite(alignment.T_world_cam).all())
@@ -50,7 +50,7 @@ class Reckoning:
 
     @property
     def way_m(self) -> np.ndarray:
-        """[3] from the last aligned frame's centre, world axes."""
+        """[3] from the centre of the last aligned frame to this one's, world axes."""
         return -self.T_world_cam[:3, :3] @ inverse(self.motion.T_from_to)[:3, 3]
 
     def _distance(self, T_world_cam: np.ndarray) -> float:
@@ -61,42 +61,42 @@ class Reckoning:
 
 
 class DeadReckoning:
-    """Frames by odometry alone since the last aligned one, and the gap that they leave between keyframes."""
+    """Dead-reckoned frames since the last aligned one, and the gap that they leave between keyframes."""
 
     def __init__(self) -> None:
         self._since = MotionSince()  # since the last aligned frame
-        self._of_last = np.zeros((6, 6))  # covariance of T_world_cam of the last aligned frame
+        self._last_covariance = np.zeros((6, 6))  # of T_world_cam of the last aligned frame
         self._gap = np.zeros((6, 6))  # `gap_at` of the last aligned frame
-        self._newest: Reckoning | None = None  # of the frames since then
-        self.unaligned_frames = 0  # of these, those that see something
-        self.is_open = False  # whether there is no keyframe since the last frame by odometry alone
+        self._newest: Reckoning | None = None  # of the dead-reckoned frames since then
+        self.unaligned_frames = 0  # dead-reckoned frames with depth since then
+        self.is_open = False  # whether no keyframe has come since the last dead-reckoned frame
 
     @property
     def is_on(self) -> bool:
-        """Whether the frame before this one has its pose by odometry alone."""
+        """Whether a frame was dead-reckoned since the last aligned one."""
         return self._newest is not None
 
     def expected(
         self, T_world_last: np.ndarray, reading: OdometryReading | None
     ) -> Reckoning | None:
-        """Where a frame with this reading was, from the pose [4, 4] of the last aligned one; None if odometry
-        does not say."""
+        """The pose of a frame with this reading, from the pose [4, 4] of the last aligned one; None if
+        odometry does not know the motion."""
         motion = self._since.to(reading)
         return None if motion is None else Reckoning.after(T_world_last, motion)
 
     def add(self, reckoning: Reckoning, *, sees: bool) -> np.ndarray:
-        """A frame by odometry alone, which sees something or nothing; returns the covariance [6, 6] of its
-        pose in the world."""
+        """Take a dead-reckoned frame; `sees`: it has depth. Returns the covariance [6, 6] of its pose in the
+        world."""
         self._newest = reckoning
         self.unaligned_frames += sees
         self.is_open = True
-        return in_world(reckoning.doubt, self._of_last, reckoning.way_m)
+        return in_world(reckoning.doubt, self._last_covariance, reckoning.way_m)
 
     def gap_at(self, T_world_last: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
         """Covariance [6, 6] of the motion by odometry alone since the newest keyframe, as of
         `moved_about_camera`; 0 if there was none.
 
-        Poses [4, 4] of the last aligned frame and of the one that is aligned now.
+        T_world_last, T_world_cam: poses [4, 4] of the last aligned frame and of the one aligned now.
         """
         gap = carried(self._gap, T_world_cam[:3, 3] - T_world_last[:3, 3])
         if self._newest is None:
@@ -108,10 +108,10 @@ class DeadReckoning:
     def restart(
         self, reading: OdometryReading | None, covariance: np.ndarray, gap: np.ndarray | None
     ) -> None:
-        """After an aligned frame: covariance [6, 6] of its pose in the world, its `gap_at`; None: no gap is
-        left behind it."""
+        """Start at an aligned frame: `covariance` [6, 6] of its pose in the world; `gap`: its `gap_at`; None:
+        no gap remains."""
         self._since.restart(reading)
-        self._of_last = covariance
+        self._last_covariance = covariance
         self._gap = np.zeros((6, 6)) if gap is None else gap
         self._newest = None
         self.unaligned_frames = 0

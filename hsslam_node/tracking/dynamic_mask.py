@@ -1,4 +1,4 @@
-"""A mask of moving things: pixels in front of space that keyframes saw as free lose their depth."""
+"""A mask of moving objects: pixels in space that earlier keyframes saw as free lose their depth."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -12,38 +12,38 @@ from hsslam_node.geometry.se3 import inverse, transformed
 from hsslam_node.map.store import KeyframeStore
 
 _CELLS = 80  # across the image
-_MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # in front of what was seen by so much, with its depth
-_FEWEST_CELLS = 12  # of a thing
-_LARGEST_SHARE = 0.6  # of the image; more is a wrong pose
-_STEP = 0.05  # cells of one thing differ by less, of their depth
-_SPACES, _EVERY = 8, 2  # keyframes that show what has moved; every second one
+_MARGIN_M, _MARGIN_SLOPE = 0.1, 0.02  # two depths within first + second z, m, are one surface
+_FEWEST_CELLS = 12  # of an object
+_LARGEST_SHARE = 0.6  # of the image; a larger mask means a wrong pose
+_STEP = 0.05  # share of the depth by which neighbouring cells of one object differ at most
+_SPACES, _EVERY = 8, 2  # keyframes that are compared; every second one
 
 
 class DynamicMask:
-    """Takes out of each keyframe what stands where those before it saw free space."""
+    """Removes depth from a keyframe where earlier keyframes saw free space."""
 
     def __init__(self, store: KeyframeStore) -> None:
         self._store = store
         self._seen: deque[SeenSpace] = deque(maxlen=_SPACES)
 
     def observe(self, keyframe: int, frame: Frame) -> None:
-        """Remember what a keyframe of the store has seen."""
+        """Remember the depth of a keyframe of the store."""
         if not self._seen or keyframe - self._seen[-1].keyframe >= _EVERY:
             self._seen.append(seen_space(keyframe, frame))
 
     def left_out(self, frame: Frame, T_world_cam: np.ndarray) -> Frame:
-        """The frame, seen from T_world_cam [4, 4], without depth on what has moved."""
+        """The frame at T_world_cam [4, 4], without depth on objects that have moved."""
         seen = [(space, self._store.pose(space.keyframe)) for space in self._seen]
         return without_dynamic_pixels(frame, T_world_cam, seen)
 
 
 @dataclass(frozen=True)
 class SeenSpace:
-    """What a keyframe has seen, at one depth a cell."""
+    """Depth of a keyframe, one value a cell."""
 
     keyframe: int
     depth: np.ndarray  # [h, w] float32 m, 0 = unknown
-    free: np.ndarray  # [h, w] float32 m, free up to there all around the cell
+    free: np.ndarray  # [h, w] float32 m, least depth of the cell and its neighbours
     step_px: int
 
 
@@ -58,18 +58,18 @@ def seen_space(keyframe: int, frame: Frame) -> SeenSpace:
 def without_dynamic_pixels(
     frame: Frame, T_world_cam: np.ndarray, seen: Sequence[tuple[SeenSpace, np.ndarray]]
 ) -> Frame:
-    """The frame without depth on what stands in space that `seen` (with poses [4, 4]) shows free.
+    """The frame without depth on objects in space that `seen` (with poses [4, 4]) shows as free.
 
-    The same frame where there is no such thing.
+    The frame itself if there is no such object, or if the mask is too large.
     """
     now = seen_space(-1, frame)
-    through = np.zeros(now.depth.shape, bool)
-    there = np.zeros(now.depth.shape, bool)
+    is_free = np.zeros(now.depth.shape, bool)
+    is_surface = np.zeros(now.depth.shape, bool)
     for space, T_world_key in seen:
-        a, b = _compared(now, frame, inverse(T_world_key) @ T_world_cam, space)
-        through |= a
-        there |= b
-    mask = _things(through & ~there, ~there & (now.depth > 0), now.depth)
+        free, surface = _compared(now, frame, inverse(T_world_key) @ T_world_cam, space)
+        is_free |= free
+        is_surface |= surface
+    mask = _objects(is_free & ~is_surface, ~is_surface & (now.depth > 0), now.depth)
     if not mask.any() or mask.mean() > _LARGEST_SHARE:
         return frame
     wide = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8))
@@ -85,7 +85,7 @@ def without_dynamic_pixels(
 def _compared(
     now: SeenSpace, frame: Frame, T_key_cam: np.ndarray, space: SeenSpace
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Cells [h, w] that the keyframe saw through, and cells that it saw too."""
+    """Cells [h, w] in the keyframe's free space, and cells on its surface."""
     camera, step, z = frame.camera, now.step_px, now.depth
     v, u = np.mgrid[: z.shape[0], : z.shape[1]] * step + step // 2
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
@@ -98,13 +98,13 @@ def _compared(
     inside &= (row >= 0) & (column >= 0) & (row < height) & (column < width)
     row, column = np.where(inside, row, 0), np.where(inside, column, 0)
     margin = _MARGIN_M + _MARGIN_SLOPE * ahead
-    through = inside & (space.free[row, column] > depth + margin)
+    free = inside & (space.free[row, column] > depth + margin)
     known = space.depth[row, column]
-    return through, inside & (known > 0) & (np.abs(known - depth) < margin)
+    return free, inside & (known > 0) & (np.abs(known - depth) < margin)
 
 
-def _things(seeds: np.ndarray, unknown: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Seeds that hang together, grown over unseen cells and that continue their depth."""
+def _objects(seeds: np.ndarray, unknown: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Mask [h, w] of connected seeds, grown over unknown cells of continuous depth."""
     count, label, stats, _ = cv2.connectedComponentsWithStats(seeds.astype(np.uint8))
     large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= _FEWEST_CELLS) + 1
     mask = np.isin(label, large) if count > 1 else np.zeros(seeds.shape, bool)

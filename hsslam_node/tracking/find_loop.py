@@ -1,4 +1,4 @@
-"""Where a frame or keyframe has been before, with the relative pose and the evidence for it."""
+"""Loop detection: keyframes that show the same place as a frame, with relative pose and evidence."""
 
 from dataclasses import dataclass
 
@@ -18,20 +18,20 @@ from hsslam_node.tracking.tracked_frame import frame_points
 
 @dataclass(frozen=True)
 class LoopLimits:
-    """What a relative pose must show to be believed."""
+    """Thresholds that a relative pose must pass."""
 
     inliers: int = 14  # features that agree
     inlier_ratio: float = 0.25  # of the matches
     overlap: float = 0.15  # of either frame's depth on the other's surface
     consistency: float = 0.95  # of what could be seen from both sides
     similarity: float = 0.5  # correlation of grey levels
-    refined_shift_m: float = 0.1  # dense alignment may move the pose so far from the features'
+    refined_shift_m: float = 0.1  # largest change of the pose by dense alignment
     refined_shift_rad: float = 0.1
 
 
 @dataclass(frozen=True)
 class LoopMatch:
-    """A frame that shows what a keyframe shows."""
+    """A frame that shows the same place as a keyframe."""
 
     keyframe: int
     T_keyframe_cam: np.ndarray  # [4, 4], by dense alignment of the two frames, no map involved
@@ -53,14 +53,14 @@ def find_loop(
     limits: LoopLimits = LoopLimits(),
     seed: int = 0,
 ) -> list[LoopMatch]:
-    """Keyframes that show the same as a frame, or as the keyframe of this id; best first.
+    """Keyframes that show the same place as `query`, a frame or the id of a keyframe; best first.
 
     The keyframes of `index` that share most features are tried, at most `candidates` (about 35 ms
-    each): features that agree on a pose, dense alignment, agreement of the whole images. What is
-    returned has passed all limits. Nothing of the keyframes' poses is used.
+    each): features that agree on a pose, dense alignment, agreement of the whole images. A match
+    passes all limits. The poses of the keyframes are not used.
 
     Args:
-        among: ids [n] that may be matched, as keyframes long past; None: all but the query itself.
+        among: ids [n] that may match, such as old keyframes; None: all but the query itself.
     """
     is_keyframe = isinstance(query, int | np.integer)
     try:
@@ -74,7 +74,7 @@ def find_loop(
             continue
         try:
             match = match_keyframe(store, index, frame, features, k, config, limits, seed)
-        except RetiredKeyframeError:  # just now
+        except RetiredKeyframeError:  # meanwhile
             continue
         if match is not None:
             matches.append(match)
@@ -91,7 +91,7 @@ def match_keyframe(
     limits: LoopLimits,
     seed: int = 0,
 ) -> LoopMatch | None:
-    """The match of a frame with keyframe k, or None where it does not pass the limits."""
+    """The match of a frame with keyframe k, or None if it does not pass the limits."""
     found = geometric_match(features, index.features(k), frame.camera)
     if found is None or not _has_support(found, limits):
         return None
@@ -121,7 +121,7 @@ def _has_support(match: GeometricMatch, limits: LoopLimits) -> bool:
 def _refined(
     frame: Frame, keyframe: Frame, T_keyframe_cam: np.ndarray, config: TrackerConfig, seed: int
 ) -> np.ndarray | None:
-    """Dense alignment of the frame to the keyframe's surface and image."""
+    """T_keyframe_cam [4, 4] by dense alignment to the keyframe's surface and image."""
     points = frame_points(frame, config, seed)
     if len(points) == 0:
         return None

@@ -112,7 +112,7 @@ class GpuRenderingObjective:
     def _without_outliers(
         self, R: int, color: Tensor, depth: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """As `RenderingObjective`: an outlier is given the colour it has, and no depth."""
+        """As in `RenderingObjective`: an outlier gets its rendered colour, and no depth."""
         measured_color, measured_depth = self._rays.color[:R], self._rays.depth[:R]
         if self._config.outlier_factor == 0:
             return measured_color, measured_depth, self._loss_weight

@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # a CPU process imports neither torch nor Triton for this
 
 
 class TornMapError(Exception):
-    """The map was overwritten while it was read: what came of it is of no version."""
+    """The map was overwritten while it was read, so the result mixes two versions."""
 
 
 def _never_written() -> bool:
@@ -28,33 +28,33 @@ def _never_written() -> bool:
 
 @dataclass(frozen=True)
 class MapView:
-    """One version of the map. `is_intact`: whether no later one has begun to overwrite its parameters."""
+    """One version of the map. `is_intact`: whether no later version has begun to overwrite its parameters."""
 
     version: int
     layout: KernelLayout
     params: np.ndarray  # [P] float32, used in place
     truncation_m: float
-    on_device: "DeviceMap | None" = None  # its copy on a GPU, which is asked instead
+    on_device: "DeviceMap | None" = None  # copy on a GPU, which is queried instead
     is_intact: Callable[[], bool] = _never_written
 
     def expect_intact(self) -> None:
-        """Raises TornMapError if the parameters are overwritten, or were since they were current."""
+        """Raise TornMapError if a later version has begun to overwrite the parameters."""
         if not self.is_intact():
             raise TornMapError(f"version {self.version} of the map was overwritten")
 
 
 @dataclass(frozen=True)
 class DeviceMap:
-    """Parameters on the device and where everything lies in them."""
+    """Parameters on the device, and their layout."""
 
     layout: "GpuLayout"
     params: "Tensor"  # [P], or their geometry prefix
 
 
 class MapViews:
-    """Views of the versions of one map, also when it has grown; on a GPU they come with a copy there.
+    """Views of the versions of one map, also after it has grown; with a GPU they have a copy there.
 
-    The copy is one for all versions: only the newest view is right. With `with_color` it holds all
+    All views share one copy, so only the newest view is valid. If `with_color`, the copy holds all
     parameters, else those that signed distances need.
     """
 
@@ -69,7 +69,7 @@ class MapViews:
         self._open()
 
     def newest(self) -> MapView | None:
-        """The version that is current now; None before the first."""
+        """The current version; None before the first."""
         while True:
             version, params = self._parameters.published()
             if version == 0:
@@ -78,12 +78,12 @@ class MapViews:
                 self._open()
             if self._copy is not None:
                 version = self._copy.pull()
-            if self._field is self._parameters.layout:  # else it has grown during the pull
+            if self._field is self._parameters.layout:  # else the map grew during the pull
                 break
         if self._view is None or self._view.version != version:
             truncation_m = self._parameters.layout.config.truncation_m
             is_intact = partial(self._parameters.is_intact, version)
-            if self._on_device is not None:  # its copy is whole
+            if self._on_device is not None:  # a pulled copy is never torn
                 is_intact = _never_written
             self._view = MapView(
                 version, self._layout, params, truncation_m, self._on_device, is_intact
@@ -91,7 +91,7 @@ class MapViews:
         return self._view
 
     def copied(self) -> MapView | None:
-        """The same with parameters of its own, which nothing overwrites (about 5 ms)."""
+        """The current version with its own copy of the parameters (about 5 ms)."""
         while (view := self.newest()) is not None:
             own = replace(view, params=view.params.copy(), is_intact=_never_written)
             if view.is_intact():
@@ -99,7 +99,7 @@ class MapViews:
         return None
 
     def _open(self) -> None:
-        """Start anew over the bound of now."""
+        """Read the current layout, and open its copy on the device."""
         self._field = self._parameters.layout
         self._layout = kernel_layout(self._field)
         self._view: MapView | None = None

@@ -1,4 +1,4 @@
-"""How the camera moves: the last two aligned frames and the IMU, and where they expect the next frame."""
+"""Predicts the pose of the next frame from the last two aligned frames and the IMU."""
 
 import numpy as np
 
@@ -17,10 +17,10 @@ from hsslam_node.tracking.tracked_frame import (
 
 
 class CameraMotion:
-    """Keeps aligned frames and predicts the pose of the next one, by constant velocity.
+    """Keeps the last two aligned frames and predicts the pose of the next one, by constant velocity.
 
-    If frames carry readings of an IMU, these predict the rotation, and the store gets to know gravity.
-    A camera that was lost may have been carried, so its way there is no motion to expect more of.
+    If frames carry IMU readings, these predict the rotation and measure gravity for the store. After a lost
+    frame the velocity is unknown, as the camera may have been carried.
     """
 
     def __init__(self, config: TrackerConfig, store: KeyframeStore) -> None:
@@ -29,9 +29,8 @@ class CameraMotion:
         self._inertial = InertialPrior(store, config.inertial_rotation)
         self._last: TrackedFrame | None = None
         self._before_last: TrackedFrame | None = None
-        self._begun: TrackedFrame | None = (
-            None  # the frame that it began with, if none was lost since
-        )
+        # the frame that the motion began with, if all frames since then were aligned
+        self._begun: TrackedFrame | None = None
         self.lost_frames = 0  # since the last aligned one
 
     @property
@@ -41,27 +40,27 @@ class CameraMotion:
 
     @property
     def last(self) -> TrackedFrame:
-        """The last aligned frame; there is one once the motion has begun."""
+        """The last aligned frame; only if `has_begun`."""
         assert self._last is not None
         return self._last
 
     @property
     def T_world_last(self) -> np.ndarray:
-        """Pose [4, 4] of the last aligned frame, by its keyframe's pose as it is now."""
+        """Pose [4, 4] of the last aligned frame, by the current pose of its keyframe."""
         return self.last.pose(self._store)
 
     @property
     def is_known(self) -> bool:
-        """Whether there are two frames whose motion goes on."""
+        """Whether there are two aligned frames, which give a velocity."""
         return self._before_last is not None
 
     @property
     def imu_disagrees(self) -> bool:
-        """Whether the IMU turns otherwise than the camera, so that it is not used."""
+        """Whether the IMU rotates unlike the camera, so that it is not used."""
         return self._inertial.disagrees
 
     def take(self, frame: Frame) -> None:
-        """The frame that is to be aligned now; it may be repeated."""
+        """Take the IMU reading of the frame that is aligned next; may be called twice for a frame."""
         self._inertial.take(frame.imu)
 
     def predicted(self, stamp_ns: int, longest: float = LONGEST_EXTRAPOLATION) -> np.ndarray:
@@ -70,42 +69,42 @@ class CameraMotion:
         return self._inertial.turned(T, self.T_world_last)
 
     def is_foreseen(self, stamp_ns: int) -> bool:
-        """Whether the prediction can be trusted: the camera is neither lost nor seen after a gap."""
-        if self.last is self._begun:  # at rest, as far as is known
+        """Whether the prediction is reliable: the camera is not lost, and there was no gap."""
+        if self.last is self._begun:  # no velocity yet
             return not self.is_after_gap(stamp_ns)
         return self.lost_frames == 0 and is_foreseen(self.last, self._before_last, stamp_ns)
 
     def is_after_gap(self, stamp_ns: int) -> bool:
-        """Whether the camera is lost, or was not seen for long."""
+        """Whether the camera is lost, or the last aligned frame is too old."""
         gap_s = 1e-9 * (stamp_ns - self.last.frame.stamp_ns)
         return self.lost_frames > 0 or gap_s > self._longest_gap_s
 
     def begin(self, frame: Frame, keyframe: int) -> None:
-        """Go on from a frame that is a keyframe and was not aligned to another."""
+        """Continue from a frame that is a keyframe and was not aligned to another."""
         self._last, self._before_last = TrackedFrame(frame, keyframe, np.eye(4)), None
         self._begun = self._last
         self._inertial.restart(frame.imu)
 
     def resume(self, keyframe: int, lost_frames: int) -> None:
-        """Go on from a keyframe of the store as a camera that has been lost for a while."""
+        """Continue from a keyframe of the store, as after `lost_frames` lost frames."""
         self._last = TrackedFrame(self._store.frame(keyframe), keyframe, np.eye(4))
         self._before_last, self.lost_frames = None, lost_frames
 
     def take_over(self, other: "CameraMotion", joined: JoinedFragment) -> None:
-        """Go on with the motion in a fragment that has joined the store."""
+        """Continue the motion of a fragment that has joined the store."""
         self._last = joined.placed(other.last)
         self._before_last = other._before_last and joined.placed(other._before_last)
         self.lost_frames = 0
         self._inertial.restart(None)
 
     def note_carried(self) -> None:
-        """The next frame is found where a person says, so the way there is no motion of the camera."""
+        """A person says where the next frame is, so its motion is not known."""
         self.lost_frames = max(self.lost_frames, 1)
 
     def aligned(
         self, frame: Frame, T_world_cam: np.ndarray, keyframe: int, T_keyframe_cam: np.ndarray
     ) -> None:
-        """The frame is aligned: at T_world_cam [4, 4], which is at T_keyframe_cam [4, 4] of a keyframe."""
+        """Take a frame aligned at T_world_cam [4, 4], which is T_keyframe_cam [4, 4] from a keyframe."""
         if self.lost_frames == 0:
             T_last_cam = inverse(self.T_world_last) @ T_world_cam
             self._inertial.aligned(frame.imu, T_last_cam, keyframe, T_keyframe_cam)
@@ -116,6 +115,6 @@ class CameraMotion:
         self.lost_frames = 0
 
     def unaligned(self, *, is_lost: bool) -> None:
-        """The frame is not aligned; it is lost, or its pose is by odometry alone."""
+        """Take a frame that was not aligned: it is lost or dead-reckoned."""
         self._before_last = self._begun = None
         self.lost_frames += is_lost

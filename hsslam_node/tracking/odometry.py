@@ -7,7 +7,7 @@ from hsslam_node.frame import Frame
 
 
 def rgbd_odometry(first: Frame, second: Frame) -> np.ndarray | None:
-    """T_first_second [4, 4] by `cv2.Odometry` at half resolution, or None where it fails."""
+    """T_first_second [4, 4] by `cv2.Odometry` at half resolution, or None if it fails."""
     camera = first.camera.scaled(0.5)
     settings = cv2.OdometrySettings()
     settings.setCameraMatrix(camera.K.astype(np.float32))

@@ -1,4 +1,4 @@
-"""The tracker that a configuration asks for; a file of its own because neither tracker knows the other."""
+"""Opens the tracker that the configuration names; a file of its own, as neither tracker imports the other."""
 
 from typing import Protocol
 
@@ -16,34 +16,34 @@ class FrameTracker(Protocol):
     """One frame in, one pose with its quality out."""
 
     def resume(self, *, anywhere: bool = False) -> None:
-        """In a map that is there: go on from the newest keyframe of the store, or find the place."""
+        """Continue in an existing map, from its newest keyframe or, if `anywhere`, by relocalisation."""
         ...
 
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
     ) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due and wanted."""
+        """Return the pose of the frame; append a keyframe if one is due, unless `localise_only` is set."""
         ...
 
     def find_near(
         self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
     ) -> TrackResult | None:
-        """Pose of the frame near a place that a person names; None if it is not there: track it."""
+        """Return the pose of the frame near a place that a person names; None: not there, call `track`."""
         ...
 
     def prepare_next(self) -> None:
-        """What can be done before the next frame comes; `track` does it if the caller does not call this."""
+        """Prepare for the next frame ahead of time; otherwise `track` does it."""
         ...
 
     def finish(self) -> JoinedFragment | None:
-        """No frame comes any more: a fragment that joins the map with that, if any."""
+        """After the last frame: complete a join that has begun; returns the fragment that joined, if any."""
         ...
 
 
 def open_tracker(
     config: SlamConfig, store: KeyframeStore, seed: int, threads: int = 1
 ) -> FrameTracker:
-    """A tracker by `config.tracker.method`; tracking by rendering computes with up to `threads` threads."""
+    """The tracker that `config.tracker.method` names; tracking by rendering uses up to `threads` threads."""
     if config.tracker.method == "rendering":
         return RenderingTracker(config, store, seed, threads=threads)
     return Tracker(config, store, seed)

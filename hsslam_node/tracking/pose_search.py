@@ -1,4 +1,4 @@
-"""The search for the pose of one frame: where odometry expects it, at guesses, at places seen before."""
+"""The search for the pose of one frame: by odometry, from guesses of its motion, by relocalisation."""
 
 from collections.abc import Callable, Iterator
 
@@ -15,15 +15,15 @@ from hsslam_node.tracking.motion import CameraMotion
 from hsslam_node.tracking.odometry import rgbd_odometry
 from hsslam_node.tracking.places.relocalisation import Place, Relocalisation
 
-FOLLOWED_FRAMES = 3  # that are compared with the last good one after it was lost
-_UNALIGNED_FRAMES = 10  # by odometry alone, though they see something: then other places are tried
+FOLLOWED_FRAMES = 3  # frames after the last good one that RGB-D odometry compares with it
+_UNALIGNED_FRAMES = 10  # dead-reckoned frames with depth, after which relocalisation starts
 
 
 class PoseSearch:
-    """Aligns a frame from one guess after the other until an alignment is believed.
+    """Aligns a frame from one guess after the other until an alignment is accepted.
 
-    The reference of the aligner is then the keyframe that it was found with; after a search in vain, or one
-    that an error ends, it is the one from before.
+    The aligner then keeps the reference keyframe of this alignment. If no alignment is accepted, or an error
+    ends the search, it keeps the reference from before.
     """
 
     def __init__(
@@ -39,17 +39,17 @@ class PoseSearch:
         self._motion = motion
         self._reckoned = reckoned
         self._relocalisation = relocalisation
-        # whether the frame that was found last is at a place, from which its motion is not known
+        # whether relocalisation placed the last aligned frame, so its motion is not known
         self.is_at_place = False
 
     def from_motion(
         self, seen: Observation, prediction: np.ndarray, reckoning: Reckoning | None
     ) -> Alignment | None:
-        """The alignment of a frame, None if none is believed.
+        """The alignment of a frame, or None if none is accepted.
 
         Args:
             prediction: T_world_cam [4, 4] by the camera's motion.
-            reckoning: where odometry expects this one; None: it does not say.
+            reckoning: the pose by odometry; None: odometry has none.
 
         Raises:
             TornMapError: the map was overwritten meanwhile.
@@ -59,7 +59,7 @@ class PoseSearch:
             if found is not None:
                 return found
             if reckoning.is_within_reach(self._config) and not seen.has_depth:
-                return None  # odometry alone will do
+                return None  # dead reckoning gives the pose
         return self._found_or_undone(lambda: self._by_guesses(seen, prediction))
 
     def at_place(self, seen: Observation, place: Place) -> Alignment | None:
@@ -71,7 +71,7 @@ class PoseSearch:
         return self._found_or_undone(lambda: self._by_place(seen, place))
 
     def _found_or_undone(self, search: Callable[[], Alignment | None]) -> Alignment | None:
-        """What a search finds; the reference is as before if it finds nothing, or raises."""
+        """Run a search; restore the reference if it finds nothing or raises."""
         before, found = self._aligner.reference, None
         try:
             found = search()
@@ -90,7 +90,7 @@ class PoseSearch:
         return best if self._is_acceptable(seen, best, place.T_world_cam, after_gap=True) else None
 
     def _by_odometry(self, seen: Observation, reckoning: Reckoning) -> Alignment | None:
-        """Near the pose that odometry predicts, after a gap at the keyframe that shows most of the frame."""
+        """Align near the pose by odometry; after dead-reckoned frames, to the keyframe that shows most."""
         T = reckoning.T_world_cam
         if self._reckoned.is_on and seen.has_depth:
             self._aligner.refer_to_covering(seen.frame, T)
@@ -107,7 +107,7 @@ class PoseSearch:
         return best if reckoning.agrees(best, self._config) and not seen.localise_only else None
 
     def _by_guesses(self, seen: Observation, prediction: np.ndarray) -> Alignment | None:
-        """From the first guess whose alignment is believed."""
+        """The first alignment from a guess that is accepted."""
         before, stamp_ns = self._aligner.reference, seen.frame.stamp_ns
         expected = prediction if self._motion.is_foreseen(stamp_ns) else None
         after_gap = self._motion.is_after_gap(stamp_ns)
@@ -115,7 +115,7 @@ class PoseSearch:
             best = self._aligner.align(seen, guess)
             if best is None or not self._is_acceptable(seen, best, guess, after_gap):
                 continue
-            is_at_place = self._aligner.reference is not before  # which has been checked
+            is_at_place = self._aligner.reference is not before  # relocalisation has checked it
             if is_at_place or self._is_confirmed(seen, best, expected):
                 return best
         return None
@@ -123,8 +123,8 @@ class PoseSearch:
     def _guesses(
         self, seen: Observation, prediction: np.ndarray, *, is_unforeseen: bool
     ) -> Iterator[np.ndarray]:
-        """After a gap, as far on as it is long; as predicted; at rest; by OpenCV's RGB-D odometry from the
-        last good frame; after a gap, or when lost, at a place seen before."""
+        """In this order: after a gap, the motion extrapolated over all of it; the prediction; the last pose;
+        OpenCV's RGB-D odometry from the last good frame; after a gap or if lost, a relocalised pose."""
         motion, reckoned, frame = self._motion, self._reckoned, seen.frame
         T_last = motion.T_world_last
         if is_unforeseen and motion.is_known:

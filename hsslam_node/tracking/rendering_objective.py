@@ -1,4 +1,4 @@
-"""Rendering losses of random rays of a frame by its pose, on the CPU, and Adam on that pose."""
+"""Rendering losses of a frame as a function of its pose, on the CPU, and Adam on that pose."""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,29 +19,29 @@ from hsslam_node.tracking.map_view import MapView
 
 T = TypeVar("T")
 
-_CANDIDATES = 3  # pixels drawn for each wanted: some have no depth
-_PARTS = 2  # of a batch, which two threads compute
+_CANDIDATES = 3  # pixels drawn for each ray, as some have no depth
+_PARTS = 2  # parts of a batch, for two threads
 
 
 class FrameRays:
-    """Rays through random pixels that have depth; what is drawn depends on seed and frame index alone."""
+    """Rays through random pixels that have depth; the choice depends on seed and frame index alone."""
 
     def __init__(self, config: SlamConfig, seed: int) -> None:
         self._config = config.rendering_tracker
         self._max_depth_m = config.mapper.max_depth_m
         self._seed = seed
-        self.rays = ray_batch(self._config.pixels)  # the first `count` are real; slot 0
+        self.rays = ray_batch(self._config.pixels)  # the first `count` are filled; slot 0
         self.count = 0
         self.jitter = np.zeros((self._config.pixels, config.sampling.count), np.float32)  # 0..1
 
     def observe(self, frame: Frame) -> None:
-        """Take this frame and draw."""
+        """Take this frame and draw its pixels."""
         self._frame = frame
         self._generator = np.random.default_rng((self._seed, frame.index, 13))
         self.draw()
 
     def draw(self) -> None:
-        """Draw pixels of the frame, and the places of their samples."""
+        """Draw pixels of the frame, and the jitter of the samples on their rays."""
         frame, camera, c = self._frame, self._frame.camera, self._config
         border = min(round(c.border * camera.width_px), 2 * camera.height_px // 5)
         uv = self._generator.integers(
@@ -60,12 +60,12 @@ class FrameRays:
 class RenderingObjective:
     """Colour, depth, SDF and free-space losses of rays through random pixels that have depth.
 
-    A `PoseObjective`. Without fresh pixels, pixels and sample depths stay the same for a frame, so
+    A `PoseObjective`. If `fresh_pixels` is off, pixels and sample depths stay the same for a frame, so
     the loss is a smooth function of the pose.
     """
 
     def __init__(self, config: SlamConfig, seed: int, threads: int = 1) -> None:
-        """`threads`: that compute at once, at most two; the result does not depend on how many."""
+        """`threads`: number of threads, of which two are used; the result does not depend on it."""
         self._slam = config
         self._config = config.rendering_tracker
         self._frame_rays = FrameRays(config, seed)
@@ -132,9 +132,10 @@ class RenderingObjective:
     def _without_outliers(
         self, R: int, color: np.ndarray, depth: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Measurements and weights with which outliers have neither loss nor gradient.
+        """Measured colour, measured depth and loss weights without outliers.
 
-        An outlier is given the colour it has, and no depth; the mean over colours is corrected.
+        An outlier gets its rendered colour and no depth, so it has no loss and no gradient. The weight of
+        colour is raised, as its mean counts fewer rays.
         """
         measured_color, measured_depth = self._rays.color[:R], self._rays.depth[:R]
         if self._config.outlier_factor == 0:
@@ -149,17 +150,17 @@ class RenderingObjective:
 
 
 class PoseObjective(Protocol):
-    """A loss of the camera pose of one frame before one map."""
+    """A loss of the camera pose of one frame in one map."""
 
     def observe(self, frame: Frame, view: MapView) -> None:
         """Take this frame and this map."""
         ...
 
     def __call__(self, T_world_cam: np.ndarray) -> tuple[float, np.ndarray]:
-        """The loss at T_world_cam [4, 4] and its gradient [6] (1/m, 1/rad) by a twist of the pose:
+        """The loss at T_world_cam [4, 4] and its gradient [6] (1/m, 1/rad) for a twist of the pose:
         translation in world axes, rotation in world axes about the camera's centre.
 
-        The loss is infinite and the gradient zero where no pixel can be rendered.
+        The loss is infinite and the gradient zero if no pixel can be rendered.
         """
         ...
 
@@ -167,7 +168,7 @@ class PoseObjective(Protocol):
 def descend(
     objective: PoseObjective, T_world_cam: np.ndarray, config: RenderingTrackerConfig
 ) -> np.ndarray:
-    """The pose [4, 4] with the smallest loss of those visited, the start T_world_cam included."""
+    """Descend from T_world_cam [4, 4] with Adam; return the visited pose [4, 4] with the smallest loss."""
     adam = PoseAdam(config.adam_beta1)
     rates = np.array([config.translation_rate] * 3 + [config.rotation_rate] * 3)
     T, best, least = T_world_cam, T_world_cam, float("inf")

@@ -1,4 +1,4 @@
-"""Tracking by rendering, as the paper and its parents do it: descent first, then a check on the surface."""
+"""Tracking by rendering, as in the paper: descent on the rendering losses, then a check of the pose."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ from hsslam_node.tracking.tracked_frame import (
 
 @dataclass(frozen=True)
 class SurfaceFit:
-    """Evidence for a pose."""
+    """How well depth points at a pose fit the map's surface."""
 
     inlier_ratio: float  # points within the Huber threshold of the surface over points in the bound
     rms_m: float  # distance of the inliers
@@ -38,11 +38,11 @@ class SurfaceFit:
 def surface_fit(
     points: np.ndarray, T_world_cam: np.ndarray, view: MapView, config: TrackerConfig
 ) -> SurfaceFit:
-    """The fit of points [N, 3] float32 (m, camera) seen from T_world_cam [4, 4], to what was rendered."""
+    """The fit of points [N, 3] float32 (m, camera frame) at T_world_cam [4, 4] to the map's surface."""
     n = len(points)
     world = np.empty((n, 3), np.float32)
     H, b = np.zeros((8, 8)), np.zeros(8)
-    if view.on_device is not None:  # others may overwrite `view.params` meanwhile
+    if view.on_device is not None:  # `view.params` may be overwritten
         term = open_sdf_term(view, (points, points), config)
         inliers, seen, squares = term.add(T_world_cam, world, True, H, b)
         return _fit(n, inliers, seen, squares)
@@ -67,11 +67,11 @@ _FEWEST_POINTS = 100
 
 
 class RenderingTracker:
-    """Tracks frames by descent of the rendering losses; the same seam as `Tracker`.
+    """Tracks frames by gradient descent on the rendering losses; a `FrameTracker`.
 
-    A pose is published if enough depth points lie on the map's surface and it is near the
-    prediction; else the last pose is tried as the start, and then the frame is lost. There is no
-    search for a place seen before. Frames that come before there is a map are lost.
+    Descent starts at the prediction, then at the last pose. A pose is accepted if enough depth points
+    lie on the map's surface and the pose is near its start; otherwise the frame is lost. There is no
+    relocalisation. After the first frame, frames are lost until there is a map.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class RenderingTracker:
         *,
         threads: int = 1,
     ) -> None:
-        """`threads`: that compute at once."""
+        """`threads`: number of threads."""
         self._threads = threads
         self._slam = config
         self._config = config.tracker
@@ -96,14 +96,14 @@ class RenderingTracker:
         self._localise_only = False
 
     def resume(self, *, anywhere: bool = False) -> None:
-        """In a map that is there: go on from the newest keyframe of the store.
+        """Continue in an existing map from the newest keyframe of the store.
 
         Raises:
-            UserError: `anywhere` is asked for, as the camera's place is not known.
+            UserError: `anywhere` is set, as there is no relocalisation.
         """
         if anywhere:
             raise UserError(
-                "tracker.method = rendering: cannot find its place in a saved map: expected alignment"
+                "tracker.method = rendering: cannot relocalise in a saved map: expected alignment"
             )
         newest = self._store.count - 1
         self._last = TrackedFrame(self._store.frame(newest), newest, np.eye(4))
@@ -112,7 +112,7 @@ class RenderingTracker:
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
     ) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due and wanted.
+        """Return the pose of the frame; append a keyframe if one is due, unless `localise_only` is set.
 
         Raises:
             TornMapError: as in `Tracker`.
@@ -136,18 +136,18 @@ class RenderingTracker:
         return self._lose(frame, prediction, view.version if view else 0)
 
     def finish(self) -> None:
-        """Nothing is left to do if no frame comes any more: it has no fragments."""
+        """Do nothing: this tracker has no fragments."""
 
     def find_near(
         self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
     ) -> TrackResult | None:
-        """None: this tracker knows no places."""
+        """None: this tracker has no relocalisation."""
 
     def prepare_next(self) -> None:
-        """Nothing is left to do."""
+        """Do nothing."""
 
     def _open_objective(self, view: MapView) -> PoseObjective:
-        """The losses where the map is: on a GPU, or here."""
+        """The losses on the device that has the map."""
         if view.on_device is not None:
             from hsslam_node.tracking.gpu_rendering_objective import GpuRenderingObjective
 

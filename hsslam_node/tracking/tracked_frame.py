@@ -1,4 +1,4 @@
-"""A frame in tracking: its depth points, the result, and where the next frame is expected."""
+"""Depth points of a frame, its tracking result, and the predicted pose of the next frame."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from hsslam_node.kernels.tracking.depth_points import sample_points
 from hsslam_node.map.pose_log import STATUS, Status, pose_row
 from hsslam_node.map.store import KeyframeStore
 
-LONGEST_EXTRAPOLATION = 4.0  # of the last motion, in its own length
+LONGEST_EXTRAPOLATION = 4.0  # times the last motion
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class TrackedFrame:
     T_keyframe_cam: np.ndarray  # [4, 4]
 
     def pose(self, store: KeyframeStore) -> np.ndarray:
-        """T_world_cam [4, 4] by the keyframe's pose as it is now."""
+        """T_world_cam [4, 4] by the current pose of the keyframe."""
         return store.pose(self.keyframe) @ self.T_keyframe_cam
 
 
@@ -36,7 +36,7 @@ def predicted_pose(
     stamp_ns: int,
     longest: float = LONGEST_EXTRAPOLATION,
 ) -> np.ndarray:
-    """T_world_cam [4, 4] at stamp_ns by constant SE(3) velocity; at rest without a frame before.
+    """T_world_cam [4, 4] at stamp_ns by constant SE(3) velocity; the last pose if `before` is None.
 
     longest: the last motion is extrapolated to at most this many times its own length.
     """
@@ -48,12 +48,12 @@ def predicted_pose(
 
 
 def is_foreseen(last: TrackedFrame, before: TrackedFrame | None, stamp_ns: int) -> bool:
-    """Whether the last motion tells where the camera is at stamp_ns: not after a gap."""
+    """Whether the last motion predicts the pose at stamp_ns; False after a gap."""
     return before is not None and _reach(last, before, stamp_ns) <= LONGEST_EXTRAPOLATION
 
 
 def _reach(last: TrackedFrame, before: TrackedFrame, stamp_ns: int) -> float:
-    """From the last frame to stamp_ns in times between the last two; 0 where there is none between."""
+    """Time from the last frame to stamp_ns over the time between the last two; 0 if the latter is 0."""
     past_ns = last.frame.stamp_ns - before.frame.stamp_ns
     return (stamp_ns - last.frame.stamp_ns) / past_ns if past_ns > 0 else 0.0
 
@@ -68,12 +68,12 @@ def orthonormal(T: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class JoinedFragment:
-    """What has become of the n keyframes of a fragment."""
+    """The n keyframes of a fragment after it joined the map; each moves with a keyframe of the map."""
 
     fragment: int
-    keyframes: np.ndarray  # [n] int64, ids in the map of those that each moves with
-    T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with; mostly itself
-    T_fragment_keyframe: np.ndarray  # [n, 4, 4], in the fragment, of those that each moves with
+    keyframes: np.ndarray  # [n] int64, id of the keyframe of the map that each moves with
+    T_keyframe_own: np.ndarray  # [n, 4, 4], from each to the one that it moves with
+    T_fragment_keyframe: np.ndarray  # [n, 4, 4], in the fragment, of the same keyframes
 
     def placed(self, frame: TrackedFrame) -> TrackedFrame:
         """A frame of the fragment, relative to a keyframe of the map."""
@@ -84,33 +84,33 @@ class JoinedFragment:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackResult:
-    """Where a frame was, and how sure that is."""
+    """The pose of a frame, with its status, keyframe and covariance."""
 
     frame_index: int
     status: Status
-    T_world_cam: np.ndarray  # [4, 4]; of a lost frame the prediction, not to be trusted
-    keyframe: int  # id of the reference keyframe
+    T_world_cam: np.ndarray  # [4, 4]; of a lost frame: the prediction, not reliable
+    keyframe: int  # id of the keyframe that the pose is relative to
     T_keyframe_cam: np.ndarray  # [4, 4]
     quality: float = 0.0  # 0..1
-    residual_m: float = math.nan  # RMS of the SDF inliers; nan where there was no map
+    residual_m: float = math.nan  # RMS of the SDF inliers; nan without a map
     map_version: int = 0  # 0: no map
     is_keyframe: bool = False
     outside: int = 0  # depth points outside the bound
-    # of the keyframes' poses that the pose is of; None: as of before
+    # version of the keyframe poses that the pose follows; None: that when the frame came
     pose_version: int | None = None
     # [6, 6] as in `geometry/pose_covariance.py`; None: not known
     covariance: np.ndarray | None = None
-    # 0: pose and keyframe are of the map; else of this fragment, and the map's is lost
+    # 0: pose and keyframe are in the map; else in this fragment, and the camera is lost to the map
     fragment: int = 0
-    joined: JoinedFragment | None = None  # to the map, with this frame
-    # [4, 4] T_world_cam by odometry, of the first frame aligned after dead-reckoned ones
+    joined: JoinedFragment | None = None  # the fragment that joined the map at this frame
+    # [4, 4] T_world_cam by odometry, of the first aligned frame after dead-reckoned ones
     T_expected: np.ndarray | None = None
     is_carried: bool = False  # the motion since the last frame with a pose is not known
-    imu_disagrees: bool = False  # it turns otherwise than the camera, and is not used
+    imu_disagrees: bool = False  # it rotates unlike the camera, and is not used
 
     @classmethod
     def first(cls, frame_index: int, keyframe: int, T_world_cam: np.ndarray) -> "TrackResult":
-        """Of the frame that the world's origin is fixed to."""
+        """The result of the first frame, which fixes the world."""
         return cls(
             frame_index=frame_index, status="initial", T_world_cam=T_world_cam, keyframe=keyframe,
             T_keyframe_cam=np.eye(4), quality=1.0, is_keyframe=True, covariance=np.zeros((6, 6)),
@@ -126,7 +126,7 @@ class TrackResult:
         map_epoch: int = 0,
         publisher: int = 0,
     ) -> np.ndarray:
-        """The row of the pose log, [] of POSE_ROW. `pose_version`: of the keyframes when the frame came."""
+        """The row of the pose log, [] of POSE_ROW. `pose_version`: that when the frame came."""
         return pose_row(
             index=self.frame_index,
             source_stamp_ns=source_stamp_ns,
@@ -147,7 +147,7 @@ class TrackResult:
 
     @classmethod
     def without_map(cls, frame_index: int) -> "TrackResult":
-        """Of a frame before there is a keyframe, on which no map can be started."""
+        """The result of a frame that comes before the first keyframe and cannot become one."""
         return cls(
             frame_index=frame_index, status="lost", T_world_cam=np.eye(4), keyframe=-1,
             T_keyframe_cam=np.eye(4),
@@ -155,8 +155,8 @@ class TrackResult:
 
 
 def frame_points(frame: Frame, config: TrackerConfig, seed: int) -> np.ndarray:
-    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge; as many as
-    `config.surface_points` if depth is noisy."""
+    """About `config.points` depth points [N, 3] float32 m, camera frame, none on a depth edge; if depth is
+    noisy, `config.surface_points` if that is more."""
     camera = frame.camera
     aspect = camera.width_px / camera.height_px
     radius_px = config.depth_window_px // 2

@@ -24,17 +24,16 @@ from hsslam_node.tracking.places.relocalisation import Relocalisation
 from hsslam_node.tracking.pose_search import FOLLOWED_FRAMES, PoseSearch
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 
-_ANEW_FRAMES = 20  # by odometry alone, though they see something: then the next is a keyframe
+_DEAD_RECKONED_FRAMES = 20  # with depth; then the next one becomes a keyframe
 
 
 class Tracker:
-    """Tracks frames one by one and appends keyframes to the store, whose poses it follows.
+    """Tracks frames one by one, appends keyframes to the store and follows corrections of their poses.
 
-    The first frame defines the world. A frame that cannot be aligned is reported as lost; the next
-    ones are aligned to the last pose that was good. If frames carry odometry, it predicts poses, and a frame
-    that cannot be aligned gets its pose by odometry alone, up to a distance; if no keyframe shows what it
-    sees, it becomes one. If frames carry readings of an IMU, these predict rotations, and the store gets to
-    know gravity.
+    The first frame defines the world. A frame that cannot be aligned is lost; the search for the next
+    one starts at the last good pose. If frames carry odometry, it predicts poses, and a frame that cannot
+    be aligned is dead-reckoned while the pose is sure enough. After 20 dead-reckoned frames with depth the
+    next one becomes a keyframe. If frames carry IMU readings, these predict rotations and measure gravity.
     """
 
     def __init__(self, config: SlamConfig, store: KeyframeStore, seed: int) -> None:
@@ -52,10 +51,10 @@ class Tracker:
         self._keyframes = NewKeyframes(config, store)
 
     def resume(self, *, anywhere: bool = False) -> None:
-        """In a map that is there: go on from the newest keyframe of the store, as a lost camera.
+        """Continue in an existing map, as a camera that is lost at the newest keyframe.
 
-        `anywhere`: it may be at any place of the map, so all keyframes are taken in first (15 ms for
-        each that shows something new).
+        `anywhere`: the camera may be at any place of the map, so index all keyframes first (15 ms for
+        each with a new view).
         """
         self._store.forget_incomplete()
         newest = self._store.count - 1
@@ -70,7 +69,7 @@ class Tracker:
         return self._relocalisation
 
     def take_over(self, other: "Tracker", joined: JoinedFragment) -> None:
-        """Go on where the tracker of a fragment is that has joined this one's store."""
+        """Continue from the tracker of a fragment that has joined this tracker's store."""
         self._motion.take_over(other._motion, joined)
         self._aligner.take_over(other._aligner, joined)
         self._keyframes.take_over(other._keyframes, joined)
@@ -79,12 +78,12 @@ class Tracker:
     def track(
         self, frame: Frame, view: MapView | None, *, localise_only: bool = False
     ) -> TrackResult:
-        """Pose of the frame; a keyframe is appended to the store where one is due.
+        """Return the pose of the frame, and append a keyframe to the store if one is due.
 
-        `localise_only`: none is, and the keyframes that there are serve as references.
+        `localise_only`: append none; the existing keyframes serve as references.
 
         Raises:
-            TornMapError: the map was overwritten meanwhile; nothing has changed, track again.
+            TornMapError: the map was overwritten meanwhile. No state has changed: track the frame again.
         """
         seen = self._observed(frame, view, localise_only=localise_only)
         if not self._motion.has_begun:
@@ -99,17 +98,17 @@ class Tracker:
             return self._lose(seen, prediction)
         if not reckoning.is_within_reach(self._config):
             return self._lose(seen, reckoning.T_world_cam)
-        if self._may_begin_anew(seen):
-            return self._begin_anew(seen, reckoning)
-        return self._reckon(seen, reckoning)
+        if self._may_append_unaligned(seen):
+            return self._append_unaligned(seen, reckoning)
+        return self._dead_reckon(seen, reckoning)
 
     def find_near(
         self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
     ) -> TrackResult | None:
-        """Pose of the frame near a place that a person names; None if it does not show that place, and
-        nothing has changed: track the frame.
+        """Return the pose of the frame near a place that a person names, or None if it does not show it.
 
-        A camera that is tracked while the map grows is not looked for.
+        After None no state has changed: call `track`. The answer is also None for a camera that is not
+        lost, unless `localise_only` is set.
 
         Raises:
             TornMapError: as by `track`.
@@ -128,16 +127,16 @@ class Tracker:
         return self._accept(seen, found, None)
 
     def finish(self) -> None:
-        """Nothing is left to do if no frame comes any more: it has no fragments."""
+        """Do nothing: this tracker has no fragments."""
 
     def prepare_next(self) -> None:
-        """Prepare what the next frame is aligned to, which the pose of the last one did not need."""
+        """Prepare the reference keyframe of the next frame; the pose of the last frame did not need it."""
         self._aligner.prepare_next()
 
     def _observed(self, frame: Frame, view: MapView | None, *, localise_only: bool) -> Observation:
         self.prepare_next()
         self._store.expect_like(frame)
-        if self._reckoned.is_open and not localise_only:  # the map has not learnt what is seen now
+        if self._reckoned.is_open and not localise_only:  # the map does not cover this place yet
             view = None
         return Observation.of(frame, view, self._config, self._seed, localise_only=localise_only)
 
@@ -154,7 +153,7 @@ class Tracker:
     def _accept(
         self, seen: Observation, alignment: Alignment, reckoning: Reckoning | None
     ) -> TrackResult:
-        """The frame is aligned: a keyframe is appended if one is due; the next frame goes on from here."""
+        """Take an aligned frame: append a keyframe if one is due, and choose the next reference."""
         frame, motion, aligner = seen.frame, self._motion, self._aligner
         T, version = aligner.placed(alignment)
         doubt = aligner.doubt(alignment)
@@ -190,7 +189,7 @@ class Tracker:
     def _choose_next_reference(
         self, seen: Observation, alignment: Alignment, T: np.ndarray, new: NewKeyframe | None
     ) -> None:
-        """A new keyframe, or one of a map that does not grow, if it shows more of a frame at T [4, 4]."""
+        """Refer to the new keyframe, or if localising to another one, if it shows more of the frame at T."""
         if new is not None:
             if self._aligner.needs_another(alignment, T, seen.frame):
                 self._aligner.refer_next_to_new(new.id, new.frame, seen)
@@ -200,24 +199,24 @@ class Tracker:
                 self._keyframes.frames_since = 0
                 self._aligner.refer_next_to_covering(seen.frame, T)
 
-    def _reckon(self, seen: Observation, reckoning: Reckoning) -> TrackResult:
-        """A frame whose pose is by odometry alone: it becomes no keyframe, and nothing is aligned to it."""
+    def _dead_reckon(self, seen: Observation, reckoning: Reckoning) -> TrackResult:
+        """Place a frame by odometry alone; it becomes no keyframe."""
         covariance = self._reckoned.add(reckoning, sees=seen.has_depth)
         result = self._unaligned(seen, reckoning.T_world_cam, "dead_reckoned")
         return replace(result, covariance=covariance)
 
-    def _may_begin_anew(self, seen: Observation) -> bool:
-        is_long = self._reckoned.unaligned_frames >= _ANEW_FRAMES
+    def _may_append_unaligned(self, seen: Observation) -> bool:
+        is_long = self._reckoned.unaligned_frames >= _DEAD_RECKONED_FRAMES
         return is_long and seen.has_depth and not seen.localise_only and self._store.has_room()
 
-    def _begin_anew(self, seen: Observation, reckoning: Reckoning) -> TrackResult:
-        """A keyframe where the camera is by odometry alone, from which it is tracked on; bundle adjustment
-        moves it once a loop tells better, by how unsure that odometry is."""
+    def _append_unaligned(self, seen: Observation, reckoning: Reckoning) -> TrackResult:
+        """Append a keyframe at the dead-reckoned pose and track from it. After a loop closure, bundle
+        adjustment may move it as far as the covariance of the odometry allows."""
         frame = seen.frame
         covariance = self._reckoned.add(reckoning, sees=True)
         with self._store.appending():
             version = self._store.pose_version
-            T_last = self._motion.T_world_last  # as of now
+            T_last = self._motion.T_world_last
             T = Reckoning.after(T_last, reckoning.motion).T_world_cam
             gap = turned(self._reckoned.gap_at(T_last, T), T[:3, :3].T)
             fragment = self._keyframes.fragment
@@ -232,7 +231,7 @@ class Tracker:
         )  # fmt: skip
 
     def _go_on_from(self, k: int, seen: Observation) -> None:
-        """Go on from a frame that is keyframe k now and was not aligned to another."""
+        """Continue from a frame that is now keyframe k and was not aligned to another."""
         self._keyframes.begin(k, seen.frame)
         self._aligner.refer_to_new(k, seen.frame, seen.levels)
         self._motion.begin(seen.frame, k)

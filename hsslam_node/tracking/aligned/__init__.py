@@ -1,1 +1,1 @@
-"""An aligned frame: whether its pose is believed, what it is aligned to, whether it is a keyframe."""
+"""Checks of aligned poses, the choice of the reference keyframe, and the choice of new keyframes."""

@@ -23,9 +23,9 @@ def is_acceptable(
 ) -> bool:
     """Whether the pose fits map or keyframe and is near `prediction` [4, 4] (camera to world).
 
-    `after_gap`: the camera was lost or unseen for long, so the pose must also fit the reference
-    keyframe: where the map knows nothing, few points contradict a wrong pose. `localise_only`: no keyframe
-    is added, so one that is there must show a part of the frame. A term that is switched off is not asked.
+    `after_gap`: the camera was lost, or its last aligned frame is old. The pose must then also fit the
+    reference keyframe, as few points contradict a wrong pose where there is no map. `localise_only`: the
+    reference must show a part of the frame, as no keyframe is added. A term that is off does not count.
     """
     if alignment is None or not np.isfinite(alignment.T_world_cam).all():
         return False
@@ -44,17 +44,17 @@ def is_acceptable(
 
 
 def quality(alignment: Alignment) -> float:
-    """0..1: the share of depth points that fit the map; where that says nothing, the keyframe."""
+    """0..1: the share of depth points that fit the map; without a map there, the keyframe."""
     ratios = alignment.sdf_inlier_ratio, alignment.surface_inlier_ratio
     return next((float(r) for r in ratios if np.isfinite(r)), 0.0)
 
 
 def _fits(alignment: Alignment, after_gap: bool, config: TrackerConfig) -> bool:
-    """To the map; if that lags behind or a person stands before it, to the reference keyframe alone.
+    """Whether the pose fits the map, or else the keyframe alone: the map may lag, or a person may hide it.
 
-    Where there is no map, enough points must meet the keyframe: any few fit some surface. A person may
-    cover much of the keyframe, too: a camera that was tracked until now needs less of it.
-    With both terms of the keyframe off, the map decides.
+    Without a map, enough points must meet the keyframe, as a few points fit any surface. A person may also
+    hide much of the keyframe, so a camera that was tracked until now needs less coverage. If both terms of
+    the keyframe are off, the map decides.
     """
     coverage = config.lag_coverage if after_gap else config.relocalisation_coverage
     is_backed = (
@@ -89,12 +89,12 @@ def is_confirmed(
     T_world_cam: np.ndarray, prediction: np.ndarray | None, frame: Frame, last: TrackedFrame,
     T_world_last: np.ndarray, longest_gap_s: float,
 ) -> bool:  # fmt: skip
-    """Whether the pose [4, 4] is as predicted, or else agrees with the last good frame as a whole.
+    """Whether the pose [4, 4] is near the prediction, or else the whole image agrees with the last good one.
 
-    A camera that was carried away, or seen again after a gap, sees surfaces that can be laid on those of
-    the map a few centimetres from where it was; the whole images then contradict each other. None: there
-    is no prediction that could be trusted. Images without contrast, as in the dark, say nothing: the
-    camera must then be near where it was at most `longest_gap_s` ago, as it may be carried in a longer time.
+    If a camera was carried or there was a gap, surfaces may fit the map at a pose that is a few centimetres
+    wrong; the images then contradict each other. `prediction` None: there is no reliable one. Images without
+    contrast, as in the dark, do not count: the pose must then be near that of the last good frame, which
+    must be at most `longest_gap_s` old.
     """
     if prediction is not None and _is_near(T_world_cam, prediction):
         return True
@@ -114,8 +114,8 @@ def _is_near(T_world_cam: np.ndarray, prediction: np.ndarray) -> bool:
     return bool(np.linalg.norm(step[:3, 3]) < _EXPECTED_M and turn_rad < _EXPECTED_RAD)
 
 
-_THIN_COVERAGE = 0.45  # of a frame's points: little, as with a person before the camera
-_LESS = 0.85  # than it was
+_THIN_COVERAGE = 0.45  # of a frame's points; less is little, as with a person before the camera
+_LESS = 0.85  # of the largest coverage so far
 
 
 def needs_replacing(
@@ -125,7 +125,7 @@ def needs_replacing(
 
     Args:
         overlap: `reference_overlap` of the frame.
-        most_covered: of the points of any frame since it became the reference.
+        most_covered: largest surface coverage of a frame since the keyframe became the reference.
     """
     return (
         overlap < config.reference_overlap
@@ -136,7 +136,7 @@ def needs_replacing(
 
 
 def is_left_behind(alignment: Alignment, most_covered: float, config: TrackerConfig) -> bool:
-    """Whether much less of the frame meets the reference's surface than of frames before it."""
+    """Whether much less of the frame meets the reference's surface than of earlier frames."""
     covered = alignment.surface_coverage
     return covered < config.reference_coverage * most_covered or (
         covered < _THIN_COVERAGE and covered < _LESS * most_covered

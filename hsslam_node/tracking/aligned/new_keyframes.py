@@ -1,4 +1,4 @@
-"""Which frames become keyframes, and how they get into the store."""
+"""Decides which frames become keyframes, and appends them to the store."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from hsslam_node.tracking.alignment.align import Alignment
 from hsslam_node.tracking.dynamic_mask import DynamicMask
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
-_FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also where the view changes fast
+_FEWEST_BETWEEN = 2  # frames from keyframe to keyframe, also if the view changes fast
 
 
 class NewKeyframe(NamedTuple):
@@ -25,7 +25,7 @@ class NewKeyframe(NamedTuple):
     id: int
     T_world_cam: np.ndarray  # [4, 4]
     pose_version: int
-    frame: Frame  # without what moves
+    frame: Frame  # without moving objects
 
 
 class NewKeyframes:
@@ -37,19 +37,19 @@ class NewKeyframes:
         self._dynamic = DynamicMask(store)
         self._still = StillCamera(store, config.keyframes.still)
         self.frames_since = 0
-        self.fragment = 0  # that keyframes are of
+        self.fragment = 0  # of new keyframes
 
     @property
     def is_late(self) -> bool:
-        """Whether it is time for another one, whatever it shows."""
+        """Whether the next keyframe is due by the number of frames."""
         return self.frames_since >= self._config.keyframes.every_frames
 
     def is_due(
         self, seen: Observation, alignment: Alignment, T_world_cam: np.ndarray, coverage: float
     ) -> bool:
-        """Whether a frame should be one: the map grows, there is room, and the camera does not stand still.
+        """Whether a frame becomes a keyframe: the map grows, there is room, and the camera moves.
 
-        coverage: the most of any frame's points that the reference's surface has met.
+        coverage: largest share of a frame's points that have met the reference's surface.
         """
         if seen.localise_only:
             return False
@@ -68,7 +68,7 @@ class NewKeyframes:
         doubt: PoseDoubt,
         gap: np.ndarray,
     ) -> NewKeyframe:
-        """Append a frame as its newest alignment places it.
+        """Append a frame at the pose of its newest alignment.
 
         gap: covariance [6, 6] of the motion by odometry alone since the newest keyframe.
         """
@@ -76,20 +76,20 @@ class NewKeyframes:
         if aligner.take_untracked():
             gap = gap + UNTRACKED
         with self._store.appending():
-            T, version = aligner.placed(alignment)  # as of now
+            T, version = aligner.placed(alignment)
             still = self._dynamic.left_out(frame, T)
-            of_gap = turned(gap + doubt.own, T[:3, :3].T) if gap.any() else gap
+            gap_covariance = turned(gap + doubt.own, T[:3, :3].T) if gap.any() else gap
             covariance = doubt.of_new_keyframe()
-            k = self._store.append(still, T, version, covariance, of_gap, self.fragment)
+            k = self._store.append(still, T, version, covariance, gap_covariance, self.fragment)
         self._dynamic.observe(k, still)
         return NewKeyframe(k, T, version, still)
 
     def begin(self, k: int, frame: Frame) -> None:
-        """A frame that was not aligned has become keyframe k."""
+        """Take a frame that became keyframe k without alignment."""
         self.frames_since = 0
         self._dynamic.observe(k, frame)
 
     def take_over(self, other: "NewKeyframes", joined: JoinedFragment) -> None:
-        """Go on in a fragment that has joined the store."""
+        """Continue from a fragment that has joined the store."""
         self.frames_since = other.frames_since
         self.fragment = joined.fragment

@@ -1,4 +1,4 @@
-"""A frame as the tracker takes it: with what is computed of it once, and what it is aligned to."""
+"""A frame prepared for tracking: image pyramid, depth points, and the map to align it to."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Observation:
     frame: Frame
     levels: tuple[PyramidLevel, ...]  # coarse first
     points: np.ndarray  # [N, 3] float32 m, camera frame
-    view: MapView | None  # None: there is no map, or it knows nothing of what is seen
+    view: MapView | None  # None: there is no map, or it does not cover this place
     localise_only: bool  # the map does not grow
 
     @classmethod
@@ -43,5 +43,5 @@ class Observation:
 
     @property
     def map_version(self) -> int:
-        """Of the map that the frame is aligned to; 0: none."""
+        """Version of the map that the frame is aligned to; 0: none."""
         return self.view.version if self.view else 0

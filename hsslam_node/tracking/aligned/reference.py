@@ -1,4 +1,4 @@
-"""The keyframe that frames are aligned to, with what their alignments have shown of it."""
+"""The reference keyframe, with exposure and coverage of the frames that were aligned to it."""
 
 from dataclasses import dataclass
 
@@ -19,18 +19,18 @@ _SAME = Exposure()
 
 @dataclass(frozen=True)
 class Reference:
-    """A keyframe, and what the frames since it became the reference have shown."""
+    """The reference keyframe, and results of alignments to it."""
 
     keyframe: ReferenceKeyframe
     exposure: Exposure = _SAME  # of the last good frame against the keyframe
-    coverage: float = 0.0  # of frames' depth points by the keyframe's surface, the most so far
-    # chosen by where the camera is, which was not tracked there from the newest keyframe; none has come since
+    coverage: float = 0.0  # largest share of a frame's depth points on the keyframe's surface
+    # whether the camera was not tracked to it from the newest keyframe, until the next keyframe comes
     is_at_place: bool = False
 
     def needs_replacing(
         self, alignment: Alignment, T: np.ndarray, frame: Frame, store: KeyframeStore, config: TrackerConfig
     ) -> bool:  # fmt: skip
-        """Whether another keyframe would show more of a frame that was aligned to T [4, 4]."""
+        """Whether another keyframe would show more of a frame that was aligned at T [4, 4]."""
         T_cam_ref = inverse(T) @ store.pose(self.keyframe.id)
         overlap = reference_overlap(self.keyframe, T_cam_ref, frame.camera)
         return needs_replacing(alignment, overlap, self.coverage, config)
@@ -38,7 +38,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class AlignedAt:
-    """The reference's pose in an alignment; bundle adjustment may correct it meanwhile."""
+    """The reference's pose during an alignment; bundle adjustment may correct it meanwhile."""
 
     keyframe: int
     T_world_ref: np.ndarray  # [4, 4]
@@ -46,12 +46,12 @@ class AlignedAt:
 
     @classmethod
     def now(cls, keyframe: int, store: KeyframeStore) -> "AlignedAt":
-        """As the store has it; the version comes first, so that a correction in between is seen."""
+        """The pose in the store; the version is read first, so that a correction in between is noticed."""
         version = store.pose_version
         return cls(keyframe, store.pose(keyframe), version)
 
     def followed(self, T: np.ndarray, store: KeyframeStore) -> tuple[np.ndarray, int]:
-        """An aligned pose [4, 4], and the pose version that it is of: now, if the reference was corrected."""
+        """An aligned pose [4, 4], moved with the reference if it was corrected, and the pose version."""
         newest = store.pose_version
         if newest == self.pose_version:
             return T, newest

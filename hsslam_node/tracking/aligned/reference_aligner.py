@@ -25,7 +25,7 @@ from hsslam_node.tracking.tracked_frame import JoinedFragment, orthonormal
 
 @dataclass(frozen=True)
 class PoseDoubt:
-    """How sure an aligned pose is; covariances as in `geometry/pose_covariance.py`."""
+    """Covariances of an aligned pose, as in `geometry/pose_covariance.py`."""
 
     own: np.ndarray  # [6, 6] of the pose against the reference
     of_reference: np.ndarray  # [6, 6]
@@ -36,7 +36,7 @@ class PoseDoubt:
         return in_world(self.own, self.of_reference, self.lever_m)
 
     def of_new_keyframe(self) -> np.ndarray:
-        """[6, 6] of the frame as a keyframe."""
+        """[6, 6] of the pose in the world once the frame is a keyframe."""
         return of_new_keyframe(self.own, self.of_reference, self.lever_m)
 
 
@@ -59,9 +59,9 @@ class ReferenceAligner:
     def align(
         self, seen: Observation, T: np.ndarray, doubt: np.ndarray | None = None
     ) -> Alignment | None:
-        """The frame aligned from a guess T [4, 4]; None if it has too little depth.
+        """Align the frame from a guess T [4, 4]; None if it has too little depth.
 
-        `doubt`: [6, 6] of the guess, if the pose is to stay near it.
+        `doubt`: covariance [6, 6] of the guess if it is by odometry, see `with_motion_prior`.
 
         Raises:
             TornMapError: the map was overwritten meanwhile.
@@ -84,29 +84,29 @@ class ReferenceAligner:
         return self._aligned_at.followed(orthonormal(alignment.T_world_cam), self._store)
 
     def doubt(self, alignment: Alignment) -> PoseDoubt:
-        """Of the newest alignment."""
+        """Covariances of the newest alignment."""
         assert alignment.evidence is not None and self._aligned_at is not None
         lever_m = alignment.T_world_cam[:3, 3] - self._aligned_at.T_world_ref[:3, 3]
         of_reference = self._store.covariance(self._aligned_at.keyframe)
         return PoseDoubt(alignment.evidence.covariance(), of_reference, lever_m)
 
     def observe(self, alignment: Alignment) -> Reference:
-        """Learn from an accepted alignment what it shows of the reference; returns that."""
+        """Update exposure and coverage of the reference by an accepted alignment; returns the reference."""
         assert self.reference is not None
         coverage = max(self.reference.coverage, alignment.surface_coverage)
         self.reference = replace(self.reference, exposure=alignment.exposure, coverage=coverage)
         return self.reference
 
     def take_untracked(self) -> bool:
-        """Whether the camera was not tracked from the newest keyframe to the one that is appended now, which
-        is the newest from now on."""
+        """Whether the camera was not tracked from the newest keyframe to the one that is appended now;
+        clears `is_at_place`."""
         assert self.reference is not None
         is_untracked = self.reference.is_at_place
         self.reference = replace(self.reference, is_at_place=False)
         return is_untracked
 
     def needs_another(self, alignment: Alignment, T_world_cam: np.ndarray, frame: Frame) -> bool:
-        """Whether another keyframe would show more of a frame that was aligned to T_world_cam [4, 4]."""
+        """Whether another keyframe would show more of a frame that was aligned at T_world_cam [4, 4]."""
         assert self.reference is not None
         return self.reference.needs_replacing(
             alignment, T_world_cam, frame, self._store, self._config
@@ -128,7 +128,7 @@ class ReferenceAligner:
             self.refer_to(k)
 
     def refer_next_to_new(self, k: int, frame: Frame, seen: Observation) -> None:
-        """Align the next frame to keyframe k, which is `frame`: what `seen` is, without what moves."""
+        """Align the next frame to keyframe k; `frame`: that of `seen`, without moving objects."""
         levels = seen.levels if frame is seen.frame else grey_pyramid(frame)
         views = views_near(self._store, k, frame, self._config.reference_views)
         pixels = self._config.photometric_pixels
@@ -143,13 +143,13 @@ class ReferenceAligner:
             )
 
     def prepare_next(self) -> None:
-        """Prepare the keyframe that the next frame is aligned to, which the last pose did not need."""
+        """Prepare the reference keyframe of the next frame; the last pose did not need it."""
         if self._next is not None:
             self.reference = self._next()
             self._next = None
 
     def take_over(self, other: "ReferenceAligner", joined: JoinedFragment) -> None:
-        """Go on with the reference of a fragment that has joined the store."""
+        """Continue with the reference of a fragment that has joined the store."""
         other.prepare_next()
         assert other.reference is not None
         keyframe = other.reference.keyframe

@@ -1,1 +1,1 @@
-"""A frame is aligned to the map, to the surface of a keyframe and to its image."""
+"""Alignment of a frame to the map, and to the surface and image of a keyframe."""

@@ -15,7 +15,7 @@ from hsslam_node.tracking.map_view import MapView
 
 _COARSE_STOP = 1e-3  # m, rad
 _DAMPING = 1e-4
-_JUDGED = 0.05  # of the points that are asked; fewer in the bound do not tell whether the pose fits the map
+_JUDGED = 0.05  # share of queried points in the bound; with fewer the map does not count
 _SAME_EXPOSURE = Exposure()
 
 
@@ -57,8 +57,8 @@ def align(
         view: the map; None before there is one.
         reference: the keyframe; None leaves its two terms out.
         T_world_ref: [4, 4] pose of the keyframe.
-        exposure: where to start.
-        doubt: covariance [6, 6] of `T_world_cam` if odometry foretells it, as in `with_motion_prior`.
+        exposure: the initial one.
+        doubt: covariance [6, 6] of `T_world_cam` if odometry predicts it, as in `with_motion_prior`.
     """
     terms = FrameTerms(points, levels, view, reference, T_world_ref, config, exposure)
     T = T_world_cam.copy()

@@ -1,4 +1,4 @@
-"""What map, surface and image say of the pose of one frame: normal equations of 6 + 2 unknowns."""
+"""Normal equations of one frame's pose and exposure, 6 + 2 unknowns, from map, surface and image."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,14 +15,14 @@ from hsslam_node.tracking.keyframes.reference_keyframe import PyramidLevel, Refe
 from hsslam_node.tracking.map_view import MapView
 
 _COARSE_STRIDE = 4  # every fourth depth point at all levels but the last
-_MOST_ASKED = 1.25  # times `config.points`, as frames have some more
+_MOST_QUERIED = 1.25  # times `config.points`, as frames have some more
 _LOWER = np.tril_indices(8, -1)
-# of a step (m, rad, grey levels, gain): where nothing else says anything, stay
+# information of a step (m, rad, grey levels, gain): no step where no term constrains it
 _PRIOR = np.array([1e-9] * 6 + [1 / 20.0**2, 1 / 0.2**2])
 
 
 class Exposure(NamedTuple):
-    """The image is gain times the keyframe's plus bias."""
+    """Image = gain * image of the keyframe + bias."""
 
     bias: float = 0.0  # grey levels
     gain: float = 1.0
@@ -48,7 +48,7 @@ class NormalEquations:
     H_before_photo: np.ndarray | None = None
 
     def evidence(self) -> Evidence:
-        """Once H is complete."""
+        """The evidence, once H is complete."""
         before_photo = self.H if self.H_before_photo is None else self.H_before_photo
         before_surface = before_photo if self.H_before_surface is None else self.H_before_surface
         return Evidence(
@@ -73,12 +73,12 @@ class FrameTerms:
         config: TrackerConfig,
         exposure: Exposure,
     ) -> None:
-        self._asked_every = 1 + int(len(points) / (_MOST_ASKED * config.points))
-        asked = np.ascontiguousarray(points[:: self._asked_every])
-        coarse = np.ascontiguousarray(asked[::_COARSE_STRIDE])
+        self._query_stride = 1 + int(len(points) / (_MOST_QUERIED * config.points))
+        queried = np.ascontiguousarray(points[:: self._query_stride])
+        coarse = np.ascontiguousarray(queried[::_COARSE_STRIDE])
         self._points = (coarse, points)
         self._levels = levels
-        self._sdf_term = open_sdf_term(view, (coarse, asked), config) if view else None
+        self._sdf_term = open_sdf_term(view, (coarse, queried), config) if view else None
         self._reference = reference
         self._config = config
         self._T_ref_world = inverse(T_world_ref)
@@ -98,15 +98,15 @@ class FrameTerms:
         world = self._world[:n]
         transform_points(T, points, world)
         centre = T[:3, 3].copy()
-        # the map is asked last, and first only where there is no keyframe to lead the way
+        # the map is queried at the finest level; without a keyframe, at all levels
         if self._sdf_term and (fine or self._reference is None):
-            asked = np.ascontiguousarray(world[:: self._asked_every]) if fine else world
-            found = self._add_sdf_term(T, asked, fine, system)
+            queried = np.ascontiguousarray(world[:: self._query_stride]) if fine else world
+            found = self._add_sdf_term(T, queried, fine, system)
             system.sdf_inliers, system.sdf_seen, system.sdf_squares = found
-            system.outside = len(asked) - found.seen
+            system.outside = len(queried) - found.seen
         if self._reference and c.surface_weight > 0:
             k = c.surface_weight**-0.5
-            sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide enough to be led by
+            sigma_m, noise = c.sdf_sigma_m, c.sdf_sigma_slope  # wide, for the coarse levels
             if fine:
                 sigma_m, noise = c.surface_sigma_m, self._reference.depth_noise
             system.H_before_surface = system.H.copy()
@@ -132,7 +132,7 @@ class FrameTerms:
     def _add_sdf_term(
         self, T: np.ndarray, world: np.ndarray, fine: bool, system: NormalEquations
     ) -> SdfEvidence:
-        """Add what the map says, by its weight; in full if there is no keyframe."""
+        """Add the map's term by its weight; with weight 1 if there is no keyframe."""
         assert self._sdf_term is not None
         weight = self._config.sdf_weight if self._reference else 1.0
         if weight == 1.0:
@@ -145,7 +145,7 @@ class FrameTerms:
 
 
 def _mirrored(upper: np.ndarray) -> np.ndarray:
-    """A symmetric matrix of its upper half."""
+    """A symmetric matrix from its upper half."""
     out = upper.copy()
     out[_LOWER] = upper.T[_LOWER]
     return out
@@ -154,7 +154,7 @@ def _mirrored(upper: np.ndarray) -> np.ndarray:
 def open_sdf_term(
     view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig
 ) -> SdfTerm:
-    """The term for points (of coarse levels, of the fine one), each [N, 3] float32 m, camera frame."""
+    """The SDF term for points (coarse levels, finest level), each [N, 3] float32 m, camera frame."""
     if view.on_device is not None:
         from hsslam_node.tracking.alignment.gpu_sdf_term import GpuSdfTerm
 

@@ -15,7 +15,7 @@ _H, _B, _SUMS = slice(0, 49), slice(49, 56), slice(56, 60)
 
 
 class GpuSdfTerm:
-    """Asks the device's copy of the map; an `SdfTerm`."""
+    """Queries the device's copy of the map; an `SdfTerm`."""
 
     def __init__(
         self, view: MapView, points: tuple[np.ndarray, np.ndarray], config: TrackerConfig

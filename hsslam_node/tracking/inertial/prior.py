@@ -1,4 +1,4 @@
-"""What the IMU tells the tracker: the turn since the last aligned frame; and the map: which way is up."""
+"""Predicts rotations since the last aligned frame by the IMU, and measures gravity for the store."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from hsslam_node.tracking.inertial.turn_agreement import TurnAgreement
 
 
 class InertialPrior:
-    """Learns the bias of the gyroscope and gravity from aligned frames, and turns predictions as the IMU did.
+    """Learns gyroscope bias and gravity from aligned frames, and gives predictions the IMU's rotation.
 
-    Nothing is used of an IMU that turns otherwise than the camera.
+    An IMU that rotates unlike the camera is not used.
 
     Args:
-        turns_predictions: False leaves predictions as they are; gravity is learnt nevertheless.
+        turns_predictions: False leaves predictions as they are; gravity is still learnt.
     """
 
     def __init__(self, store: KeyframeStore, turns_predictions: bool) -> None:
@@ -24,19 +24,19 @@ class InertialPrior:
         self._bias = GyroBias()
         self._windows = GravityWindows()
         self._agreement = TurnAgreement()
-        self._of_last: ImuReading | None = None  # of the last aligned frame
+        self._last: ImuReading | None = None  # of the last aligned frame
         self._newest: ImuReading | None = None
         self._turn: np.ndarray | None = None  # [3, 3] newest frame with a reading to last aligned
-        self._has_noted = False  # gravity, in the store
+        self._has_noted = False  # whether it has written gravity to the store
         self._is_current = False  # whether the frame that is tracked now has a reading
 
     @property
     def disagrees(self) -> bool:
-        """Whether the IMU turns otherwise than the camera."""
+        """Whether the IMU rotates unlike the camera."""
         return self._agreement.is_known and not self._agreement.holds
 
     def take(self, reading: ImuReading | None) -> None:
-        """The reading of the frame that is to be tracked; it may be repeated."""
+        """Take the reading of the frame that is tracked next; may be called twice for a frame."""
         self._is_current = reading is not None
         if reading is None:
             return
@@ -48,8 +48,7 @@ class InertialPrior:
         self._newest = reading
 
     def turned(self, T_world_cam: np.ndarray, T_world_last: np.ndarray) -> np.ndarray:
-        """A prediction [4, 4] with the rotation that the IMU saw since the last aligned frame; as it is
-        without one."""
+        """A predicted pose [4, 4] with the IMU's rotation since the last aligned frame, if that is known."""
         if self._turn is None or not (self._is_current and self._turns_predictions):
             return T_world_cam
         if not (self._agreement.is_known and self._agreement.holds):
@@ -62,9 +61,8 @@ class InertialPrior:
         self, reading: ImuReading | None, T_last_cam: np.ndarray, keyframe: int,
         T_keyframe_cam: np.ndarray,
     ) -> None:  # fmt: skip
-        """The frame was aligned: its motion [4, 4] since the last aligned one, and its place at a
-        keyframe."""
-        motion = motion_between(self._of_last, reading)
+        """Take an aligned frame: its motion [4, 4] since the last aligned one, its pose at a keyframe."""
+        motion = motion_between(self._last, reading)
         if motion is not None and motion.seconds > 0:
             R = T_last_cam[:3, :3]
             self._agreement.compare(self._bias.removed(motion), R, motion.seconds)
@@ -77,12 +75,12 @@ class InertialPrior:
         self._begin(reading)
 
     def restart(self, reading: ImuReading | None) -> None:
-        """Measure turns from this frame on; how the camera came here is not known."""
+        """Measure rotations from this frame on; the motion before it is not known."""
         self._windows.break_off()
         self._begin(reading)
 
     def _begin(self, reading: ImuReading | None) -> None:
-        self._of_last = self._newest = reading
+        self._last = self._newest = reading
         self._turn = None if reading is None else np.eye(3)
 
     def _learn_gravity(self) -> None:

@@ -1,13 +1,13 @@
-"""Whether an IMU turns as the camera does; a file of its own: its mounting may be given wrongly."""
+"""Whether the IMU rotates like the camera; a file of its own, as it checks how the IMU is mounted."""
 
 import numpy as np
 
 from hsslam_node.geometry.se3 import so3_log
 
 _MEMORY_S = 10.0
-_FIRST_S = 0.5  # until then nothing is known
-_SHARE = 0.5  # of the camera's turn rate that may be off
-_REST = 0.06  # rad/s that may be off, also at rest: bias, and noise of tracking
+_FIRST_S = 0.5  # time to compare before there is an answer
+_SHARE = 0.5  # of the camera's turn rate by which the IMU may differ
+_REST = 0.06  # rad/s by which the IMU may differ, also at rest: bias, and noise of tracking
 
 
 class TurnAgreement:
@@ -19,7 +19,7 @@ class TurnAgreement:
         self._off = 0.0
 
     def compare(self, R_by_imu: np.ndarray, R_tracked: np.ndarray, seconds: float) -> None:
-        """Take the same turn [3, 3] by both."""
+        """Take a rotation [3, 3] by the IMU and by tracking."""
         self._seconds = min(self._seconds + seconds, _MEMORY_S)
         share = min(seconds / self._seconds, 1.0)
         turn = float(np.sum((so3_log(R_tracked) / seconds) ** 2))
@@ -29,10 +29,10 @@ class TurnAgreement:
 
     @property
     def is_known(self) -> bool:
-        """Whether enough was compared to say."""
+        """Whether enough time was compared."""
         return self._seconds >= _FIRST_S
 
     @property
     def holds(self) -> bool:
-        """Whether what was compared agrees; False if most of the camera's turns are not what the IMU says."""
+        """Whether the IMU's turn rate differs from the camera's by less than half of it, plus noise."""
         return self._off < _SHARE**2 * self._turn + _REST**2

@@ -1,1 +1,1 @@
-"""Keyframes prepared for frames to be aligned to, with what keyframes near them measured."""
+"""Reference keyframes, prepared for alignment, with depth averaged over keyframes near them."""

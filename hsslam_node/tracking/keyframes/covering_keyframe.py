@@ -1,4 +1,4 @@
-"""Which keyframe of a map shows most of what a frame shows."""
+"""Finds the keyframe of a map that shows most of a frame."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from hsslam_node.geometry.view_distance import view_distance
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
 _STRIDE = 24 / 640  # of the width of the image
-_CANDIDATES = 12  # that stand most like the camera
-_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # between two depths of one surface, with its distance
-_CLEARLY = 0.1  # more of the frame's points than the current one
+_CANDIDATES = 12  # keyframes with the nearest views
+_MARGIN_M, _MARGIN_SLOPE = 0.03, 0.02  # two depths within first + second z, m, are one surface
+_CLEARLY = 0.1  # share of the frame's points that it must show more than the current one
 
 
 def covering_keyframe(
@@ -20,7 +20,7 @@ def covering_keyframe(
 ) -> int:
     """The keyframe on whose surface most of the frame's depth lies; `current` unless one is clearly better.
 
-    Of equals it is that which stands most like the camera at T_world_cam [4, 4].
+    Of equals, it is the one with the view nearest to T_world_cam [4, 4].
     """
     depth_m = frame.depth_raw / frame.depth_units_per_m
     points = world_points(depth_m, frame.camera, T_world_cam, stride_px(frame.camera))
@@ -39,7 +39,7 @@ def covering_keyframe(
 
 
 def stride_px(camera: Camera) -> int:
-    """From one pixel to the next, along rows and columns, of those whose depth `share_shown` is asked for."""
+    """Distance between the pixels whose points go to `share_shown`, along rows and columns."""
     return max(1, round(_STRIDE * camera.width_px))
 
 

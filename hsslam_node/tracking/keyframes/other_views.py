@@ -10,22 +10,22 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.tracking.view_mean import add_view
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 
-_GATE = 2.0  # times the difference that pixels of one surface have
+_GATE = 2.0  # times the usual difference between pixels of one surface
 
 
 @dataclass(frozen=True)
 class OtherViews:
-    """What other keyframes of the same camera measured. None of them: depth stays as it is."""
+    """Depth images of other keyframes of the same camera. Without any, depth stays as it is."""
 
     T_view_key: tuple[np.ndarray, ...]  # n times [4, 4]
     depth_raw: tuple[np.ndarray, ...]  # n times [H, W] uint16
     K: np.ndarray  # [4] float64
     metres_per_unit: float
-    gate: float  # 1/m, between inverse depths of one surface; 0: depth is exact
+    gate: float  # 1/m, limit for inverse depths of one surface; 0: depth is exact
 
     def averaged(self, rays: np.ndarray, depth_m: np.ndarray, pixels: float) -> np.ndarray:
-        """Depth [N] m along rays [N, 2] (x, y at z = 1, camera of the keyframe) with all views; of the
-        keyframe's own [N] as the mean of so many `pixels`, 0 = unknown."""
+        """Depth [N] m along rays [N, 2] (x, y at z = 1, camera of the keyframe), averaged over all views.
+        depth_m: [N] of the keyframe, each the mean of `pixels` pixels, 0 = unknown."""
         count = np.where(depth_m > 0, pixels, 0.0)
         total = np.divide(count, depth_m, out=np.zeros_like(count), where=depth_m > 0)
         if self.gate > 0:
@@ -38,8 +38,8 @@ class OtherViews:
 
 
 def views_near(store: KeyframeStore, k: int, frame: Frame, most: int) -> OtherViews:
-    """Up to `most` keyframes of the store next to keyframe k, which is `frame`, at their poses of now; none
-    if its depth is exact."""
+    """Views of up to `most` keyframes next to keyframe k, which is `frame`, at their current poses; none if
+    its depth is exact."""
     c, gate = frame.camera, _GATE * surface_limit(frame)
     near = [j for j in _next_to(k, most, store.count) if store.is_kept(j)][:most] if gate else []
     poses = store.poses_of(np.array([k, *near], np.int64))
@@ -49,7 +49,7 @@ def views_near(store: KeyframeStore, k: int, frame: Frame, most: int) -> OtherVi
             raw = store.pixels(j)[1].copy()
         except RetiredKeyframeError:
             continue
-        if store.is_kept(j):  # else its slot may have been used again meanwhile
+        if store.is_kept(j):  # else its slot may have been reused meanwhile
             T_view_key.append(inverse(T_world_view) @ poses[0])
             depth.append(raw)
     K = np.array([c.fx, c.fy, c.cx, c.cy])

@@ -1,4 +1,4 @@
-"""The keyframe that frames are aligned to directly: its salient pixels and its surface."""
+"""The reference keyframe, prepared for alignment: its salient pixels and its surface."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ from hsslam_node.tracking.keyframes.other_views import OtherViews, views_near
 
 PYRAMID_LEVELS = (0.125, 0.25, 0.5, 1.0)  # resolutions of the photometric term, coarse first
 _SMALLEST_GRADIENT = 4.0  # grey levels per pixel
-# Neighbouring pixels of one surface differ by a smaller share of their depth, if the focal length is no
-# shorter than this; else a pixel spans more of a slope.
+# Neighbouring pixels of one surface differ by less than this share of their depth. If the focal length is
+# shorter, the share is larger, as a pixel spans more of a slope.
 _DEPTH_STEP, _DEPTH_STEP_FOCAL_PX = 0.05, 120.0
 
 
@@ -67,12 +67,12 @@ def grey_pyramid(frame: Frame) -> tuple[PyramidLevel, ...]:
 
 
 def _depth_step(camera: Camera) -> float:
-    """The share of its depth by which neighbours of a pixel on one surface may differ, at all levels."""
+    """Share of the depth by which neighbouring pixels of one surface may differ, at all levels."""
     return _DEPTH_STEP * max(1.0, _DEPTH_STEP_FOCAL_PX / min(camera.fx, camera.fy))
 
 
 def _halved_depth(depth: np.ndarray, depth_step: float) -> np.ndarray:
-    """Mean of each 2x2 block; unknown where one of the four is, or where they lie apart."""
+    """Mean of each 2x2 block; unknown if one of the four is, or if they lie on two surfaces."""
     height, width = depth.shape[0] // 2, depth.shape[1] // 2
     out = np.empty((height, width), np.float32)
     halve_depth(depth, np.float32(depth_step), out)
@@ -88,7 +88,7 @@ def reference_keyframe(
 ) -> ReferenceKeyframe:
     """Prepare a keyframe: about `pixels` salient pixels per level, and its surface with normals.
 
-    `views`: keyframes near it; noisy depth is averaged over those that see the same.
+    `views`: keyframes near it; noisy depth is averaged over those that see the same surface.
     """
     points, greys = [], []
     for level in levels:
@@ -106,7 +106,7 @@ def reference_keyframe(
 
 
 def stored_reference(store: KeyframeStore, k: int, config: TrackerConfig) -> ReferenceKeyframe:
-    """The same of keyframe k of a store."""
+    """Prepare keyframe k of a store."""
     keyframe = store.frame(k)
     views = views_near(store, k, keyframe, config.reference_views)
     levels = grey_pyramid(keyframe)
@@ -145,14 +145,14 @@ def _salient_pixels(level: PyramidLevel, wanted: int) -> tuple[np.ndarray, np.nd
 def _surface(
     frame: Frame, noise: float, views: OtherViews | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and normals where the depth is continuous: of all pixels as they are if it is exact, else
-    at half resolution, averaged over the views and smoothed, as inverse depth."""
+    """Points and normals where the depth is continuous: at full resolution if it is exact, else at half
+    resolution, averaged over the views and smoothed, as inverse depth."""
     is_exact = noise < EXACT_NOISE
     depth_step = _depth_step(frame.camera)
     camera = frame.camera if is_exact else frame.camera.scaled(0.5)
     K = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     depth = frame.depth_m() if is_exact else _halved_depth(frame.depth_m(), depth_step)
-    low = cv2.erode(  # nor is the image continuous at its border
+    low = cv2.erode(  # the image is not continuous at its border
         depth, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)
     )
     high = cv2.dilate(depth, np.ones((3, 3), np.uint8))
@@ -171,7 +171,7 @@ def _surface(
 
 
 def _averaged(depth: np.ndarray, K: np.ndarray, views: OtherViews) -> np.ndarray:
-    """Depth [h, w] at half resolution, of a keyframe with these views."""
+    """Depth [h, w] at half resolution, averaged over the views."""
     v, u = np.indices(depth.shape)
     rays = np.stack([(u - K[2]) / K[0], (v - K[3]) / K[1]], -1).reshape(-1, 2)
     return views.averaged(rays, depth.ravel(), 4).reshape(depth.shape).astype(np.float32)

@@ -1,1 +1,1 @@
-"""Where a camera may be that is lost, by the keyframes of the map."""
+"""Relocalisation: the pose of a lost camera, by the keyframes of the map."""

@@ -1,4 +1,4 @@
-"""Where a frame was taken near a place that a person names: by features of keyframes there, else by depth."""
+"""The pose of a frame near a place that a person names: by features of keyframes there, else by depth."""
 
 from dataclasses import dataclass
 
@@ -19,28 +19,28 @@ from hsslam_node.tracking.keyframes.covering_keyframe import share_shown, stride
 from hsslam_node.tracking.keyframes.reference_keyframe import grey_pyramid, stored_reference
 from hsslam_node.tracking.tracked_frame import TrackedFrame, frame_points
 
-NEAR_M, NEAR_RAD = 1.0, np.pi / 4  # of the place: the camera is believed no farther off
-# of the place: keyframes that may show what is seen there
+NEAR_M, NEAR_RAD = 1.0, np.pi / 4  # from the place; a pose farther away is refused
+# from the place; keyframes nearer than this may show what is seen there
 _KEYFRAMES_M, _KEYFRAMES_RAD = 2.5, np.pi / 3
-_TAKEN_IN = 4  # of these into the index with a frame, 15 ms each
-_ANYWHERE, _THERE = 2, 3  # keyframes that are compared, 35 ms each
-_CLEARLY = 2.0  # times the features of a place elsewhere overrule the person
-_FEWEST_BLOCKS, _ALIKE = 20, 0.85  # of blocks of the two images, as when fragments join
+_TAKEN_IN = 4  # of these keyframes are indexed with a frame, 15 ms each
+_ANYWHERE, _THERE = 2, 3  # keyframes compared in the whole map and near the place, 35 ms each
+_CLEARLY = 2.0  # times the inliers: then a place elsewhere overrules the person
+_FEWEST_BLOCKS, _ALIKE = 20, 0.85  # compared blocks of both images, and share that is alike
 _SHIFTS_M = np.array([-0.5, -0.25, 0.0, 0.25, 0.5])  # along each axis of the floor
 _TURNS_RAD = np.deg2rad([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0])
-_LOOKED_AT = 6  # keyframes whose surfaces are compared with that of the frame at all these poses
-_ALIGNED = 4  # of the poses, 15 ms each
+_LOOKED_AT = 6  # keyframes whose surfaces are compared with the frame's at all these poses
+_ALIGNED = 4  # of these poses are aligned, 15 ms each
 
 
 @dataclass(frozen=True)
 class Whereabouts:
-    """About where a person says that the camera is."""
+    """The approximate pose of the camera that a person names."""
 
     T_world_cam: np.ndarray  # [4, 4]
     up: np.ndarray  # [3] against gravity, world, unit length
 
     def has(self, T_world_cam: np.ndarray) -> bool:
-        """Whether a camera at T_world_cam [4, 4] is there."""
+        """Whether a camera at T_world_cam [4, 4] is near this place."""
         away_m, turn_rad = apart(self.T_world_cam, T_world_cam[None])
         return bool(away_m[0] <= NEAR_M and turn_rad[0] <= NEAR_RAD)
 
@@ -57,11 +57,10 @@ def place_near(
     store: KeyframeStore, index: KeyframeIndex, frame: Frame, near: Whereabouts,
     config: TrackerConfig, limits: LoopLimits, seed: int = 0,
 ) -> np.ndarray | None:  # fmt: skip
-    """T_world_cam [4, 4] of the frame near the place named, or None.
+    """T_world_cam [4, 4] of the frame near the named place, or None.
 
-    The place decides among places that look alike, and where the frame has too few features to be recognised.
-    It overrules nothing: None if another place shows clearly more of what the frame shows, or if the images
-    differ in detail.
+    The named place decides between places that look alike, and if the frame has too few features. None if
+    another place matches the frame clearly better, or if the images differ in detail.
     """
     keyframes = near.keyframes(store)
     if len(keyframes) == 0:
@@ -87,7 +86,7 @@ def place_near(
         if pictures.compared >= _FEWEST_BLOCKS and differ:
             return None
         return store.pose(best.keyframe) @ best.T_keyframe_cam
-    except RetiredKeyframeError:  # just now: the next frame finds another
+    except RetiredKeyframeError:  # meanwhile: the next frame finds another
         return None
 
 
@@ -99,8 +98,8 @@ def _by_depth(
     store: KeyframeStore, frame: Frame, near: Whereabouts, keyframes: np.ndarray,
     config: TrackerConfig, seed: int,
 ) -> np.ndarray | None:  # fmt: skip
-    """The frame aligned from poses about the place at which most of its surface lies on that of a keyframe;
-    of those that whole images confirm, the one that fits best."""
+    """T_world_cam [4, 4] of the frame by alignment from several start poses: the best fit that the whole
+    images confirm, or None."""
     points, levels = frame_points(frame, config, seed), grey_pyramid(frame)
     if len(points) == 0:
         return None
@@ -122,8 +121,8 @@ def _by_depth(
 def _starts(
     store: KeyframeStore, frame: Frame, near: Whereabouts, keyframes: np.ndarray
 ) -> list[tuple[np.ndarray, int]]:
-    """Poses [4, 4] about the place, each with the keyframe that shows most of what is seen from it."""
-    poses = _about(near)
+    """The start poses [4, 4] at which keyframes show most of the frame, each with the best keyframe."""
+    poses = _poses_around(near)
     in_camera = camera_points(frame.depth_m(), frame.camera, stride_px(frame.camera))
     if len(in_camera) == 0:
         return []
@@ -138,8 +137,8 @@ def _starts(
     return [(poses[i], chosen[int(shown[i].argmax())]) for i in order]
 
 
-def _about(near: Whereabouts) -> list[np.ndarray]:
-    """T_world_cam [4, 4]: moved along the floor, and turned on it; as it was given first."""
+def _poses_around(near: Whereabouts) -> list[np.ndarray]:
+    """T_world_cam [4, 4] shifted along the floor and turned about the vertical, the named pose first."""
     side = np.cross(near.up, [1.0, 0, 0] if abs(near.up[0]) < 0.9 else [0, 1.0, 0])
     side /= np.linalg.norm(side)
     ahead = np.cross(side, near.up)

@@ -1,4 +1,4 @@
-"""Where a lost camera may be: places seen before that look the same, a few a frame."""
+"""Relocalisation: finds the pose of a lost camera by keyframes that look the same, a few a frame."""
 
 import contextlib
 import os
@@ -22,12 +22,12 @@ from hsslam_node.tracking.keyframes.reference_keyframe import ReferenceKeyframe,
 from hsslam_node.tracking.places.place_near import Whereabouts, place_near
 
 _CANDIDATES = 2  # keyframes compared with a lost frame, about 35 ms each
-_INDEXED_WHEN_LOST = 2  # keyframes taken in with a lost frame, about 15 ms each
-_INDEXED_BESIDE = 4  # with a frame that is compared in the thread
-_OBSERVED_EVERY = 8  # frames; what was begun has long been done by then
+_INDEXED_WHEN_LOST = 2  # keyframes indexed with a lost frame, about 15 ms each
+_INDEXED_BESIDE = 4  # keyframes indexed with a frame that the thread compares
+_OBSERVED_EVERY = 8  # frames; by then the thread has long been done
 _LIMITS = LoopLimits(overlap=0.2)
 _APART_M, _APART_RAD = 0.1, 0.087  # between two places that are not the same
-_CLEARLY = 2.0  # times the inliers of another place
+_CLEARLY = 2.0  # times the inliers of a match at another place
 
 
 @dataclass(frozen=True)
@@ -40,18 +40,18 @@ class Place:
 
 @dataclass(frozen=True)
 class SeenAgain:
-    """A keyframe that shows what a frame shows, and how far the two agree in detail."""
+    """A keyframe that shows the same place as a frame, and how far the two agree in detail."""
 
     match: LoopMatch
     pictures: PictureAgreement
 
 
 class Relocalisation:
-    """The index of a store's keyframes, and what it says of a lost frame.
+    """Indexes the keyframes of a store, and finds the place of a lost frame in the index.
 
-    While the camera is tracked, keyframes that show something new are taken in beside, in a thread (15
-    ms each, for about one frame in thirty); when lost, no more than a few are, so that the camera does
-    not fall behind its sensor.
+    While the camera is tracked, a thread indexes keyframes with a new view (15 ms each, about one frame in
+    thirty). While it is lost, only a few are indexed with each frame, so that tracking keeps up with the
+    sensor.
     """
 
     def __init__(self, config: TrackerConfig, store: KeyframeStore, seed: int) -> None:
@@ -60,32 +60,32 @@ class Relocalisation:
         self._seed = seed
         self._index = KeyframeIndex(store)
         self._frames = 0
-        self._beside = ThreadPoolExecutor(1, "features", _give_way)
+        self._thread = ThreadPoolExecutor(1, "features", _lower_priority)
         self._pending: tuple[int, Future[ImageFeatures]] | None = None
 
     def observe(self) -> None:
-        """A frame was tracked: now and then, begin to take in a keyframe that shows something new."""
+        """Take a tracked frame: every few frames, begin to index a keyframe with a new view."""
         self._frames += 1
         if self._frames % _OBSERVED_EVERY:
             return
-        self._join()
+        self._index_pending()
         k = self._index.next_new()
         if k is not None:
-            with contextlib.suppress(RetiredKeyframeError):  # just now
-                self._pending = k, self._beside.submit(image_features, self._store.frame(k))
+            with contextlib.suppress(RetiredKeyframeError):  # meanwhile
+                self._pending = k, self._thread.submit(image_features, self._store.frame(k))
 
     def observe_all(self) -> None:
-        """Take in all keyframes there are: before the first frame, where the camera may be anywhere."""
+        """Index all keyframes, before the first frame of a camera that may be anywhere."""
         self._index.update()
 
     def places(self, frame: Frame) -> Iterator[Place]:
-        """Where a lost frame may have been taken; at most one place, none where it is not clear.
+        """The place of a lost frame, by current keyframe poses: at most one, none if it is ambiguous.
 
-        Whole images agree on it (`find_loop`), by a keyframe's pose as it is now; a keyframe of
-        another place that agrees as well makes it unclear.
+        The whole images agree (`find_loop`). A keyframe of another place that agrees nearly as well makes
+        the place ambiguous.
         """
-        self._join()
-        # after a restart none is there yet: the camera was last seen near the newest
+        self._index_pending()
+        # after a restart the index is empty, and the camera was last near the newest keyframes
         self._index.update(_INDEXED_WHEN_LOST, newest_first=True)
         matches = find_loop(
             self._store, self._index, frame, self._config,
@@ -98,8 +98,8 @@ class Relocalisation:
             yield place
 
     def place_near(self, frame: Frame, near: Whereabouts) -> Place | None:
-        """The place of a frame near one that a person names; see `place_near`."""
-        self._join()
+        """The place of a frame near a place that a person names; see `place_near`."""
+        self._index_pending()
         T_world_cam = place_near(
             self._store, self._index, frame, near, self._config, _LIMITS, self._seed
         )
@@ -109,40 +109,40 @@ class Relocalisation:
         try:
             k = self._nearest(T_world_cam)
             return Place(T_world_cam, stored_reference(self._store, k, self._config))
-        except RetiredKeyframeError:  # just now: the next frame finds another
+        except RetiredKeyframeError:  # meanwhile: the next frame finds another
             return None
 
     def compare(self, frame: Frame) -> Future[list[SeenAgain]]:
-        """Begin to compare a frame with what the camera has seen, in the thread; nothing else may be asked
-        of this object before that is done. No keyframes may come meanwhile."""
-        self._join()
-        return self._beside.submit(self._compared, frame)
+        """Begin to compare a frame with the keyframes, in the thread. Until the result is there, call no
+        other method of this object, and append no keyframes."""
+        self._index_pending()
+        return self._thread.submit(self._compared, frame)
 
     def _compared(self, frame: Frame) -> list[SeenAgain]:
         self._index.update(_INDEXED_BESIDE, newest_first=True)
         found = []
         for match in find_loop(self._store, self._index, frame, self._config, seed=self._seed):
-            with contextlib.suppress(RetiredKeyframeError):  # just now
+            with contextlib.suppress(RetiredKeyframeError):  # meanwhile
                 keyframe = self._store.frame(match.keyframe)
                 pictures = picture_agreement(keyframe, frame, match.T_keyframe_cam)
                 found.append(SeenAgain(match, pictures))
         return found
 
-    def _join(self) -> None:
-        """Take in what was begun: at the same frame in every run, however long it took."""
+    def _index_pending(self) -> None:
+        """Wait for the keyframe of the thread and index it, so that every run does it at the same frame."""
         if self._pending is not None:
             k, features = self._pending
             self._pending = None
             self._index.take(k, features.result())
 
     def _nearest(self, T_world_cam: np.ndarray) -> int:
-        """The kept keyframe that stands most like the camera, the oldest of equals."""
+        """The kept keyframe with the nearest view, the oldest of equals."""
         ids = self._store.kept()
         return int(ids[np.argmin(view_distance(T_world_cam, self._store.poses_of(ids)))])
 
 
 def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
-    """Whether no other place comes near the best match, which is the first."""
+    """Whether the first match, the best, has far more inliers than any match at another place."""
     for match, T in zip(matches[1:], T_world_cam[1:], strict=True):
         step = inverse(T_world_cam[0]) @ T
         apart = (
@@ -154,6 +154,6 @@ def _is_clear(matches: list[LoopMatch], T_world_cam: list[np.ndarray]) -> bool:
     return True
 
 
-def _give_way() -> None:
-    if sys.platform == "linux":  # elsewhere a nice value is that of the process
+def _lower_priority() -> None:
+    if sys.platform == "linux":  # on other systems, nice applies to the whole process
         os.nice(10)
