@@ -1,1 +1,1 @@
-"""An IMU: what it says at the stamp of a frame, gravity, the gyroscope's bias, a simulated one."""
+"""An IMU: readings at the stamps of frames, gravity, the gyroscope's bias, a simulation."""

@@ -1,4 +1,4 @@
-"""Which way is up in the map, from what an accelerometer measured along tracked poses."""
+"""Gravity in the map, from an accelerometer along tracked poses."""
 
 import math
 from collections import deque
@@ -11,13 +11,13 @@ from hsslam_node.inertial.reading import InertialMotion
 STANDARD_GRAVITY = 9.80665  # m/s^2
 _WINDOW_S = 1.0
 _BIAS = 0.3  # m/s^2, standard deviation of an accelerometer's bias: 30 mg
-_SCALE = 0.1  # m/s^2, of the length of gravity: scale of the sensor, and the place on Earth
+_SCALE = 0.1  # m/s^2, standard deviation of gravity's length: sensor scale, place on Earth
 _LEAST_NOISE = 0.02  # m/s^2, of the mean of a window
-_TAIL = 3.0  # standard deviations, from which windows lose weight
+_TAIL = 3.0  # standard deviations, beyond which windows lose weight
 _ROUNDS = 6
-_FEWEST, _MOST = 3, 1000  # windows; the newest
-_KNOWN_RAD = 0.01  # standard deviation of the direction: 0.6 degrees
-_PLAUSIBLE = (8.8, 10.8)  # m/s^2, length of gravity that was measured
+_FEWEST, _MOST = 3, 1000  # windows for a fit; windows kept, the newest
+_KNOWN_RAD = 0.01  # largest standard deviation of a known direction: 0.6 degrees
+_PLAUSIBLE = (8.8, 10.8)  # m/s^2, length of measured gravity
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Gravity:
 
 @dataclass(frozen=True)
 class GravityFit:
-    """Gravity and the accelerometer's bias that explain what was measured best."""
+    """The gravity and accelerometer bias that explain the measurements best."""
 
     up: np.ndarray  # [3] m/s^2, world: against gravity, with its length
     bias: np.ndarray  # [3] m/s^2, camera axes
@@ -47,12 +47,12 @@ class GravityFit:
 
     @property
     def is_plausible(self) -> bool:
-        """Whether the length is that of gravity: not if accelerations are in other units, or without it."""
+        """Whether the length is that of gravity; False if accelerations exclude it or have other units."""
         return _is_plausible(self.up)
 
     @property
     def gravity(self) -> Gravity | None:
-        """None while the direction is not known well."""
+        """The direction; None while it is uncertain, or if the length is not plausible."""
         if not self.is_plausible or self.sigma_rad > _KNOWN_RAD:
             return None
         x, y, z = (self.up / np.linalg.norm(self.up)).tolist()
@@ -60,10 +60,10 @@ class GravityFit:
 
 
 class GravityWindows:
-    """Specific forces of about one second each, without what the camera's own motion explains.
+    """Mean specific forces over windows of about one second, without the camera's own acceleration.
 
-    The mean force over a second is gravity, the sensor's bias, and the change of velocity, which tracked
-    positions tell. It is kept in the axes of a keyframe, whose pose may be corrected later.
+    The mean force over a second is the sum of gravity, the sensor's bias, and the change of velocity, which
+    tracked positions give. It is kept in the axes of a keyframe, whose pose may be corrected later.
     """
 
     def __init__(self) -> None:
@@ -77,10 +77,10 @@ class GravityWindows:
         self, motion: InertialMotion, T_before_after: np.ndarray, keyframe: int,
         R_keyframe_cam: np.ndarray,
     ) -> bool:  # fmt: skip
-        """Take the motion between two tracked frames; whether it completes a window.
+        """Take the motion between two tracked frames; returns whether it completes a window.
 
         T_before_after: [4, 4] the same motion, tracked. R_keyframe_cam: [3, 3] of the later frame. A motion
-        over a gap breaks off.
+        over a gap discards the open window.
         """
         if not motion.is_short:
             self.break_off()
@@ -96,7 +96,7 @@ class GravityWindows:
         return True
 
     def break_off(self) -> None:
-        """Throw away what is unfinished: the camera was not tracked."""
+        """Discard the open window: the camera was not tracked."""
         self._open = None
 
     @property
@@ -105,8 +105,7 @@ class GravityWindows:
         return np.array([row[0] for row in self._rows], np.int64)
 
     def fit(self, R_world_keyframe: np.ndarray) -> GravityFit | None:
-        """What explains all windows best, at rotations [n, 3, 3] of their keyframes; None: there are too
-        few."""
+        """The fit to all windows, with rotations [n, 3, 3] of their keyframes; None: too few windows."""
         if len(self._rows) < _FEWEST:
             return None
         force = np.stack([row[1] for row in self._rows])  # [n, 3] m/s^2, axes of keyframes
@@ -117,7 +116,7 @@ class GravityWindows:
 
 
 class _Window:
-    """From the middle of one motion to the middle of another; axes of the camera after the newest."""
+    """A window from the middle of one motion to that of another; axes of the camera after the newest."""
 
     def __init__(self, motion: InertialMotion, T_before_after: np.ndarray) -> None:
         self.seconds = 0.0
@@ -149,7 +148,7 @@ class _Window:
 def fit_gravity(force: np.ndarray, axes: np.ndarray) -> GravityFit:
     """Gravity and bias by least squares: force = up + axes @ bias, outliers with less weight (Cauchy).
 
-    The length of gravity is known to 1 %, the bias to 30 mg; a camera that turns tells the two apart.
+    The length of gravity is known to 1 %, the bias to 30 mg; rotation of the camera separates the two.
 
     Args:
         force: [n, 3] m/s^2, world.
@@ -158,7 +157,7 @@ def fit_gravity(force: np.ndarray, axes: np.ndarray) -> GravityFit:
     n = len(force)
     A = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), axes], axis=2)  # [n, 3, 6]
     x = np.concatenate([np.median(force, axis=0), np.zeros(3)])
-    for is_length_known in (False, True):  # the length is used if it is that of gravity without it
+    for is_length_known in (False, True):  # the known length is used if the first fit is plausible
         if is_length_known and not _is_plausible(x[:3]):
             break
         for _ in range(_ROUNDS):
@@ -173,7 +172,7 @@ def fit_gravity(force: np.ndarray, axes: np.ndarray) -> GravityFit:
 def _round(
     force: np.ndarray, A: np.ndarray, x: np.ndarray, is_length_known: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gravity and bias [6] with weights by the residuals of those of before, and their information [6, 6]."""
+    """Gravity and bias [6], weighted by the residuals at x [6], and their information [6, 6]."""
     off = np.linalg.norm(force - A @ x, axis=1) / math.sqrt(3)  # [n], of one axis
     noise = max(1.4826 * float(np.median(off)), _LEAST_NOISE)
     weight = 1 / (noise**2 * (1 + (off / (_TAIL * noise)) ** 2))  # [n]

@@ -1,24 +1,24 @@
-"""What a gyroscope reads at rest, learnt from tracked rotations; of its own: gravity needs none of it."""
+"""The gyroscope's bias, learnt from tracked rotations; a file of its own, as gravity does not need it."""
 
 import numpy as np
 
 from hsslam_node.geometry.se3 import so3_exp, so3_log
 from hsslam_node.inertial.reading import InertialMotion
 
-_MEMORY_S = 20.0  # the mean is of about so long: biases change with temperature, in minutes
-_LARGEST = 0.1  # rad/s, that one motion may be off the mean: more is an error of tracking
-_MOST = 0.1  # rad/s, of a bias: what is more is not that, but other axes
+_MEMORY_S = 20.0  # length of the mean: biases change with temperature, in minutes
+_LARGEST = 0.1  # rad/s, largest difference of a motion from the mean; more is a tracking error
+_MOST = 0.1  # rad/s, largest bias; more means that the IMU's axes are wrong
 
 
 class GyroBias:
-    """The mean of what the gyroscope turned more than the camera did. `value`: [3] rad/s, camera axes."""
+    """Mean of the gyroscope's turn rate minus the camera's. `value`: [3] rad/s, camera axes."""
 
     def __init__(self) -> None:
         self.value = np.zeros(3)
         self._seconds = 0.0
 
     def learn(self, motion: InertialMotion, R_before_after: np.ndarray) -> None:
-        """From the motion between two frames and the tracked rotation [3, 3] of it."""
+        """Learn from the motion between two frames by the IMU, and the tracked rotation [3, 3] of it."""
         if not motion.is_short:
             return
         excess = so3_log(R_before_after.T @ motion.rotation) / motion.seconds

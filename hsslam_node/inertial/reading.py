@@ -1,4 +1,4 @@
-"""What an IMU has integrated up to the stamp of a frame, and the motion between two such readings."""
+"""IMU samples integrated up to the stamp of a frame, and the motion between two such readings."""
 
 from dataclasses import dataclass
 
@@ -8,21 +8,21 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.se3 import quaternion_from_rotation, rotation_from_quaternion
 
 _LONGEST_S = 0.3  # of a motion between two frames
-_UNIT = 1e-3  # that the norm of a quaternion may be off
+_UNIT = 1e-3  # largest error of the norm of a quaternion
 
 
 @dataclass(frozen=True)
 class ImuReading:
-    """Rotation and velocity by the IMU alone since it began, in the axes that the camera had then.
+    """Rotation and velocity by the IMU alone since a series began, in the axes that the camera had then.
 
-    Both drift, and gravity counts as an acceleration upwards: only the motion between two readings of one
-    series is of use, also if readings in between are missing. `numbers`, [8], are the same as on the wire, so
-    that a replay computes with the same bits: the unit quaternion xyzw of the camera, the integral of its
-    specific force (m/s), and the time since the series began (s). `series` names the series: its first
-    stamp, ns, or a later number if the clock was set back.
+    Both drift, and gravity counts as an acceleration upwards. So use only the motion between two readings of
+    one series; readings in between may be missing. `numbers`, [8], are the same as on the wire, so that a
+    replay computes with the same bits: the unit quaternion xyzw of the camera, the integral of its specific
+    force (m/s), and the time since the series began (s). `series` names the series: its first stamp, ns, or
+    a later number if the clock was set back.
 
     Raises:
-        UserError: other numbers, or some that are not finite.
+        UserError: the numbers are not 8, one is not finite, or the quaternion has no unit norm.
     """
 
     numbers: np.ndarray
@@ -34,7 +34,7 @@ class ImuReading:
         if not is_whole or abs(np.linalg.norm(numbers[:4]) - 1) > _UNIT:
             text = " ".join(f"{number:g}" for number in numbers.ravel())
             raise UserError(
-                f"imu {text}: expected 8 finite numbers: qx qy qz qw, vx vy vz, seconds"
+                f"imu {text}: expected 8 finite numbers: unit qx qy qz qw, vx vy vz, seconds"
             )
 
     @classmethod
@@ -55,7 +55,7 @@ class ImuReading:
 
     @property
     def seconds(self) -> float:
-        """Since the series began."""
+        """Time since the series began."""
         return float(self.numbers[7])
 
 
@@ -69,14 +69,14 @@ class InertialMotion:
 
     @property
     def is_short(self) -> bool:
-        """Whether it is between frames that follow each other, so that something can be learnt of it."""
+        """Whether there is no long gap between the frames, so that bias and gravity can be learnt."""
         return 0 < self.seconds < _LONGEST_S
 
 
 def motion_between(before: ImuReading | None, after: ImuReading | None) -> InertialMotion | None:
     """The motion between two readings; None without one of them, or if they are of different series.
 
-    One and the same reading is no motion, in no time.
+    The motion from a reading to itself is none, in 0 s.
     """
     if before is None or after is None or before.series != after.series:
         return None

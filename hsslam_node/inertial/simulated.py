@@ -1,4 +1,4 @@
-"""A simulated IMU of built-in scenes; a file of its own: true poses reach a tracker in no other way."""
+"""A simulated IMU of built-in scenes; apart from real IMUs, as it uses true poses."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,8 +20,7 @@ def simulated_imu(
     """Readings of an IMU in the centre of a camera, with its axes, along true poses [N, 4, 4].
 
     The camera moves on cubic splines through the poses. `noise` multiplies the errors of a cheap IMU: 1 is
-    usual, 0 none. Bias and scale do not change. Fewer than two poses are no motion, so they have no
-    readings.
+    usual, 0 none. Bias and scale do not change. With fewer than two poses there are no readings.
 
     Args:
         rate_hz: of the poses.

@@ -1,4 +1,4 @@
-"""Samples of an IMU by their own stamps, integrated and read at the stamps of frames."""
+"""IMU samples, integrated and read at the stamps of frames."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,12 +12,12 @@ from hsslam_node.inertial.reading import ImuReading
 _KEPT = 2048  # samples: 2 s at 1 kHz
 _LONGEST_NS = 100_000_000  # between two samples: a longer gap begins a new series
 _AHEAD_NS = 30_000_000  # after the newest sample: how late samples may be
-_STEP_BACK_S = 1.0  # a clock that was set back; a smaller step is a sample that was overtaken
+_STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: samples out of order
 
 
 @dataclass(frozen=True)
 class _State:
-    """A sample, and what was integrated up to it."""
+    """A sample, and the integrals up to it."""
 
     stamp_ns: int
     turn_rate: np.ndarray  # [3] rad/s, axes of the camera
@@ -31,9 +31,9 @@ class _State:
 class ImuTrack:
     """Integrates angular velocity and specific force, and reads both at any stamp near the samples.
 
-    Between two samples the angular velocity is their mean, and so is the force, in axes that do not turn
-    (trapezoid). After a gap of more than 0.1 s, and at a stamp that is more than 1 s before the newest, it
-    begins anew. The newest sample holds for at most 0.03 s.
+    Both are integrated by the trapezoidal rule, the force in axes that do not turn. After a gap of more than
+    0.1 s, and at a stamp more than 1 s before the newest, a new series begins. The newest sample holds for at
+    most 0.03 s.
 
     Args:
         T_cam_imu: [4, 4] the IMU in the camera's optical frame (x right, y down, z forward).
@@ -53,7 +53,7 @@ class ImuTrack:
         self._states: deque[_State] = deque(maxlen=_KEPT)
 
     def add(self, stamp_ns: int, angular_velocity: np.ndarray, acceleration: np.ndarray) -> bool:
-        """Take a sample; False if it is not later than the newest, and at most 1 s earlier.
+        """Take a sample; False if its stamp is 0 to 1 s before the newest.
 
         angular_velocity: [3] rad/s, axes of the IMU.
         acceleration: [3] m/s^2, as accelerometers have it: at rest 9.81, upwards.
@@ -75,13 +75,13 @@ class ImuTrack:
         return True
 
     def _next_series(self, stamp_ns: int) -> int:
-        """The first stamp of a series names it; if stamps went back, a number that no other series has."""
+        """The number of a new series: its first stamp, or if stamps went back, the next free number."""
         before = self._newest_series
         self._newest_series = stamp_ns if before is None else max(stamp_ns, before + 1)
         return self._newest_series
 
     def at(self, stamp_ns: int) -> ImuReading | None:
-        """What is integrated up to this stamp, of the camera's centre; None without samples near it."""
+        """The integrals up to this stamp, for the camera's centre; None without samples near it."""
         after = None
         for state in reversed(self._states):
             if state.stamp_ns <= stamp_ns:

@@ -1,1 +1,1 @@
-"""Wheel or other odometry: what it says at the stamp of a frame, how sure that is, a simulated one."""
+"""Odometry of wheels or other sensors: readings at the stamps of frames, their noise, a simulation."""

@@ -6,7 +6,7 @@ from hsslam_node.geometry.pose_covariance import turned
 from hsslam_node.geometry.se3 import inverse, se3_log
 
 USUAL_NOISE = 0.02
-_TURN_RAD_PER_M = 0.5  # a way of 1 m adds the doubt of a turn by this angle
+_TURN_RAD_PER_M = 0.5  # 1 m of path adds the variance of a rotation by this angle
 _JUMP = np.diag([1.0] * 6)  # m^2, rad^2: an unknown motion
 
 
@@ -14,7 +14,7 @@ def growth(T_odom_a: np.ndarray, T_odom_b: np.ndarray, noise: float) -> np.ndarr
     """Covariance [6, 6] of the motion from a to b [4, 4], axes of odom, rotation about b's centre.
 
     A random walk: `noise` is the standard deviation after 1 m (in m) and after 1 rad (in rad). The sum
-    over the steps of a way does not depend on their number.
+    over the steps of a path does not depend on their number.
     """
     twist = se3_log(inverse(T_odom_a) @ T_odom_b)
     way_m, turn_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
@@ -23,9 +23,9 @@ def growth(T_odom_a: np.ndarray, T_odom_b: np.ndarray, noise: float) -> np.ndarr
 
 
 def increase(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """[6, 6] by which a covariance has grown; 0 along axes where it shrinks, and where it is not finite.
+    """Growth [6, 6] of a covariance; 0 along axes where it shrinks, and where it is not finite.
 
-    A source that corrects its poses by other means makes them surer, but not the motion between them.
+    A source that corrects its poses by other sensors makes poses surer, but not the motion between them.
     """
     grown = np.nan_to_num(after - before, nan=0.0, posinf=0.0, neginf=0.0)
     value, direction = np.linalg.eigh((grown + grown.T) / 2)

@@ -9,7 +9,7 @@ from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, quaternion_from_rotation, transform
 from hsslam_node.odometry.noise import USUAL_NOISE, growth, increase, of_jump
 
-_FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: error of stamps, also of a robot at rest
+_FLOOR = np.diag([1e-4**2] * 6)  # m^2, rad^2: least covariance, also at rest, for errors of stamps
 _POSITION, _ROTATION = slice(0, 3), slice(3, 6)
 
 
@@ -20,11 +20,11 @@ class OdometryReading:
     `numbers` are x, y, z (m) and the unit quaternion xyzw, [7]: the same as on the wire, so that a replay
     computes with the same bits. `covariance` is [6, 6] of translation (m) and of rotation (rad) about the
     camera's centre, in the axes of odom. It grows along the path: its growth between two readings is the
-    covariance of the motion between them. None: the motion has the usual noise. `series` is another number
-    each time that odometry or its covariance begins anew; the motion from one series to another is unknown.
+    covariance of the motion between them. None: the motion has the usual noise. `series` is a new number
+    each time that odometry or its covariance restarts; the motion from one series to another is unknown.
 
     Raises:
-        UserError: an array has another shape, or numbers that are not finite.
+        UserError: an array has another shape, or a number that is not finite.
     """
 
     numbers: np.ndarray
@@ -70,13 +70,13 @@ class Motion:
 class MotionSince:
     """The motion since a reading, over all readings after it.
 
-    An error of the heading moves all later poses sideways, so each reading in between counts.
+    An error of the heading moves all later poses sideways, so the covariance needs each reading in between.
     """
 
     def __init__(self) -> None:
         self._first: OdometryReading | None = None
         self._newest: OdometryReading | None = None
-        self._covariance = np.zeros((6, 6))  # of the newest against the first, axes of odom
+        self._covariance = np.zeros((6, 6))  # of the newest relative to the first, axes of odom
 
     def restart(self, reading: OdometryReading | None) -> None:
         """Measure motions from this reading on; None: odometry has no pose here."""
@@ -84,7 +84,7 @@ class MotionSince:
         self._covariance = np.zeros((6, 6))
 
     def to(self, reading: OdometryReading | None) -> Motion | None:
-        """The motion to this reading; None without it or without the first. It may be repeated."""
+        """The motion from the first reading to this one; None if one of them is None. May be repeated."""
         if reading is None or self._first is None or self._newest is None:
             return None
         T_newest, T = self._newest.T_odom_cam, reading.T_odom_cam

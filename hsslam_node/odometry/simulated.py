@@ -1,4 +1,4 @@
-"""Simulated odometry of built-in scenes; a file of its own: true poses reach a tracker in no other way."""
+"""Simulated odometry of built-in scenes; apart from real odometry, as it uses true poses."""
 
 from itertools import pairwise
 
@@ -13,8 +13,8 @@ def simulated_odometry(T_true: np.ndarray, noise: float, seed: int) -> list[Odom
     """Readings of odometry with an error of `noise` (0.01: 1 %) along true camera poses [N, 4, 4].
 
     Each of the six components of motion has a constant error of scale with this standard deviation. Each
-    step also has an error of this share of its way and turn, in a random direction. The path begins at a
-    random pose.
+    step also has an error of this share of its length and its angle, in a random direction. The path begins
+    at a random pose.
     """
     rng = np.random.default_rng((seed, 8))
     scale = 1.0 + noise * rng.standard_normal(6)

@@ -1,4 +1,4 @@
-"""Odometry messages by their own stamps, read at the stamps of frames."""
+"""Odometry messages, interpolated at the stamps of frames."""
 
 import secrets
 from collections import deque
@@ -16,10 +16,10 @@ from hsslam_node.odometry.reading import OdometryReading
 _KEPT = 512  # poses: 5 s at 100 Hz
 _LONGEST_S = 0.5  # between two poses: no reading across a longer gap
 _AHEAD_S = 0.1  # after the newest pose: how late odometry may be
-_SPEED_OVER_S = 0.05  # poses whose motion goes on: stamps of receipt come in bursts
-_STEP_BACK_S = 1.0  # a clock that was set back; a smaller step is a message that was overtaken
+_SPEED_OVER_S = 0.05  # span of the motion that is extrapolated, as messages come in bursts
+_STEP_BACK_S = 1.0  # a larger step back: the clock was set; a smaller one: messages out of order
 _FASTEST_M_S, _FASTEST_RAD_S = 10.0, 15.0  # a faster motion is a jump
-_BURST_S = 0.02  # stamps of receipt may be so much too near to each other
+_BURST_S = 0.02  # least time for a speed, as stamps of receipt come in bursts
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class _Pose:
 class OdometryTrack:
     """Poses of a robot's base, read as poses of its camera at any stamp near them.
 
-    The motion between two poses is even, and that of the last 0.05 s goes on for at most 0.1 s after the
-    newest. Its covariance is that of the usual noise plus the growth of the poses' covariances. A jump is an
-    unknown motion. A stamp that is more than 1 s before the newest begins anew, as after a jump. Readings are
-    a series of their own: what another track knew of the same robot is not known here.
+    Poses are interpolated. After the newest pose the motion of the last 0.05 s continues for at most 0.1 s.
+    The covariance grows by `noise` and with the covariances of the poses. A jump is an unknown motion, and so
+    is a stamp more than 1 s before the newest, which restarts the track. The readings of a track are a series
+    of their own, so the motion since a reading of another track is unknown.
 
     Args:
         T_base_cam: [4, 4] the camera on the base.
@@ -54,19 +54,19 @@ class OdometryTrack:
         self._noise = noise
         self._clock_set_back = clock_set_back
         self._poses: deque[_Pose] = deque(maxlen=_KEPT)
-        self._of_base = np.zeros((6, 6))  # covariance that the newest pose came with
+        self._base_covariance = np.zeros((6, 6))  # covariance given with the newest pose
         self._series = secrets.randbits(62)
 
     def add(
         self, stamp_ns: int, T_odom_base: np.ndarray, covariance: np.ndarray | None = None
     ) -> bool:
-        """Take a pose [4, 4]; False if it is not later than the newest, and at most 1 s earlier.
+        """Take a pose [4, 4]; False if its stamp is 0 to 1 s before the newest.
 
         covariance: [6, 6] of translation (m) and of rotation (rad) about the base's centre, axes of odom.
         """
         T = T_odom_base @ self._T_base_cam
         back_s = 1e-9 * (self._poses[-1].stamp_ns - stamp_ns) if self._poses else -np.inf
-        of_base = np.zeros((6, 6)) if covariance is None else covariance
+        base_covariance = np.zeros((6, 6)) if covariance is None else covariance
         if not self._poses:
             self._poses.append(_Pose(stamp_ns, T, np.zeros((6, 6))))
         elif back_s > _STEP_BACK_S:
@@ -80,9 +80,9 @@ class OdometryTrack:
             lever_m = T[:3, 3] - T_odom_base[:3, 3]
             jumps = self._jumps(stamp_ns, T)
             doubt = of_jump() if jumps else growth(self._poses[-1].T_odom_cam, T, self._noise)
-            doubt = doubt + carried(increase(self._of_base, of_base), lever_m)
+            doubt = doubt + carried(increase(self._base_covariance, base_covariance), lever_m)
             self._poses.append(_Pose(stamp_ns, T, self._poses[-1].covariance + doubt, jumps))
-        self._of_base = of_base
+        self._base_covariance = base_covariance
         return True
 
     def at(self, stamp_ns: int) -> OdometryReading | None:
@@ -116,17 +116,17 @@ class OdometryTrack:
         return None if before is None else self._between(before, newest, stamp_ns)
 
     def _jumps(self, stamp_ns: int, T: np.ndarray) -> bool:
-        """Whether no robot moves so fast as from the newest pose to this one."""
+        """Whether the motion from the newest pose to this one is too fast for a robot."""
         newest = self._poses[-1]
         seconds = max(1e-9 * (stamp_ns - newest.stamp_ns), _BURST_S)
-        way = se3_log(inverse(newest.T_odom_cam) @ T)
+        twist = se3_log(inverse(newest.T_odom_cam) @ T)
         return bool(
-            np.linalg.norm(way[:3]) > _FASTEST_M_S * seconds
-            or np.linalg.norm(way[3:]) > _FASTEST_RAD_S * seconds
+            np.linalg.norm(twist[:3]) > _FASTEST_M_S * seconds
+            or np.linalg.norm(twist[3:]) > _FASTEST_RAD_S * seconds
         )
 
     def _between(self, a: _Pose, b: _Pose, stamp_ns: int) -> OdometryReading | None:
-        """On an even motion through two poses, also beyond the second."""
+        """The pose interpolated between two poses, or extrapolated beyond the second."""
         span_ns = b.stamp_ns - a.stamp_ns
         if span_ns > 1e9 * _LONGEST_S:
             return None
