@@ -1,1 +1,1 @@
-"""Places seen before: which keyframes show what a frame shows, and how the camera stood to them."""
+"""Place recognition: keyframes that show the same place as a frame, and the relative pose."""

@@ -12,25 +12,25 @@ from hsslam_node.geometry.se3 import inverse
 _STEP_PX = 8  # at 640 px width
 _TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + second z^2, m
 _BLUR_PX = 2.0  # at 640 px width: poses are good to some pixels only
-_FEWEST = 30  # grey levels for a correlation
+_FEWEST = 30  # points for a correlation
 _LEAST_CONTRAST = 2.0  # deviation of grey levels: less is dark, blown out, a bare wall, or noise
 
 
 @dataclass(frozen=True)
 class DenseAgreement:
-    """What the depth images and grey images say of a relative pose."""
+    """How well depth images and grey images agree on a relative pose."""
 
-    overlap: float  # share of the points of a frame that lie on the other's surface, smaller one
-    consistency: float  # agreeing over agreeing and seen through, smaller one; 0 without any
+    overlap: float  # share of a frame's points on the other's surface, the smaller of the two
+    consistency: float  # agreeing over agreeing and contradicting points, the smaller; 0: none
     similarity: float  # correlation of grey levels at agreeing points, -1..1; 0 without any; nan: no contrast
     residual_m: float  # median depth difference of agreeing points; nan without any
 
 
 def dense_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -> DenseAgreement:
-    """Compare on a grid of pixels, from either side.
+    """Compare on a grid of pixels, in both directions.
 
-    A point that lies behind the other frame's surface is hidden there and says nothing. One that
-    lies in front of it would have to be seen: it speaks against the pose.
+    A point behind the other frame's surface is hidden there and does not count. A point in front of
+    it should be visible there, so it contradicts the pose.
     """
     forth = _compare(second, first, T_first_second)
     back = _compare(first, second, inverse(T_first_second))

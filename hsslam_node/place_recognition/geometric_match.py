@@ -1,4 +1,4 @@
-"""Where a camera stood to a keyframe, by features that both show."""
+"""The relative pose of a camera and a keyframe, by features that both show."""
 
 from dataclasses import dataclass
 
@@ -24,13 +24,13 @@ class GeometricMatch:
 
     T_keyframe_cam: np.ndarray  # [4, 4]
     inliers: np.ndarray  # [n, 2] int, rows of the camera's and of the keyframe's features
-    matches: int  # that were tried
+    matches: int  # pairs of features that were tried
 
 
 def geometric_match(
     cam: ImageFeatures, keyframe: ImageFeatures, camera: Camera
 ) -> GeometricMatch | None:
-    """P3P in RANSAC over mutual nearest descriptors; None where too few features agree.
+    """P3P in RANSAC over mutual nearest descriptors; None if too few features agree.
 
     A feature agrees if the keyframe's point meets its pixel and its depth. OpenCV's RANSAC draws the
     same samples in every call.

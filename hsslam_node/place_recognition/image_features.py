@@ -1,4 +1,4 @@
-"""Points of an image that are known again from elsewhere, with their depth."""
+"""SIFT features of an image, with their depth."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ import numpy as np
 from hsslam_node.frame import Frame
 
 DESCRIPTOR_SIZE = 128
-_WIDTH_PX = 320  # of the image that is searched: a third of the time of 640, little is lost
+_WIDTH_PX = 320  # of the searched image: a third of the time of 640, and few features are lost
 _MOST = 500
-_CONTRAST = 0.015  # of OpenCV's SIFT, whose default finds little in dim corners
+_CONTRAST = 0.015  # threshold of SIFT; OpenCV's default finds little in dim corners
 _FARTHEST_M = 10.0
 
 
@@ -31,7 +31,7 @@ class ImageFeatures:
 
 
 def image_features(frame: Frame) -> ImageFeatures:
-    """At most 500 features; fewer or none where the image shows nothing or depth is missing."""
+    """At most 500 features; fewer or none if the image has no texture or depth is missing."""
     camera = frame.camera
     grey = cv2.cvtColor(frame.color, cv2.COLOR_RGB2GRAY)
     factor = min(1.0, _WIDTH_PX / camera.width_px)

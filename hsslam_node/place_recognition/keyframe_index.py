@@ -1,4 +1,4 @@
-"""Which keyframes share features with an image: votes of descriptors that fall into the same cells."""
+"""Finds keyframes that share features with an image, by votes of descriptors in the same hash cells."""
 
 import contextlib
 from collections import deque
@@ -16,20 +16,20 @@ from hsslam_node.place_recognition.image_features import (
 
 _TABLES, _BITS = 8, 16  # each table cuts the space of descriptors into 2^16 cells
 _CODES = _TABLES << _BITS
-_NOTHING = _CODES  # the code of a feature that is not there
-_FEATURES = 400  # of a keyframe that vote, the strongest
+_NOTHING = _CODES  # the code of a missing feature
+_FEATURES = 400  # of a keyframe, the strongest, which vote
 
 
 class KeyframeIndex:
-    """Features of the keyframes of a store, of those that show something new.
+    """An index of features of the keyframes of a store that show a new view.
 
-    A keyframe is left out where one within `spacing_m` and `spacing_rad` has been taken in, so
-    memory (100 kB a keyframe) and time follow the space that was seen and not the time it took. A
-    keyframe that is retired goes, and those that it stood for are looked at again. The index only reads
-    the store: each process has its own.
+    The index skips a keyframe if it has one within `spacing_m` and `spacing_rad`, so memory (100 kB
+    a keyframe) and time grow with the space that was seen, not with the duration. A retired keyframe
+    leaves the index, and the keyframes near it are checked again. The index only reads the store: each
+    process has its own.
 
-    The descriptors' cells are those of random hyperplanes (Charikar 2002), the same in every index:
-    no vocabulary, nothing learnt. A shared cell counts the more the fewer keyframes have it.
+    The cells of descriptors are those of random hyperplanes (Charikar 2002), the same in every index;
+    there is no trained vocabulary. A shared cell counts more if fewer keyframes have it.
     """
 
     def __init__(
@@ -37,8 +37,8 @@ class KeyframeIndex:
     ) -> None:
         self._store = store
         self._spacing = spacing_m, spacing_rad
-        self._seen = 0  # keyframes of the store that have been noticed
-        self._pending: deque[int] = deque()  # of them those that have not been looked at
+        self._seen = 0  # ids from here on are new to the index
+        self._pending: deque[int] = deque()  # ids to check
         self._features: dict[int, ImageFeatures] = {}
         self._codes = np.full((16, _FEATURES * _TABLES), _NOTHING, np.int32)  # row: a keyframe
         self._keyframes_with = np.zeros(_CODES + 1, np.int32)
@@ -48,36 +48,36 @@ class KeyframeIndex:
 
     @property
     def keyframes(self) -> np.ndarray:
-        """Ids of the keyframes taken in, [n] int, in that order."""
+        """Ids of the indexed keyframes, [n] int, in the order of indexing."""
         return np.array(list(self._features), int)
 
     @property
     def is_complete(self) -> bool:
-        """Whether every keyframe of the store has been looked at."""
+        """Whether every keyframe of the store has been checked."""
         return not self._pending and self._seen >= self._store.count
 
     def update(self, most: int | None = None, *, newest_first: bool = False) -> int:
-        """Take in keyframes that came since, at most `most` (15 ms each); returns how many were."""
+        """Index new keyframes, at most `most` (15 ms each); returns their number."""
         taken = 0
         while most is None or taken < most:
             k = self.next_new(newest_first=newest_first)
             if k is None:
                 break
-            with contextlib.suppress(RetiredKeyframeError):  # just now
+            with contextlib.suppress(RetiredKeyframeError):  # meanwhile
                 self.take(k, image_features(self._store.frame(k)))
             taken += 1
         return taken
 
     def take_in(self, keyframes: np.ndarray, most: int) -> None:
-        """Take in those of these [n] that show something new, the first ones first, at most `most`."""
+        """Index those of the keyframes [n] that show a new view, in this order, at most `most`."""
         for k in keyframes.tolist():
             if most and k not in self._features and self._is_new(k):
-                with contextlib.suppress(RetiredKeyframeError):  # just now
+                with contextlib.suppress(RetiredKeyframeError):  # meanwhile
                     self.take(k, image_features(self._store.frame(k)))
                     most -= 1
 
     def next_new(self, *, newest_first: bool = False) -> int | None:
-        """The next keyframe that shows something new, by the poses as they are now; for `take`."""
+        """The next keyframe with a new view, by the current poses; for `take`."""
         kept = self._store.kept()
         self._pending.extend(kept[kept >= self._seen].tolist())
         self._seen = max(self._seen, int(kept.max(initial=-1)) + 1)
@@ -89,7 +89,7 @@ class KeyframeIndex:
         return None
 
     def take(self, k: int, features: ImageFeatures) -> None:
-        """Take in keyframe k with its features, whatever it shows."""
+        """Index keyframe k with its features, whether its view is new or not."""
         row = len(self._features)
         if row == len(self._codes):
             self._codes = np.concatenate([self._codes, np.full_like(self._codes, _NOTHING)])
@@ -117,7 +117,7 @@ class KeyframeIndex:
         self._pending.extend(kept[again].tolist())
 
     def features(self, k: int) -> ImageFeatures:
-        """Features of keyframe k, computed now where it was not taken in."""
+        """Features of keyframe k, computed now if it is not in the index."""
         return self._features.get(k) or image_features(self._store.frame(k))
 
     def similar(

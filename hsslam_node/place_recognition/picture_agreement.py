@@ -1,4 +1,4 @@
-"""Whether two frames agree in detail: places that look alike have one shape, and other pictures."""
+"""Whether two frames agree in detail: places that look alike have one shape, but differ in pictures."""
 
 from dataclasses import dataclass
 
@@ -14,24 +14,23 @@ _BLOCK_PX = 20  # at that width; 40 of 640
 _SMALLEST_BLOCK_PX = 8
 _BLUR_PX = 1.0  # poses are good to about a pixel
 _TOLERANCE_M, _TOLERANCE_SLOPE = 0.03, 0.01  # depths agree within first + second z^2, m
-_FEWEST = 0.6  # of a block's pixels that both frames see
-_CONTRAST = 6.0  # standard deviation of grey levels of a block that shows something
+_FEWEST = 0.6  # share of a block's pixels that both frames must see
+_CONTRAST = 6.0  # standard deviation of grey levels of a block with texture
 _ALIKE = 0.7  # correlation of a block that shows the same
 
 
 @dataclass(frozen=True)
 class PictureAgreement:
-    """Blocks of a frame that show something, in both frames on the same surface."""
+    """Numbers of blocks that have texture and show the same surface in both frames."""
 
     alike: int  # that show the same
     compared: int
 
 
 def picture_agreement(first: Frame, second: Frame, T_first_second: np.ndarray) -> PictureAgreement:
-    """Compare block by block what the first frame shows with what the second shows of the same surface.
+    """Compare the pictures of two frames on the same surface, block by block.
 
-    A whole image correlates well if walls and furniture do; a picture that hangs on the wall is a few
-    blocks.
+    Whole images correlate well if walls and furniture do; a picture on the wall is only a few blocks.
     """
     grey, depth_m = _small(first)  # [h, w]
     other, other_m = _small(second)
@@ -64,7 +63,7 @@ def _small(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _blocks(image: np.ndarray) -> np.ndarray:
-    """[blocks, pixels of a block] of an image [h, w], what is left at the borders left out."""
+    """[blocks, pixels of a block] of an image [h, w], without incomplete blocks at its borders."""
     side = max(round(_BLOCK_PX * image.shape[1] / _WIDTH_PX), _SMALLEST_BLOCK_PX)
     h, w = (length // side for length in image.shape)
     split = image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2)

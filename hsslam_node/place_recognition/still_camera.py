@@ -1,4 +1,4 @@
-"""A camera that stands still adds no keyframes once the map has had its share of what it sees."""
+"""A camera that stands still adds no keyframes once the map has enough of its view."""
 
 import numpy as np
 
@@ -16,11 +16,11 @@ class StillCamera:
     def __init__(self, store: KeyframeStore, keyframes: int) -> None:
         self._store = store
         self._most = keyframes
-        self._first: tuple[int, np.ndarray] | None = None  # keyframe of this view, and its picture
+        self._first: tuple[int, np.ndarray] | None = None  # first of this view, and its picture
         self._keyframes = 0
 
     def has_enough(self, T_world_cam: np.ndarray, grey: np.ndarray) -> bool:
-        """Whether a keyframe at T_world_cam [4, 4] would show what enough of them show.
+        """Whether there are enough keyframes of the view at T_world_cam [4, 4].
 
         If not, the caller appends one now. `grey`: its coarse image [h, w] float32, 0 to 255.
         """
