@@ -1,1 +1,1 @@
-"""A lost camera moves on: it is tracked in a fragment beside the map, which joins the map where they meet."""
+"""Fragments: a lost camera is tracked in a new map beside the old one, until the two join."""

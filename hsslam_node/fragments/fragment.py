@@ -1,5 +1,4 @@
-"""A fragment: what a camera that is lost to the map sees, in a coordinate frame of its own; apart, as
-tracking, search and joining need it."""
+"""A fragment: keyframes of a camera that is lost to the map, in a coordinate frame of their own."""
 
 from hsslam_node.config import SlamConfig
 from hsslam_node.frame import Frame
@@ -10,7 +9,7 @@ from hsslam_node.tracking.tracked_frame import TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
 _MOST_KEYFRAMES, _MOST_BYTES = 600, 0.93e9  # of their pixels: 600 at 640x480
-_NEARLY_FULL = 0.9  # of the keyframes that it may keep: from there on some are retired
+_NEARLY_FULL = 0.9  # of the keyframes that it may keep; above, keyframes are retired
 
 
 def most_keyframes(pixel_bytes: int) -> int:
@@ -25,7 +24,7 @@ class Fragment:
     """
 
     def __init__(self, config: SlamConfig, first: Frame, seed: int, number: int, most: int) -> None:
-        """`most`: keyframes whose pixels it keeps; of more, those that others show best are retired."""
+        """`most`: keyframes that it keeps; when nearly full, it retires those that others show best."""
         self.number = number
         self.store = KeyframeStore.create(
             MemoryAllocator(), first.camera, first.depth_units_per_m, most

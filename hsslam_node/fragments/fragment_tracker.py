@@ -1,4 +1,4 @@
-"""A tracker that goes on where the map ends for it: in a fragment, until that joins the map."""
+"""Tracks a lost camera in a fragment, until the fragment joins the map."""
 
 from dataclasses import replace
 
@@ -17,8 +17,8 @@ from hsslam_node.tracking.places.place_near import Whereabouts
 from hsslam_node.tracking.tracked_frame import JoinedFragment, TrackResult
 from hsslam_node.tracking.tracker import Tracker
 
-_SEEING_S = 1.0  # a lost camera has so long to find the map, once it sees
-_FEWEST_FEATURES = 60  # of an image that shows something
+_SEEING_S = 1.0  # time that a lost camera has to relocalise, once images have texture
+_FEWEST_FEATURES = 60  # of an image with texture
 
 
 def open_fragment_tracker(
@@ -33,8 +33,8 @@ def open_fragment_tracker(
     """The tracker of a configuration, with fragments if it recognises places.
 
     Args:
-        new_map_after_s: a fragment begins when the camera has been lost for so long; 0: never.
-        fragments: how many were begun before.
+        new_map_after_s: a fragment begins when the camera has been lost for this time; 0: never.
+        fragments: number of fragments begun before.
     """
     tracker = open_tracker(config, store, seed, threads)
     if not isinstance(tracker, Tracker) or not new_map_after_s:
@@ -43,10 +43,10 @@ def open_fragment_tracker(
 
 
 class FragmentTracker:
-    """Tracks in the map; a camera that is lost for long and sees again is tracked in a fragment.
+    """Tracks in the map; tracks a camera that has been lost for long in a fragment.
 
-    Poses in a fragment are lost to the map: their status says so, and `fragment` in which they are. When
-    the fragment joins the map, its keyframes are copied to the map's, and the camera goes on there.
+    A pose in a fragment has the status `lost`, and the fragment's number in `fragment`. When the fragment
+    joins the map, its keyframes are copied to the map, and tracking continues there.
     """
 
     def __init__(
@@ -62,8 +62,8 @@ class FragmentTracker:
         self._search: JoinSearch | None = None
         self._joining: Joining | None = None
         self._begun = fragments
-        self._lost_ns: int | None = None  # stamp of the first frame that was lost, of those before
-        self._seeing_ns: int | None = None  # of the first that showed something, of those
+        self._lost_ns: int | None = None  # stamp of the first of the lost frames
+        self._seeing_ns: int | None = None  # since when the lost frames have texture
 
     def resume(self, *, anywhere: bool = False) -> None:
         """As the tracker of the map."""
@@ -90,7 +90,7 @@ class FragmentTracker:
         return self._after(frame, result)
 
     def finish(self) -> JoinedFragment | None:
-        """No frame comes any more: a fragment that is being copied joins the map now."""
+        """After the last frame: complete a join that has begun; returns the fragment that joined, if any."""
         joined = self._joining.finish() if self._joining is not None else None
         self._fragment = self._search = self._joining = None
         return joined
@@ -98,12 +98,12 @@ class FragmentTracker:
     def find_near(
         self, frame: Frame, view: MapView | None, near: Whereabouts, *, localise_only: bool = False
     ) -> TrackResult | None:
-        """As the tracker of the map; a camera that is found there leaves its fragment, unless that is joining
-        the map just now."""
+        """As the tracker of the map; a camera that is found leaves its fragment. None while a fragment is
+        being copied, unless `localise_only` is set."""
         if self._joining is not None and not localise_only:
             return None
         if self._search is not None:
-            self._search.collect()  # the places of the map are asked in turn
+            self._search.collect()  # `Relocalisation` takes one call at a time
         found = self._map.find_near(frame, view, near, localise_only=localise_only)
         if found is not None:
             self._leave()
@@ -114,7 +114,7 @@ class FragmentTracker:
         assert self._search is not None
         result = fragment.track(frame)
         if result.status == "lost":
-            self._search.collect()  # the places of the map are asked in turn
+            self._search.collect()  # `Relocalisation` takes one call at a time
             self._give_up_joining()
             found = self._map.track(frame, view)
             if found.status != "lost":
@@ -131,7 +131,7 @@ class FragmentTracker:
         return self._go_on_in_map(fragment, joined, result)
 
     def _after(self, frame: Frame, result: TrackResult) -> TrackResult:
-        """The result of a frame; where it is lost, and has been for long, a fragment begins with it."""
+        """The result of a frame; if the camera has been lost for long, a fragment begins with this frame."""
         if result.status != "lost":
             self._lost_ns = None
             return result
@@ -161,14 +161,14 @@ class FragmentTracker:
         return _of_fragment(first, fragment.number)
 
     def _begin_joining(self, fragment: Fragment, search: JoinSearch) -> Joining | None:
-        """If it is known now where the fragment lies."""
+        """Begin to join if the fragment's pose in the map is known now."""
         T_map_fragment = search.step()
         return None if T_map_fragment is None else Joining(fragment, self._store, T_map_fragment)
 
     def _go_on_in_map(
         self, fragment: Fragment, joined: JoinedFragment, result: TrackResult
     ) -> TrackResult:
-        """The result in the map."""
+        """Continue in the map; returns the result of the frame there."""
         self._map.take_over(fragment.tracker, joined)
         self._fragment = self._search = self._joining = None
         k = int(joined.keyframes[result.keyframe])
@@ -180,14 +180,14 @@ class FragmentTracker:
         )  # fmt: skip
 
     def _leave(self) -> None:
-        """The camera is in the map again: what it saw in between stays a fragment."""
+        """Leave the fragment without a join: the camera is in the map again."""
         if self._search is not None:
             self._search.collect()
         self._give_up_joining()
         self._fragment = self._search = None
 
     def _give_up_joining(self) -> None:
-        """Before the map gets keyframes otherwise."""
+        """Give up the join, before other keyframes are appended to the map."""
         if self._joining is not None:
             self._joining.give_up()
         self._joining = None

@@ -1,4 +1,4 @@
-"""Whether a fragment has met the map: enough places agree on how the two lie, and none disagrees."""
+"""Whether a fragment can join the map: enough places agree on its pose, and far fewer on another."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,11 +9,9 @@ from hsslam_node.merging.meetings import Meeting, agreeing, places_apart
 from hsslam_node.place_recognition.picture_agreement import PictureAgreement
 
 _FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
-_CLEARLY = (
-    3.0  # keyframes that support the best pose, divided by those of the second best, at least
-)
-_FEWEST_BLOCKS = 60  # of all meetings' images that show something
-_ALIKE = 0.85  # of these blocks: 0.95 to 0.98 of one room, 0.67 to 0.72 of rooms that look alike
+_CLEARLY = 3.0  # keyframes that support the best pose over those of the second best, at least
+_FEWEST_BLOCKS = 60  # blocks with texture in the images of all meetings
+_ALIKE = 0.85  # of these blocks; one room: 0.95 to 0.98, rooms that look alike: 0.67 to 0.72
 
 
 @dataclass(frozen=True)
@@ -24,11 +22,11 @@ class CheckedMeeting(Meeting):
 
 
 def agreed_meetings(meetings: Sequence[CheckedMeeting]) -> list[CheckedMeeting]:
-    """The meetings that agree on where the fragment lies, the one that most agree with first; none if they
-    leave a doubt.
+    """The meetings that agree on the fragment's pose in the map, the one that most agree with first; none if
+    the pose is uncertain.
 
-    At least three places that are apart must agree on a pose of the fragment, and their images must agree in
-    detail. If rooms look alike, meetings support several poses: then the answer is none.
+    At least three places that are apart must agree on the pose, and their images must agree in detail. If
+    rooms look alike, meetings support several poses: then the answer is none.
     """
     best = agreeing(meetings)
     if places_apart(best) < _FEWEST_PLACES or not _show_the_same(best):
@@ -39,12 +37,12 @@ def agreed_meetings(meetings: Sequence[CheckedMeeting]) -> list[CheckedMeeting]:
 
 
 def T_map_fragment(meetings: Sequence[Meeting]) -> np.ndarray:
-    """[4, 4] of meetings that agree: that of the one in the middle of them all."""
+    """[4, 4] by the most central of meetings that agree."""
     T = np.stack([m.T_worlds for m in meetings])  # [n, 4, 4]
-    # of cameras, as a small turn moves the origin of a large fragment far
+    # compared at the cameras, as a small rotation moves the origin of a large fragment far
     at = np.mean([m.T_world_second[:3, 3] for m in meetings], axis=0)
-    told = T[:, :3, :3] @ at + T[:, :3, 3]  # [n, 3]
-    away = np.linalg.norm(told - np.median(told, axis=0), axis=1)
+    predicted = T[:, :3, :3] @ at + T[:, :3, 3]  # [n, 3]
+    away = np.linalg.norm(predicted - np.median(predicted, axis=0), axis=1)
     return T[int(away.argmin())]
 
 

@@ -1,4 +1,4 @@
-"""Where a fragment meets the map: its keyframes are compared with the map's, one at a time, in a thread."""
+"""Searches for a fragment's pose in the map: a thread compares its keyframes with the map's one by one."""
 
 from concurrent.futures import Future
 
@@ -10,25 +10,25 @@ from hsslam_node.geometry.projection import world_points
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.places.relocalisation import Relocalisation, SeenAgain
 
-_FRAMES = 8  # that a comparison has, 120 ms of one core; it ends at the same frame in every run
+_FRAMES = 8  # for a comparison, 120 ms of one core; it ends at the same frame in every run
 _MOST_MEETINGS = 300  # the newest
 _STRIDE_PX = 16
 
 
 class JoinSearch:
-    """Collects meetings of a fragment with the map, until they tell how the two lie."""
+    """Collects meetings of a fragment with the map, until they give the fragment's pose."""
 
     def __init__(self, store: KeyframeStore, places: Relocalisation, fragment: Fragment) -> None:
         self._store = store
         self._places = places
         self._fragment = fragment
         self._meetings: list[CheckedMeeting] = []
-        self._compared = -1  # the newest keyframe that was begun
+        self._compared = -1  # the newest keyframe whose comparison has begun
         self._pending: tuple[int, Future[list[SeenAgain]]] | None = None
-        self._frames = 0  # since it was begun
+        self._frames = 0  # since then
 
     def step(self) -> np.ndarray | None:
-        """A frame was tracked in the fragment; T_map_fragment [4, 4], if it is known now."""
+        """Take a frame tracked in the fragment; returns T_map_fragment [4, 4] if it is known now."""
         self._frames += 1
         if self._frames < _FRAMES:
             return None
@@ -41,7 +41,7 @@ class JoinSearch:
         return found
 
     def collect(self) -> np.ndarray | None:
-        """Wait for the comparison that was begun, if any; T_map_fragment [4, 4], if it is known now."""
+        """Wait for the comparison that has begun, if any; returns T_map_fragment [4, 4] if known now."""
         if self._pending is None:
             return None
         k, compared = self._pending
@@ -59,7 +59,7 @@ class JoinSearch:
 def checked_meeting(
     store: KeyframeStore, fragment: KeyframeStore, k: int, seen: SeenAgain
 ) -> CheckedMeeting:
-    """What a comparison of keyframe k of the fragment with the map's `store` has found."""
+    """The meeting that a comparison of keyframe k of the fragment with the map's `store` has found."""
     match, frame, T = seen.match, fragment.frame(k), fragment.pose(k)
     shown = np.median(world_points(frame.depth_m(), frame.camera, T, _STRIDE_PX), axis=0)
     return CheckedMeeting(

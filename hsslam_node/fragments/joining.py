@@ -1,4 +1,4 @@
-"""A fragment becomes part of the map: its pixels go there a few keyframes a frame, then all show at once."""
+"""Joins a fragment to the map: copies pixels of a few keyframes with each frame, then shows all at once."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from hsslam_node.map.gap_covariances import gap_covariances
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import JoinedFragment
 
-_AT_ONCE = 2  # keyframes with a frame, 7 ms each at 640x480
-_SPARE = 16  # keyframes that the camera needs at once after a join, but no more than a quarter of the room
-_PARTS = 3  # of what the map may keep: the mapper frees one of them for a fragment, at most
-_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))  # covariance, m and rad, of the pose by a join
+_AT_ONCE = 2  # keyframes copied with each frame, 7 ms each at 640x480
+_SPARE = 16  # free keyframes that a join leaves to the camera, at most a quarter of them
+_PARTS = 3  # for a fragment the mapper frees at most one part in three of the map's keyframes
+_UNSURE = np.diag(np.repeat([0.02**2, 0.01**2], 3))  # covariance (m, rad) that a join adds
 
 
 class Joining:
     """Copies the keyframes of a fragment into the map's store while the camera is tracked in the fragment.
 
-    Where the map has too little room for them, the mapper first retires keyframes of the map.
+    If the map has too little room for them, the mapper first retires keyframes of the map.
     """
 
     def __init__(
@@ -26,19 +26,19 @@ class Joining:
         self._fragment = fragment
         self._store = store
         self._T_map_fragment = T_map_fragment
-        self._every = 0  # keyframes of which one is copied; 0: it waits for room
+        self._every = 0  # one keyframe in this number is copied; 0: wait for room
         self._staging = store.staging()
-        self._ids: list[int] = []  # in the fragment, of those that are staged
+        self._ids: list[int] = []  # ids in the fragment of the staged keyframes
         self._next = 0
 
     def covariance(self, in_fragment: np.ndarray) -> np.ndarray:
-        """[6, 6] in the map, of a pose that has this one in the fragment."""
+        """Covariance [6, 6] in the map of a pose with covariance `in_fragment` [6, 6]."""
         return turned(in_fragment, self._T_map_fragment[:3, :3]) + _UNSURE
 
     def step(self) -> JoinedFragment | None:
-        """Copy a few more; if all are there, show them: what has become of the fragment's keyframes.
+        """Copy a few more keyframes; once all are copied, show them and return the joined fragment.
 
-        None before that, and if the map has no memory for any of them: then they are copied again.
+        None before that. None also if the map has memory for none of them; then copying starts again.
         """
         if not self._every and not self._begins():
             return None
@@ -49,7 +49,7 @@ class Joining:
         return None
 
     def finish(self) -> JoinedFragment | None:
-        """Copy all that are left, and show them; None if the map has no memory for any."""
+        """Copy the other keyframes and show all; None if the map has memory for none."""
         if not self._every:
             self._begin(self._store.free)
         while self._next < self._fragment.store.count:
@@ -57,7 +57,7 @@ class Joining:
         return self._show()
 
     def give_up(self) -> None:
-        """The map does not get the fragment."""
+        """Discard the copied keyframes and no longer ask for room."""
         self._store.want(0)
         self._staging.give_up()
 
@@ -72,16 +72,16 @@ class Joining:
         return True
 
     def _begin(self, room: int) -> None:
-        """Copy as many as there is room for: if the fragment keeps more, some are left out evenly."""
+        """Copy as many keyframes as `room`; if the fragment keeps more, leave some out evenly."""
         self._store.want(0)
         self._every = -(-len(self._fragment.store.kept()) // max(room, 1))
 
     def _copy_next(self) -> None:
         store, every = self._fragment.store, self._every
         kept = store.kept()
-        left = kept[kept >= self._next]  # with the newest keyframe, which is kept
+        left = kept[kept >= self._next]  # not empty: the newest keyframe is kept
         k = int(left[0])
-        # without room for it, the keyframe before stands for it, as for those that are retired
+        # without room, it moves with the keyframe before it, as retired ones do
         if self._staging.add(store.frame(k)):
             self._ids.append(k)
         self._next = int(left[every]) if every < len(left) else store.count + every - len(left)
@@ -104,8 +104,8 @@ class Joining:
 
 
 def _joined(fragment: int, ids: np.ndarray, shown: np.ndarray, poses: np.ndarray) -> JoinedFragment:
-    """Keyframes that are not among `ids` [m], which the map shows as `shown` [m], move with the last one
-    before them that is; poses [n, 4, 4] of all."""
+    """The joined fragment: keyframes `ids` [m] have the ids `shown` [m] in the map; the others move with the
+    last of these before them. poses: [n, 4, 4] of all."""
     at = np.searchsorted(ids, np.arange(len(poses)), side="right") - 1
     at = np.clip(at, 0, None)
     T_fragment_keyframe = poses[ids[at]]

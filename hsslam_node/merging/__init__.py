@@ -1,1 +1,1 @@
-"""Two saved maps of one place become one: where they meet, one pose graph, one field."""
+"""Merges two saved maps of one place: matches between them, one pose graph, one field."""

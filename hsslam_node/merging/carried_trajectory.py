@@ -1,4 +1,4 @@
-"""Poses of frames follow their keyframes; alone, as it needs nothing of maps but stamps and poses."""
+"""Moves poses of frames with their keyframes; alone, as it needs only stamps and poses of maps."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ def carried(frames: Trajectory, before: Trajectory, after: np.ndarray) -> Trajec
 
     Args:
         frames: poses in the world of `before`.
-        before: the keyframes as they stood, one or more.
-        after: [n, 4, 4], where they stand now.
+        before: old poses of the keyframes, one or more.
+        after: [n, 4, 4], their new poses.
     """
     order = np.argsort(before.stamps_ns, kind="stable")
     stamps_ns = before.stamps_ns[order]

@@ -1,4 +1,4 @@
-"""The pose graph of two maps whose keyframes lie in one store, those of the second behind the first."""
+"""The pose graph of two maps whose keyframes are in one store, those of the second map last."""
 
 from collections.abc import Sequence
 
@@ -14,15 +14,15 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.merging.meetings import Meeting
 from hsslam_node.progress import Track, silently
 
-_HELD_M, _HELD_RAD = 0.1, 0.05  # of the second map where the maps meet best
+_HELD_M, _HELD_RAD = 0.1, 0.05  # standard deviations of the edge that never counts as wrong
 _BELIEVED = 0.5  # weight of an edge that the others confirm
 
 
 class JoinedGraph:
-    """Edges within each map as its own bundle adjustment has them, and those between the maps.
+    """The edges within each map, as bundle adjustment makes them, and the edges between the maps.
 
-    Keyframe 0 never moves. The second map hangs on the first by the edge of its first meeting, as unsure
-    as meetings agree; all other edges between the maps may be wrong.
+    Keyframe 0 never moves. The edge of the first meeting always holds the second map to the first, as
+    loosely as meetings agree; all other edges between the maps may be wrong.
 
     Args:
         store: keyframes of both maps, the second's placed by the meetings.
@@ -56,7 +56,7 @@ class JoinedGraph:
         between = [edge for _, edge in met]
         poses, _ = self._solved(self._store.poses(), between)
         poses, weights = self._solved(poses, [*between, *self._near_edges(poses, track)])
-        confirmed = zip(met, weights, strict=False)  # they come first
+        confirmed = zip(met, weights, strict=False)  # edges of meetings come first
         return poses, [meeting for (meeting, _), weight in confirmed if weight > _BELIEVED]
 
     def _meeting_edge(self, meeting: Meeting) -> PoseEdge | None:
@@ -65,7 +65,7 @@ class JoinedGraph:
         )
 
     def _near_edges(self, poses: np.ndarray, track: Track) -> list[PoseEdge]:
-        """Neighbours within a map, and keyframes of long ago or of the other map that see the same."""
+        """Edges to neighbours within a map, and to old keyframes or those of the other map nearby."""
         c = self._config
         edges: list[PoseEdge] = []
         newest_first = range(len(poses) - 1, 0, -c.aligned_every)
@@ -84,7 +84,7 @@ class JoinedGraph:
     def _solved(
         self, poses: np.ndarray, edges: Sequence[PoseEdge]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The poses [n, 4, 4], and the weights of all edges, those given first."""
+        """The solved poses [n, 4, 4], and the weights of all edges, `edges` first."""
         n = len(poses)
         links = [k for k in range(1, n) if k != self._seam]
         held = np.diag(np.repeat([_HELD_M**-2, _HELD_RAD**-2], 3))

@@ -1,4 +1,4 @@
-"""Where two maps show the same: keyframes of both that match, and which of these matches agree."""
+"""Meetings: keyframes of two maps that show the same place, and which of these matches agree."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from hsslam_node.tracking.find_loop import find_loop
 _CANDIDATES = 3  # keyframes of the first map compared with one of the second, about 35 ms each
 _AGREE_M, _DRIFT = 0.1, 0.03  # meetings at a distance d agree within first + second d, m
 _AGREE_RAD = 0.05
-_APART_M = 1.0  # between the middles of what two places show
+_APART_M = 1.0  # between `shown` of two places
 _STRIDE_PX = 16
 
 
@@ -30,11 +30,11 @@ class Meeting:
     T_first_second: np.ndarray  # [4, 4], by dense alignment of the two
     T_world_first: np.ndarray  # [4, 4], world of the first map
     T_world_second: np.ndarray  # [4, 4], world of the second map
-    shown: np.ndarray  # [3] m, world of the second map: the middle of what its keyframe measured
+    shown: np.ndarray  # [3] m, world of the second map: median of its keyframe's points
 
     @property
     def T_worlds(self) -> np.ndarray:
-        """[4, 4], from the second world to the first, as this meeting has it."""
+        """[4, 4], from the second world to the first, by this meeting."""
         return self.T_world_first @ self.T_first_second @ inverse(self.T_world_second)
 
 
@@ -49,7 +49,7 @@ def find_meetings(
     seed: int = 0,
 ) -> list[Meeting]:
     """Compare each keyframe of the second map (`frames`, at poses [n, 4, 4]) with those of the store that
-    share most features with it. Nothing of the poses is used."""
+    share most features with it. Matching uses no poses."""
     index = KeyframeIndex(store)
     index.update()
     meetings = []
@@ -67,9 +67,9 @@ def find_meetings(
 
 
 def agreeing(meetings: Sequence[AnyMeeting]) -> list[AnyMeeting]:
-    """The largest set that agrees with one of its meetings on how the two worlds lie; this one comes first.
+    """The largest set that agrees with one of its meetings on the pose between the worlds; this one is first.
 
-    Two meetings agree if the one tells where the camera of the other is, to 10 cm and 3 % of the way
+    Two meetings agree if one predicts the camera pose of the other, to 10 cm plus 3 % of the distance
     between them, as maps drift, and to 0.05 rad.
     """
     if not meetings:
@@ -78,10 +78,10 @@ def agreeing(meetings: Sequence[AnyMeeting]) -> list[AnyMeeting]:
     T_second = np.stack([m.T_world_second for m in meetings])
     best = np.zeros(0, np.int64)
     for k, meeting in enumerate(meetings):
-        told = meeting.T_worlds @ T_second
-        off_m = np.linalg.norm(told[:, :3, 3] - T_first[:, :3, 3], axis=1)
+        predicted = meeting.T_worlds @ T_second
+        off_m = np.linalg.norm(predicted[:, :3, 3] - T_first[:, :3, 3], axis=1)
         way_m = np.linalg.norm(T_first[:, :3, 3] - T_first[k, :3, 3], axis=1)
-        cosine = (np.einsum("nij,nij->n", told[:, :3, :3], T_first[:, :3, :3]) - 1.0) / 2.0
+        cosine = (np.einsum("nij,nij->n", predicted[:, :3, :3], T_first[:, :3, :3]) - 1.0) / 2.0
         off_rad = np.arccos(np.clip(cosine, -1.0, 1.0))
         agree = np.flatnonzero((off_m < _AGREE_M + _DRIFT * way_m) & (off_rad < _AGREE_RAD))
         if len(agree) > len(best):
@@ -90,7 +90,7 @@ def agreeing(meetings: Sequence[AnyMeeting]) -> list[AnyMeeting]:
 
 
 def places_apart(meetings: Iterable[Meeting]) -> int:
-    """How many of them show things that lie a metre apart or more, taken as they come."""
+    """Number of places: a meeting is a new one if it is 1 m or more from all places before it."""
     places: list[np.ndarray] = []
     for meeting in meetings:
         if all(np.linalg.norm(meeting.shown - place) >= _APART_M for place in places):

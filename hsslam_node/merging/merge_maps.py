@@ -1,4 +1,4 @@
-"""Two saved maps of one place, whose worlds have no known relation, made one."""
+"""Merges two saved maps of one place whose worlds have no known relation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ FEWEST_PLACES = 3  # that agree and are apart: two may look alike by chance
 
 @dataclass(frozen=True)
 class JoinedMap:
-    """One map of two, in the world of the first; the keyframes of the second lie behind the first's."""
+    """The merged map, in the world of the first; the keyframes of the second come last."""
 
     config: SlamConfig
     store: KeyframeStore
     parameters: FieldParameters  # published
-    parts: tuple[Trajectory, Trajectory]  # the keyframes of both as they were saved, own worlds
+    parts: tuple[Trajectory, Trajectory]  # the keyframes of both as saved, own worlds
     meetings: tuple[Meeting, ...]  # that the pose graph confirms
-    places: int  # of them that are apart
+    places: int  # number of places that they show
 
     @property
     def seam(self) -> int:
@@ -45,7 +45,7 @@ class JoinedMap:
 
     @property
     def T_first_second(self) -> np.ndarray:
-        """[4, 4], from the second world to the first, by the keyframe where the runs meet best."""
+        """[4, 4], from the second world to the first, by the keyframe of the best meeting."""
         k = self.meetings[0].second
         return self.store.pose(self.seam + k) @ inverse(self.parts[1].T_world_cam[k])
 
@@ -60,8 +60,7 @@ def merge_maps(
 ) -> JoinedMap:
     """Find where the maps of two files meet, solve for all keyframes, and fit the field of the first to them.
 
-    Parameters are those of preset `realtime`, but for the field and the sampling, which stay those of the
-    first map.
+    The configuration is preset `realtime`, but with the field and the sampling of the first map.
 
     Raises:
         UserError: a map cannot be used (`restore_map`), they are of different cameras, or they do not meet
@@ -110,7 +109,7 @@ def _refit(
     device: Device,
     track: Track,
 ) -> None:
-    """As many iterations as a run has for the keyframes that are new, then a run's last iterations."""
+    """Fit the map: the mapping iterations of a run for the new keyframes, then a run's last iterations."""
     mapper = Mapper(config, parameters, seed, device)
     mapper.grow_bound(store)
     new = store.count - store.inherited
@@ -121,12 +120,12 @@ def _refit(
 
 
 def _expect_places(first: Path, second: Path, meetings: Sequence[Meeting]) -> int:
-    """How many places agree; UserError if they are too few."""
+    """Number of places that agree; UserError if there are too few."""
     places = places_apart(meetings)
     if places < FEWEST_PLACES:
         raise UserError(
-            f"{second}: meets {first} in {places} places that agree and lie apart: expected "
-            f"{FEWEST_PLACES} or more"
+            f"{second}: has {places} places in common with {first}: expected {FEWEST_PLACES} or "
+            "more, 1 m apart or farther"
         )
     return places
 
@@ -134,10 +133,10 @@ def _expect_places(first: Path, second: Path, meetings: Sequence[Meeting]) -> in
 def _expect_same_camera(
     first: Path, saved: MapCheckpoint, second: Path, other: MapCheckpoint
 ) -> None:
-    """UserError unless both maps, if they tell it, are of one camera and one depth scale."""
+    """UserError if the maps have different cameras or depth scales; a map without them passes."""
     here, there = saved.camera, other.camera
     if here is None or there is None or saved.images is None or other.images is None:
-        return  # an old map, which is refused with a better reason
+        return  # an old map, which is refused later with a better reason
     if difference := there.differs_in(here):
         name, value, expected = difference
         what = value if name == "size" else f"{name} is {value} px"

@@ -1,4 +1,4 @@
-"""The keyframes of a merged map in the order of time; apart, as it knows nothing of how maps are joined."""
+"""Sorts the keyframes of a merged map by time; apart, as it does not need to know how maps are merged."""
 
 from dataclasses import replace
 
@@ -9,10 +9,10 @@ from hsslam_node.map.checkpoint import MapCheckpoint
 
 
 def in_order_of_time(merged: MapCheckpoint, seam: int) -> MapCheckpoint:
-    """The map with the keyframes of the earlier run before those of the later one, as meshes, grids and
-    distances take the order of keyframes for that of what happened.
+    """The map with the keyframes of the earlier run first, as meshes, grids and distances take the order of
+    keyframes for the order of time.
 
-    Runs whose stamps overlap, as those of two clocks that begin at 0, keep their order.
+    Runs with stamps that overlap, as those of two clocks that begin at 0, keep their order.
 
     Args:
         merged: with images.

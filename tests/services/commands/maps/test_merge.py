@@ -65,8 +65,9 @@ def test_a_mirror_image_is_refused_and_nothing_is_written(runs, tmp_path, capsys
     first, mirrored = runs / "first", runs / "mirrored"
     assert main(["merge", str(first), str(mirrored), "-o", str(tmp_path / "out")]) == 2
     told = capsys.readouterr().err
-    assert told.startswith(f"error: {mirrored}/map.safetensors: meets {first}/map.safetensors in ")
-    assert told.endswith(" places that agree and lie apart: expected 3 or more\n")
+    assert told.startswith(f"error: {mirrored}/map.safetensors: has ")
+    in_common = f"places in common with {first}/map.safetensors: expected 3 or more"
+    assert told.endswith(f" {in_common}, 1 m apart or farther\n")
     assert told.count("\n") == 1 and not list(tmp_path.iterdir())
 
 
