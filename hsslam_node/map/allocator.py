@@ -1,11 +1,11 @@
-"""Who provides the arrays of map and keyframes: plain memory here, the shared arena in the service."""
+"""Allocators of the arrays of map and keyframes: plain memory here, the shared arena in the service."""
 
 import math
 from typing import Protocol
 
 import numpy as np
 
-_LINE_BYTES = 64  # vectors of 16 floats then never lie across two lines
+_LINE_BYTES = 64  # of a cache line; aligned vectors of 16 floats never cross two
 
 
 class ArrayAllocator(Protocol):
@@ -24,15 +24,15 @@ class ArrayAllocator(Protocol):
         ...
 
     def remove(self, name: str) -> None:
-        """Let go of the array, if it is there; those who have opened it may go on using it."""
+        """Remove the array if it exists; processes that have opened it can still use it."""
         ...
 
     def drop_row(self, name: str, row: int) -> None:
-        """Give the memory of `array[row]`, which no process needs, back to the system, if it takes it."""
+        """Return the memory of `array[row]`, which no process needs, to the system, if that is possible."""
         ...
 
     def reserve_row(self, name: str, row: int) -> None:
-        """Have memory for `array[row]` again before it is written; OutOfMemoryError if there is none."""
+        """Get memory for `array[row]` again before it is written; OutOfMemoryError if there is none."""
         ...
 
 

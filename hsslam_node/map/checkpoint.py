@@ -1,4 +1,4 @@
-"""The map on disk: everything needed to load it again, in one safetensors file."""
+"""The map on disk: one safetensors file."""
 
 import dataclasses
 import json
@@ -22,7 +22,7 @@ from hsslam_node.map.keyframe_images import KeyframeImages
 from hsslam_node.map.layout import FieldLayout
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 
-_OF_RUN = "map.safetensors"  # in the folder of a run
+_FILE_OF_RUN = "map.safetensors"  # in the folder of a run
 FORMAT = "hsslam-map"
 FORMAT_VERSION = 3
 P = TypeVar("P")
@@ -39,15 +39,15 @@ class MapCheckpoint:
     params: np.ndarray  # [P] float32
     keyframe_stamps_ns: np.ndarray  # [n] int64
     T_world_keyframe: np.ndarray  # [n, 4, 4] float64
-    camera: Camera | None = None  # of the keyframes; None in maps of before it was kept
+    camera: Camera | None = None  # of the keyframes; None in older maps without it
     sampling: SamplingPattern | None = None  # that the map was trained with; None likewise
-    images: KeyframeImages | None = None  # of the keyframes, to go on in the map; None likewise
+    images: KeyframeImages | None = None  # of the keyframes, to continue the map; None likewise
     second_moment: np.ndarray | None = None  # [P] float32, Adam's, kept as bfloat16; None likewise
     step: int = 0  # Adam steps that the map has seen
     max_depth_m: float | None = None  # depth beyond was not mapped; None as above
-    gravity: Gravity | None = None  # as an IMU tells it; None: not known
+    gravity: Gravity | None = None  # by an IMU; None: not known
     keyframe_gaps: np.ndarray | None = None  # [n, 6, 6] float64, `gap_covariances`; None likewise
-    # to the frame `map` of the robot that made it, [4, 4] (`level_frame`); None: the robot is not known
+    # [4, 4] to the frame `map` of the robot that made it (`level_frame`); None: not known
     T_level_world: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -119,9 +119,9 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
     Raises:
         UserError: no such file, another format or version, or a damaged file.
     """
-    path = path / _OF_RUN if path.is_dir() else path
+    path = path / _FILE_OF_RUN if path.is_dir() else path
     if not path.is_file():
-        raise UserError(f"{path}: no such file: expected a map that a run has saved")
+        raise UserError(f"{path}: no such file: expected a map file or the folder of a run")
     try:
         if not _looks_like_safetensors(path):
             raise UserError(f"{path}: not a map: expected a file such as map.safetensors of a run")
@@ -151,7 +151,7 @@ def load_checkpoint(path: Path) -> MapCheckpoint:
 
 
 def _looks_like_safetensors(path: Path) -> bool:
-    """Whether a JSON object follows the length that such a file begins with."""
+    """Whether a JSON header follows the 8 bytes of its length, as in a safetensors file."""
     with path.open("rb") as stream:
         return stream.read(9)[8:] == b"{"
 
@@ -195,7 +195,7 @@ def _checkpoint(layout: FieldLayout, tensors: dict[str, np.ndarray]) -> MapCheck
 
 
 def _part(metadata: dict[str, str], name: str, kind: type[P]) -> P | None:
-    """A dataclass in the metadata; None in maps of before it was kept."""
+    """A dataclass in the metadata; None in older maps without it."""
     values = json.loads(metadata.get(name, "null"))
     if values is None:
         return None
@@ -222,8 +222,8 @@ def _images(
 
 
 def _checksum(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
-    told = {key: value for key, value in metadata.items() if key != _CHECKSUM}
-    crc = zlib.crc32(json.dumps(told, sort_keys=True).encode())
+    covered = {key: value for key, value in metadata.items() if key != _CHECKSUM}
+    crc = zlib.crc32(json.dumps(covered, sort_keys=True).encode())
     for name in sorted(tensors):
         crc = zlib.crc32(np.ascontiguousarray(tensors[name]).data, crc)
     return f"{crc:08x}"

@@ -1,4 +1,4 @@
-"""Trajectories out of the pose log; those of a map epoch in pieces, as days have millions of poses."""
+"""Trajectories from the pose log; those of a map epoch in pieces, as a day has millions of poses."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,25 +11,25 @@ from hsslam_node.odometry.spread_errors import spread_errors
 
 
 class FragmentRows(NamedTuple):
-    """How many frames a fragment has, and the numbers of the rows from its first to its last."""
+    """Number of frames of a fragment, and the numbers of the rows from its first to its last."""
 
     frames: int
     rows: range
 
 
 class EpochPoses:
-    """The poses that one map epoch has now. Trajectories come in pieces, read as they are taken."""
+    """The poses of one map epoch up to now. Trajectories come in pieces, which are read on demand."""
 
     def __init__(self, log: PoseLog, map_epoch: int) -> None:
         self._log = log
         self._rows = log.rows_of_epoch(map_epoch)
 
     def __len__(self) -> int:
-        """Frames, lost ones too."""
+        """Number of frames, lost ones included."""
         return len(self._rows)
 
     def joined(self) -> Iterator[np.ndarray]:
-        """The rows, [n] of POSE_ROW; those of fragments that have joined the map are tracked in it."""
+        """The rows in pieces, [n] of POSE_ROW; those of joined fragments are tracked in the map."""
         return map(self._log.joined, self._log.slabs(self._rows))
 
     def online(self) -> Iterator[Trajectory]:
@@ -37,21 +37,21 @@ class EpochPoses:
         return map(online_trajectory, self._log.slabs(self._rows))
 
     def final(self, T_world_keyframe: np.ndarray) -> Iterator[Trajectory]:
-        """As `final_trajectory` of all rows; a piece ends where a frame was aligned, as a stretch by odometry
-        alone is fitted as a whole."""
+        """As `final_trajectory` of all rows; a piece ends before an aligned frame, as a stretch of
+        dead-reckoned frames is fitted as a whole."""
         waiting = np.zeros(0, POSE_ROW)
         for rows in self.joined():
             waiting = np.concatenate([waiting, _with_pose(rows)])
             aligned = np.flatnonzero(waiting["status"] != DEAD_RECKONED)
             if len(aligned):
-                end = int(aligned[-1])  # of this piece, and what the next stretch begins at
+                end = int(aligned[-1])  # the next piece begins with it
                 piece = final_trajectory(waiting[: end + 1], T_world_keyframe)
                 yield Trajectory(piece.stamps_ns[:end], piece.T_world_cam[:end])
                 waiting = waiting[end:].copy()
         yield final_trajectory(waiting, T_world_keyframe)
 
     def fragments(self) -> dict[int, FragmentRows]:
-        """Where the frames of each fragment are, by its number; joined or not."""
+        """The rows of each fragment, joined or not, by its number."""
         found: dict[int, FragmentRows] = {}
         start = self._rows.start
         for rows in self._log.slabs(self._rows):
@@ -64,7 +64,7 @@ class EpochPoses:
         return dict(sorted(found.items()))
 
     def fragment(self, number: int, place: FragmentRows) -> Iterator[Trajectory]:
-        """As `fragment_trajectory` of all rows; `place`: of this fragment."""
+        """As `fragment_trajectory` of all rows; `place`: the rows of this fragment."""
         for rows in self._log.slabs(place.rows):
             yield fragment_trajectory(rows, number)
 
@@ -75,9 +75,9 @@ def online_trajectory(rows: np.ndarray) -> Trajectory:
 
 
 def final_trajectory(rows: np.ndarray, T_world_keyframe: np.ndarray) -> Trajectory:
-    """Each pose carried along by its reference keyframe, [n, 4, 4]; lost frames have none.
+    """Each pose moved with its keyframe, by the poses T_world_keyframe [n, 4, 4]; lost frames have none.
 
-    Poses by odometry alone are fitted in between the frames that were aligned before and after them.
+    Dead-reckoned poses are fitted between the aligned frames before and after them.
     """
     kept = _with_pose(rows)
     poses = kept["T_world_cam"].copy()
@@ -99,6 +99,6 @@ def _as_published(rows: np.ndarray, mask: np.ndarray) -> Trajectory:
 
 
 def _with_pose(rows: np.ndarray) -> np.ndarray:
-    """The rows but those of lost frames; the same array if there is none, as rows of an hour are 80 MB."""
+    """The rows without lost frames; the same array if none is lost, as the rows of an hour are 80 MB."""
     mask = rows["status"] != LOST
     return rows if mask.all() else rows[mask]

@@ -1,4 +1,4 @@
-"""How unsure the way between keyframes is, others left out; apart, as joins and saved maps need it."""
+"""Covariances of the gaps between some keyframes of a store; apart, as joins and saved maps need it."""
 
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from hsslam_node.map.store import KeyframeStore
 
 def gap_covariances(store: KeyframeStore, ids: np.ndarray) -> np.ndarray:
     """[n, 6, 6] as `KeyframeStore.gap_covariance`, of the motion to each keyframe of `ids` [n], sorted, from
-    the one before it there; 0 for the first."""
+    the one before it in `ids`; 0 for the first."""
     poses = store.poses()
     gaps = np.zeros((len(ids), 6, 6))
     for n, (before, k) in enumerate(pairwise(ids.tolist()), 1):

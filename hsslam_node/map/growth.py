@@ -1,4 +1,4 @@
-"""What was learnt over one bound, put in its place over a larger one."""
+"""Copies the parameters over one bound to their places over a larger bound."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ _AXES_OF: dict[str, tuple[int, int]] = dict(zip(("xy", "xz", "yz"), PLANE_AXES, 
 def copy_grown(old: FieldLayout, source: np.ndarray, new: FieldLayout, target: np.ndarray) -> None:
     """Write parameters or moments `source` [P_old] over the bound of `old` into `target` [P_new].
 
-    `new` is `old.grown(...)`. Every vertex of the old bound is overwritten, what is new keeps the values
-    it has in `target`. Vertices keep their place in the world and the hashed levels their entries, so the
-    field says the same within the old bound.
+    `new` is `old.grown(...)`. Every vertex of the old bound is overwritten; new vertices keep their values
+    in `target`. Vertices keep their place in the world and the hashed levels their entries, so the field
+    does not change within the old bound.
     """
     for name, block in old.blocks.items():
         there = new.blocks[name].view(target)
@@ -20,7 +20,7 @@ def copy_grown(old: FieldLayout, source: np.ndarray, new: FieldLayout, target: n
 
 
 def _place(old: FieldLayout, new: FieldLayout, name: str) -> tuple[slice, ...] | slice | np.ndarray:
-    """Where the entries of an old block lie in the first axes of the new one."""
+    """Index of the entries of an old block in the first axes of the new one."""
     kind, _, part = name.partition(".")
     if kind in ("geometry_coarse", "geometry_fine", "appearance_coarse", "appearance_fine"):
         cell_m = _cell_m(old, kind)

@@ -1,4 +1,4 @@
-"""Initial values of the scene model; apart from the parameters because the reference takes them as well."""
+"""Initial values of the scene model; apart from the parameters, as the reference uses them too."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Pixels of keyframes made small: what a saved map keeps of them."""
+"""Compressed images of keyframes, as a saved map keeps them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
 @dataclass(frozen=True)
 class KeyframeImages:
-    """Colour as JPEG (quality 95) and depth as 16-bit PNG of n keyframes, one behind the other.
+    """Colour as JPEG (quality 95) and depth as 16-bit PNG of n keyframes, concatenated.
 
     Raises:
-        ValueError: the arrays do not belong together.
+        ValueError: the arrays do not fit together.
     """
 
     color: np.ndarray  # [bytes] uint8
@@ -64,7 +64,7 @@ class KeyframeImages:
         return np.array(ids, np.int64), images
 
     def rolled(self, first: int) -> "KeyframeImages":
-        """The images from keyframe `first` on, and behind them those before it."""
+        """The images from keyframe `first` on, then those before it."""
         color, depth = (
             _rolled(data, end, first)
             for data, end in ((self.color, self.color_end), (self.depth, self.depth_end))

@@ -40,9 +40,9 @@ class FieldLayout:
     appearance planes (coarse, fine). Planes are [n_v, n_u, C], vertex (0, 0) at the low corner.
     `bound` must be snapped to the coarse cell (`FieldLayout.over` does it).
 
-    Vertices of planes and hash levels are numbered from the low corner of the *first* bound, whose
-    longest side also sets the cells of the hash levels and whose sides normalise one-blob. A bound that
-    has grown changes none of that: what was learnt keeps its place and its meaning.
+    Vertices of planes and hash levels are numbered from the low corner of the *first* bound. Its longest
+    side also sets the cells of the hash levels, and its sides normalise one-blob. None of this changes when
+    the bound grows, so parameters keep their place and their meaning.
     """
 
     config: FieldConfig
@@ -64,7 +64,7 @@ class FieldLayout:
 
     @property
     def lattice(self) -> Bound:
-        """The first bound: its low corner is vertex 0 of everything."""
+        """The first bound: its low corner is vertex 0 of all planes and hash levels."""
         return self.first_bound or self.bound
 
     def plane_vertices(self, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -157,7 +157,7 @@ class FieldLayout:
 
     @cached_property
     def hash_first(self) -> int:
-        """Where the hash levels begin; without any, where the decoders do."""
+        """Offset of the hash levels, or of the decoders if there are none."""
         first = self.blocks.get("hash.00", self.blocks["geometry_decoder.W1"])
         return first.offset
 

@@ -1,8 +1,9 @@
-"""Loads and stores of the counters that say which shared data are complete, in order on every processor.
+"""Ordered loads and stores of the counters of shared memory, on every processor.
 
-x86 keeps stores in order, ARM does not: there, another process may see a counter before the data it
-counts. A full fence on each side of a counter's load or store makes it an acquire or a release. LLVM
-makes the fence for this machine (`dmb ish` on ARM); a lock of Python would not be enough there.
+A counter says which shared data are complete. x86 keeps stores in order, ARM does not: there, another
+process may see a counter before the data it counts. A full fence on each side of a counter's load or store
+makes it an acquire or a release. LLVM makes the fence for this machine (`dmb ish` on ARM); a Python lock
+is not enough there.
 """
 
 import ctypes
@@ -21,7 +22,7 @@ define void @fence() {
 
 
 def load_ordered(words: np.ndarray, field: int) -> int:
-    """`words` [n] of 8 bytes at `field`: reads before it come before, those after it see what it counts."""
+    """Read `words[field]` ([n] of 8 bytes) as an acquire: later reads see the data that it counts."""
     fence = _fence()
     fence()
     value = int(words[field])
@@ -30,7 +31,7 @@ def load_ordered(words: np.ndarray, field: int) -> int:
 
 
 def store_ordered(words: np.ndarray, field: int, value: int) -> None:
-    """Set `words` [n] of 8 bytes at `field`: writes before it are seen first, writes after it later."""
+    """Write `words[field]` ([n] of 8 bytes) as a release: other processes see earlier writes first."""
     fence = _fence()
     fence()
     words[field] = value

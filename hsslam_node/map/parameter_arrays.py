@@ -1,4 +1,4 @@
-"""The arrays of one generation of the map; a map that grows goes on in a new generation."""
+"""The arrays of one generation of the map; a map that grows moves to a new generation."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from hsslam_node.geometry.bound import Bound
 from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.layout import FieldLayout
 
-PAGE = 64  # chunks of 16 floats; the marks of a gradient are a word a page
+PAGE = 64  # chunks of 16 floats; a gradient has one word of marks a page
 _NAMES = (
     "params",
     "adam_first",
@@ -20,7 +20,7 @@ _NAMES = (
     "published_step",
     "field_bound",
 )
-_GRADIENT, _TOUCHED = "gradient", "gradient_touched"  # made by the first who steps
+_GRADIENT, _TOUCHED = "gradient", "gradient_touched"  # created by the first process that steps
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class ParameterArrays:
     def create(
         cls, arrays: ArrayAllocator, layout: FieldLayout, generation: int
     ) -> "ParameterArrays":
-        """New arrays, or those that a maker who died has left; all but the slots are set to 0."""
+        """New arrays, or those of a process that died while it made them; all but the slots are set to 0."""
         P = layout.parameter_count
         shapes = ((P,), (P,), (P,), (P // 16,), (-(-P // (16 * PAGE)),), (2, P), (2,), (4, 3))
         types = (np.float32,) * 3 + (np.int32,) * 2 + (np.float32, np.int64, np.float64)
@@ -48,7 +48,7 @@ class ParameterArrays:
             arrays.create(_name(name, generation), shape, dtype)
             for name, shape, dtype in zip(_NAMES, shapes, types, strict=True)
         ]
-        if generation == 0:  # those of later generations were removed before, so they are all new
+        if generation == 0:  # arrays of later generations are always new
             for array in made[:5]:
                 array[:] = 0
         made[6][:] = -1
@@ -60,7 +60,7 @@ class ParameterArrays:
     def open(
         cls, arrays: ArrayAllocator, config: FieldConfig, generation: int
     ) -> "ParameterArrays":
-        """Attach; KeyError where they are not there, or no longer."""
+        """Attach; KeyError if the arrays do not exist, or no longer."""
         *opened, corners = (arrays.open(_name(name, generation)) for name in _NAMES)
         bound, first = Bound.of(*corners[:2]), Bound.of(*corners[2:])
         layout = FieldLayout(config, bound, None if generation == 0 else first)
@@ -70,7 +70,7 @@ class ParameterArrays:
     def gradient(
         arrays: ArrayAllocator, layout: FieldLayout, generation: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Values [P] float32 of the gradient and a bit for each chunk [~P / 1024] uint64, made if not there.
+        """Values [P] float32 of the gradient and a bit a chunk [~P / 1024] uint64, created if missing.
 
         Raises:
             OutOfMemoryError: there is no room for them.
@@ -82,7 +82,7 @@ class ParameterArrays:
 
     @staticmethod
     def remove(arrays: ArrayAllocator, generation: int) -> None:
-        """Release the arrays; those who still use them keep their memory until they let go."""
+        """Remove the arrays; a process that has opened them keeps the memory until it closes them."""
         for name in (*_NAMES, _GRADIENT, _TOUCHED):
             arrays.remove(_name(name, generation))
 

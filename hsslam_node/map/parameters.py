@@ -20,16 +20,16 @@ _STEP, _VERSION, _BEGUN, _READY, _GENERATION, _STEPPING = range(6)  # fields of 
 
 
 class FieldParameters:
-    """Parameters with their optimiser over named arrays, and two slots to publish them in.
+    """Parameters and Adam moments in named arrays, and two slots to publish them in.
 
-    Whoever steps, publishes or grows holds the writer's lease (the service's business). Readers never
-    lock: they use the current slot in place and ask afterwards whether the writer has begun to
-    overwrite it (`is_intact`); that takes two publications.
+    A process that steps, publishes or grows the map holds the lease, which the service manages. Readers
+    do not lock: they use the current slot in place, then check that the writer has not begun to
+    overwrite it (`is_intact`). The writer overwrites the slot of a version two publications later.
 
-    A map that grows goes on in new arrays, its next *generation*. They are made whole before anybody
-    is told, so a writer that dies meanwhile leaves the map as it was; versions and steps go on. All
-    others attach to them by themselves (`follow`, `published`): `layout` and the arrays are then new
-    objects. Arrays that are in use remain as they are.
+    A map that grows moves to new arrays, its next *generation*. The writer completes them before it
+    announces them, so if it dies meanwhile, the map stays as it was. Versions and steps continue. Other
+    processes attach in `follow` and `published`: `layout` and the arrays are then new objects. Old
+    arrays stay valid while a process uses them.
     """
 
     def __init__(self, arrays: ArrayAllocator, config: FieldConfig) -> None:
@@ -53,7 +53,7 @@ class FieldParameters:
 
     @property
     def layout(self) -> FieldLayout:
-        """Where everything lies; another object once the map has grown."""
+        """The layout of the arrays; another object after the map has grown."""
         return self._current.layout
 
     @property
@@ -73,12 +73,12 @@ class FieldParameters:
 
     @property
     def stepped_at(self) -> np.ndarray:
-        """Adam step that last moved each chunk [P / 16] int32; copies ask it what they lack."""
+        """Adam step that last moved each chunk [P / 16] int32; copies use it to find changes."""
         return self._current.stepped_at
 
     @property
     def page_stepped_at(self) -> np.ndarray:
-        """The same for pages of 64 chunks: a reader looks at pages first."""
+        """The same for pages of 64 chunks, which a reader checks first."""
         return self._current.page_stepped_at
 
     @property
@@ -88,11 +88,11 @@ class FieldParameters:
 
     @property
     def step(self) -> int:
-        """Adam steps so far, by anybody."""
+        """Adam steps so far, by all processes."""
         return load_ordered(self._state, _STEP)
 
     def gradient_arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """Writer: values [P] and marks of the gradient, which all writers share: zeros between steps.
+        """Writer: values [P] and marks of the gradient; all writers share them, zero between steps.
 
         Raises:
             OutOfMemoryError: there is no room for them.
@@ -101,7 +101,7 @@ class FieldParameters:
 
     @contextlib.contextmanager
     def stepping(self, *gradient: np.ndarray) -> Iterator[None]:
-        """Writer: around a step, which leaves `gradient` as zeros; first clears what a dead one has left."""
+        """Writer: around a step, which leaves `gradient` zero; clears it first if a writer died in a step."""
         if load_ordered(self._state, _STEPPING):
             for array in gradient:
                 array[:] = 0
@@ -116,7 +116,7 @@ class FieldParameters:
         return step
 
     def mark_stepped(self, chunks: np.ndarray, steps: np.ndarray | int) -> None:
-        """Writer: say by which step `chunks` [n] were moved, where not the Adam kernel moved them."""
+        """Writer: note which step moved `chunks` [n], if it was not the Adam kernel."""
         self.stepped_at[chunks] = steps
         np.maximum.at(self.page_stepped_at, chunks // PAGE, steps)
 
@@ -126,39 +126,39 @@ class FieldParameters:
         store_ordered(self._state, _BEGUN, version)
         self._bring_up_to_date(version % 2)
         store_ordered(self._state, _VERSION, version)
-        if version == 1:  # the first copy is of everything: for the other slot, before frames come
+        if version == 1:  # copy everything to the other slot now, before frames come
             self._bring_up_to_date(0)
         return version
 
     def published(self) -> tuple[int, np.ndarray]:
         """Reader: version and parameters [P] in place; check `is_intact(version)` after use.
 
-        They lie as `layout` says after this call: the map may have grown.
+        `layout` after this call is their layout: the map may have grown.
         """
         while True:
             version = self.version
-            if not self.follow():  # asked after the version: a growth comes before its publication
+            if not self.follow():  # after the version is read: the map grows before it publishes
                 return version, self._current.slots[version % 2]
 
     def published_step(self, version: int) -> int:
-        """Reader: the Adam step after which `version` was published; as `published`, check it."""
+        """Reader: the Adam step after which `version` was published; check `is_intact` after use."""
         return int(self._current.slot_step[version % 2])
 
     def is_intact(self, version: int) -> bool:
-        """Reader: whether the slot of `version` has not been written to since it was current."""
+        """Reader: whether no writer has begun to overwrite the slot of `version`."""
         return load_ordered(self._state, _BEGUN) < version + 2
 
     def follow(self) -> bool:
-        """Attach to the newest generation; whether that was another one."""
+        """Attach to the newest generation; returns whether it is another one."""
         if load_ordered(self._state, _GENERATION) == self._generation:
             return False
         self._attach()
         return True
 
     def grow(self, bound: Bound, seed: int) -> None:
-        """Writer: let the map reach over `bound` as well; what it says where it was does not change.
+        """Writer: extend the map over `bound`; it does not change within the old bound.
 
-        The caller publishes afterwards. What is new is initialised as a new map is.
+        The caller publishes afterwards. New parts are initialised like a new map.
 
         Raises:
             OutOfMemoryError: there is no room for the larger map; it stays as it was.
@@ -166,9 +166,9 @@ class FieldParameters:
         self.follow()
         old, generation = self._current, self._generation + 1
         layout = old.layout.grown(bound)
-        for left_by_the_dead in (generation, generation - 2):
-            if left_by_the_dead >= 0:
-                ParameterArrays.remove(self._arrays, left_by_the_dead)
+        for stale in (generation, generation - 2):
+            if stale >= 0:
+                ParameterArrays.remove(self._arrays, stale)
         try:
             new = ParameterArrays.create(self._arrays, layout, generation)
         except OutOfMemoryError:

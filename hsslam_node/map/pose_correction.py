@@ -1,4 +1,4 @@
-"""What a correction of poses moves beside the keyframes that it names."""
+"""Moves the keyframes that follow a correction of others: retired ones, and those appended meanwhile."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from hsslam_node.geometry.se3_batch import inverse_batch
 
 @dataclass(frozen=True)
 class PoseCorrection:
-    """What a correction has moved, retired keyframes and those appended meanwhile included."""
+    """The keyframes that a correction has moved, with retired ones and those appended meanwhile."""
 
     version: int  # of the poses from now on
     keyframes: np.ndarray  # [n] ids, sorted
     T_world_cam: np.ndarray  # [n, 4, 4]
 
     def with_more(self, other: "PoseCorrection") -> "PoseCorrection":
-        """This one and a later one of newer keyframes."""
+        """This correction and a later one of newer keyframes."""
         return PoseCorrection(
             other.version,
             np.append(self.keyframes, other.keyframes),
@@ -26,8 +26,8 @@ class PoseCorrection:
 
 
 def on_top(then: np.ndarray, now: np.ndarray, corrected: np.ndarray) -> np.ndarray:
-    """Poses `corrected` [n, 4, 4], computed from those of `then`, where others have moved them to `now`: both
-    changes count, one after the other."""
+    """Poses `corrected` [n, 4, 4], computed from poses `then`, which others have moved to `now` meanwhile:
+    both changes count, one after the other."""
     both = corrected.copy()
     moved = (now != then).any(axis=(1, 2))
     both[moved] = now[moved] @ inverse_batch(then[moved]) @ corrected[moved]
@@ -35,7 +35,7 @@ def on_top(then: np.ndarray, now: np.ndarray, corrected: np.ndarray) -> np.ndarr
 
 
 def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
-    """Move the keyframes from `known` on in `after` [n, 4, 4] as the last one before them has moved."""
+    """Move keyframes `known` and later in `after` [n, 4, 4] as keyframe `known` - 1 has moved."""
     if 0 < known < len(before):
         after[known:] = after[known - 1] @ inverse(before[known - 1]) @ before[known:]
 
@@ -43,11 +43,11 @@ def follow_last(before: np.ndarray, after: np.ndarray, known: int) -> None:
 def carry_retired(
     before: np.ndarray, after: np.ndarray, is_kept: np.ndarray, anchors: np.ndarray
 ) -> None:
-    """Move keyframes that are not kept in `after` [n, 4, 4] with what they hang on.
+    """Move retired keyframes in `after` [n, 4, 4] with their anchors.
 
     Args:
         is_kept: [n] bool.
-        anchors: [n] int64, the keyframe that each hangs on, which may have been retired later; -1: none.
+        anchors: [n] int64, the keyframe that each moves with, which may be retired too; -1: none.
     """
     if is_kept.all():
         return

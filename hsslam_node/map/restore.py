@@ -1,4 +1,4 @@
-"""A saved map made live again: keyframes and parameters in named arrays, as a run leaves them."""
+"""Loads a saved map into named arrays: keyframes and parameters, as a run leaves them."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -22,20 +22,19 @@ from hsslam_node.map.store import KeyframeStore
 def restore_map(
     arrays: ArrayAllocator, path: Path, config: SlamConfig
 ) -> tuple[KeyframeStore, FieldParameters]:
-    """Load the map of a file into arrays that no process uses yet; processes that attach later go on in it.
+    """Load a saved map into arrays that no process uses yet; processes that attach later continue in it.
 
-    With `config.bound.box` it covers that box as well.
+    If `config.bound.box` is set, the map covers that box too.
 
     Raises:
-        UserError: no such file, one that is damaged, of another version or of another field than
-            `config.field`, or one without the images of its keyframes (versions before 3);
-            `config.bound.first_camera`.
+        UserError: the file is missing or damaged, has another version or another field than `config.field`,
+            or has no images of its keyframes (versions before 3); or `config.bound.first_camera` is set.
         OutOfMemoryError: there is no room for the arrays.
     """
     if config.bound.first_camera:
         raise UserError(
             f"bound.first_camera = {config.bound.first_camera}: expected none with a saved map ({path}), as "
-            "the camera is found in it"
+            "the tracker finds the camera in the map"
         )
     saved = load_checkpoint(path)
     expect_field(path, saved.layout.config, config.field)
@@ -57,10 +56,10 @@ def restore_map(
 
 
 def saved_frames(path: Path, saved: MapCheckpoint) -> Iterator[Frame]:
-    """The keyframes of a saved map, one after the other; `path` stands in errors.
+    """The keyframes of a saved map, one after the other; errors name `path`.
 
     Raises:
-        UserError: it has none, or they are damaged, or it holds no images of them (versions before 3).
+        UserError: the map has no keyframes, damaged ones, or no images of them (versions before 3).
     """
     images, camera, _ = _whole(path, saved)
     try:
@@ -70,39 +69,41 @@ def saved_frames(path: Path, saved: MapCheckpoint) -> Iterator[Frame]:
             raise ValueError("a pose of its keyframes is not finite")
         for k, stamp_ns in enumerate(saved.keyframe_stamps_ns.tolist()):
             color, depth_raw = images.pixels(k)
-            if color.shape[:2] != (camera.height_px, camera.width_px):
-                raise ValueError(f"keyframe {k} is of another size than its camera")
+            (height, width), camera_px = color.shape[:2], (camera.width_px, camera.height_px)
+            if (width, height) != camera_px:
+                expected = "{}x{}".format(*camera_px)
+                raise ValueError(f"keyframe {k} is {width}x{height} px: expected {expected}")
             yield Frame(k, stamp_ns, camera, color, depth_raw, images.depth_units_per_m)
     except ValueError as error:
         raise UserError(f"{path}: damaged map: {error}") from None
 
 
 def _whole(path: Path, saved: MapCheckpoint) -> tuple[KeyframeImages, Camera, np.ndarray]:
-    """Images, camera and second moment of a map that has them."""
+    """Images, camera and second moment; UserError if the map is too old to have them."""
     images, camera, moment = saved.images, saved.camera, saved.second_moment
     if images is None or camera is None or moment is None:
         raise UserError(
-            f"{path}: holds no images of its keyframes, as maps before version 3: expected one saved "
-            "by this release"
+            f"{path}: holds no images of its keyframes, as it is older than version 3: expected a map "
+            "saved by this release"
         )
     return images, camera, moment
 
 
 def expect_field(path: Path, saved: FieldConfig, wanted: FieldConfig) -> None:
-    """UserError that names what a map's field has otherwise than is wanted."""
+    """UserError that names the first option in which a map's field differs from the wanted one."""
     for field in dataclasses.fields(FieldConfig):
         here, there = getattr(wanted, field.name), getattr(saved, field.name)
         if here != there:
             raise UserError(
                 f"{path}: map of another field: field.{field.name} is {there}: expected {here}; "
-                "run with the preset and the --slam.field options that it was made with"
+                "run with the preset and the --slam.field options that made the map"
             )
 
 
 def _restore_parameters(
     arrays: ArrayAllocator, saved: MapCheckpoint, second_moment: np.ndarray, box: tuple[float, ...]
 ) -> FieldParameters:
-    """Over `box` as well, if there is one; published as version 1. The first moments are forgotten."""
+    """The saved parameters, also over `box` if there is one, published as version 1; first moments are 0."""
     layout = saved.layout
     first = FieldLayout(layout.config, layout.lattice)
     parameters = FieldParameters.create(arrays, first, 0)

@@ -56,8 +56,8 @@ class Reckoning:
     def _distance(self, T_world_cam: np.ndarray) -> float:
         """Squared Mahalanobis distance of a pose [4, 4] from the expected one."""
         turn = T_world_cam[:3, :3] @ self.T_world_cam[:3, :3].T
-        way = np.concatenate([T_world_cam[:3, 3] - self.T_world_cam[:3, 3], so3_log(turn)])
-        return float(way @ np.linalg.solve(self.doubt, way))
+        twist = np.concatenate([T_world_cam[:3, 3] - self.T_world_cam[:3, 3], so3_log(turn)])
+        return float(twist @ np.linalg.solve(self.doubt, twist))
 
 
 class DeadReckoning:

@@ -98,7 +98,7 @@ class CameraMotion:
         self._inertial.restart(None)
 
     def note_carried(self) -> None:
-        """A person says where the next frame is, so its motion is not known."""
+        """Drop the velocity, as a person names the place of the next frame."""
         self.lost_frames = max(self.lost_frames, 1)
 
     def aligned(

@@ -1,1 +1,1 @@
-"""Where a store has its keyframes: rows for ever, pixels in slots, and pixels of those that come next."""
+"""Storage of keyframes: rows for ever, pixels in slots, and pixels of staged keyframes."""

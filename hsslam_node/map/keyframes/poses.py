@@ -14,7 +14,7 @@ from hsslam_node.map.memory_order import load_ordered, store_ordered
 from hsslam_node.map.pose_correction import PoseCorrection, carry_retired, follow_last, on_top
 
 _POLL_S = 0.0005
-_LONGEST_APPEND_S = 0.1  # a tracker that dies in it is waited for so long, once
+_LONGEST_APPEND_S = 0.1  # longest wait for a tracker that died while it appended
 
 
 class KeyframePoses:
@@ -96,7 +96,7 @@ class KeyframePoses:
         return load_ordered(self._header, COUNT)
 
     def _with_late(self, correction: PoseCorrection, n: int) -> PoseCorrection:
-        """What was appended at poses of before, while the bank was written, moves now."""
+        """Also move the keyframes that were appended at old poses while the bank was written."""
         self._wait_for_append()
         late = np.arange(n, self._count)
         late = late[self._rows.versions(n, n + len(late)) < correction.version]
@@ -107,7 +107,7 @@ class KeyframePoses:
         return correction.with_more(self.correct(late, follow @ self.of(late), None))
 
     def _wait_for_append(self) -> None:
-        """Until the keyframe that is being appended now, at poses of before perhaps, is counted."""
+        """Wait until the keyframe that is being appended now, perhaps at an old pose, is counted."""
         deadline_s = time.monotonic() + _LONGEST_APPEND_S
         while (number := load_ordered(self._header, APPENDING)) > self._count:
             if time.monotonic() > deadline_s:

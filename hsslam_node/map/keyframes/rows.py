@@ -1,4 +1,4 @@
-"""What is known of every keyframe for ever: its stamp, its pose, where its pixels lie, what it hangs on."""
+"""Rows of keyframes, kept for ever: stamp, pose, slot of the pixels, anchor."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ SLAB_ROWS = 4096  # 3.7 MB
 # columns; the loss is a float64
 _FRAME_INDEX, _STAMP_NS, _SLOT, _ANCHOR, _VERSION, _LOSS, _FRAGMENT = range(7)
 _COLUMNS = 8
-_LEAST_LOSS = np.finfo(np.float64).tiny  # 0: none is known
+_LEAST_LOSS = np.finfo(np.float64).tiny  # 0 stands for an unknown loss
 
 
 class _Slab(NamedTuple):
@@ -24,8 +24,8 @@ class _Slab(NamedTuple):
 class KeyframeRows:
     """Append-only rows in slabs, so that their number has no limit: 900 bytes each.
 
-    Poses lie in two banks that readers copy without a lock. Whoever owns the rows says how many are
-    complete, and which bank counts.
+    Poses lie in two banks that readers copy without a lock. The owner of the rows knows how many are
+    complete, and which bank is current.
     """
 
     def __init__(self, arrays: ArrayAllocator) -> None:
@@ -44,7 +44,7 @@ class KeyframeRows:
         gap_covariance: np.ndarray,
         fragment: int = 0,
     ) -> None:
-        """Write row k before any process reads it; T_world_cam [4, 4] was right at pose version `version`.
+        """Write row k before any process reads it; T_world_cam [4, 4] is of pose version `version`.
 
         covariance: [6, 6] of the pose, as in `geometry/pose_covariance.py`.
         gap_covariance: [6, 6] as in `KeyframeStore.append`. fragment: see `fragments`.
@@ -61,7 +61,7 @@ class KeyframeRows:
         slab.gaps[row] = gap_covariance
 
     def reserve(self, k: int) -> bool:
-        """The tracker only: make room for row k; whether there is."""
+        """The tracker only: make room for row k; False if there is no memory."""
         try:
             self._slab(k // SLAB_ROWS, create=True)
         except OutOfMemoryError:
@@ -82,7 +82,7 @@ class KeyframeRows:
         return self._column(_FRAGMENT, count)
 
     def anchors(self, count: int) -> np.ndarray:
-        """The keyframe that each of the first `count` hangs on, [count] int64; -1: on none."""
+        """The anchor of each of the first `count` keyframes, [count] int64; -1: none."""
         return self._column(_ANCHOR, count)
 
     def versions(self, first: int, count: int) -> np.ndarray:
@@ -95,20 +95,20 @@ class KeyframeRows:
         return int(row[_FRAME_INDEX]), int(row[_STAMP_NS])
 
     def slot(self, k: int) -> int:
-        """Where the pixels of keyframe k lay when it was appended."""
+        """Slot of the pixels of keyframe k when it was appended."""
         return int(self._meta(k)[_SLOT])
 
     def hang(self, k: int, anchor: int) -> None:
-        """Keyframe k moves with `anchor` from now on, once it has no pixels."""
+        """Set the anchor of keyframe k, with which it moves once it has no pixels."""
         self._meta(k)[_ANCHOR] = anchor
 
     def note_losses(self, ids: np.ndarray, losses: np.ndarray) -> None:
-        """The newest losses [n] of keyframes `ids` [n]; one writer at a time."""
+        """Set the newest losses [n] of keyframes `ids` [n]; one writer at a time."""
         for k, loss in zip(ids.tolist(), losses.tolist(), strict=True):
             self._meta(k).view(np.float64)[_LOSS] = max(loss, _LEAST_LOSS)
 
     def losses(self, ids: np.ndarray) -> np.ndarray:
-        """The newest losses of keyframes `ids` [n], [n] float64; nan where none is known."""
+        """The newest losses of keyframes `ids` [n], [n] float64; nan: not known."""
         noted = np.array([self._meta(k).view(np.float64)[_LOSS] for k in ids.tolist()], np.float64)
         return np.where(noted > 0, noted, np.nan)
 

@@ -1,4 +1,4 @@
-"""Pixels of keyframes, in places that are used again: slots in preallocated slabs."""
+"""Pixels of keyframes, in reusable slots of preallocated slabs."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from hsslam_node.map.allocator import ArrayAllocator
 from hsslam_node.map.memory_order import load_ordered, store_ordered
 
 SLAB_KEYFRAMES = 8  # at most
-_SLAB_BYTES = 12.5e6  # of two or more: the system clears them while the tracker waits, in 7 ms
-_REST = 8  # keyframes until a slot that was given up is written again, where others are free
-_READY = 8  # slots that have rested and keep their memory, so that the next keyframe need not wait
-_MOST_DROPPED = 2  # slots whose memory goes back with one keyframe, 0.5 ms each at 640x480
+_SLAB_BYTES = 12.5e6  # of a slab of two or more; the tracker waits 7 ms while the system clears it
+_REST = 8  # keyframes until a slot that was given up is reused, if others are free
+_READY = 8  # rested slots that keep their memory, so that the next keyframe need not wait
+_MOST_DROPPED = 2  # slots that lose their memory with one keyframe, 0.5 ms each at 640x480
 _DROPPED = -np.iinfo(np.int64).max  # entry of a slot without memory
 
 
 class KeyframeSlots:
-    """Which keyframe lies in which slot, and its pixels.
+    """The table of slots, and the pixels in them.
 
-    An entry of the table is one number, so a process that dies leaves it as it was or as it is to be:
-    k + 1, the slot has the pixels of keyframe k; 0, it was never used; -n, it was given up when there
-    were n keyframes, and has its memory; `_DROPPED`, it was given up and has none. The mapper gives slots
-    up, the tracker drops the memory of those that have rested, and takes slots.
+    An entry of the table is one number, so a process that dies leaves no entry half written:
+    k + 1: the slot has the pixels of keyframe k; 0: it was never used; -n: it was given up when there
+    were n keyframes, and has its memory; `_DROPPED`: it was given up and has no memory. The mapper gives
+    slots up; the tracker takes slots, and drops the memory of rested ones.
     """
 
     def __init__(self, arrays: ArrayAllocator, camera: Camera) -> None:
@@ -30,11 +30,11 @@ class KeyframeSlots:
         self._per_slab = min(max(int(_SLAB_BYTES) // self.slot_bytes, 1), SLAB_KEYFRAMES)
         self._table = arrays.open("keyframe_slots")  # [capacity] int64
         self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # threads may open one at once
-        self._reserved_slabs = 0  # that are there, as far as the tracker has looked
+        self._reserved_slabs = 0  # that are known to exist
 
     @staticmethod
     def create_table(arrays: ArrayAllocator, capacity: int) -> None:
-        """Make the table, or leave it as a former process of this run left it."""
+        """Create the table, or keep that of a former process of this run."""
         arrays.create("keyframe_slots", (capacity,), np.int64)
 
     def __len__(self) -> int:
@@ -60,10 +60,10 @@ class KeyframeSlots:
         return color[slot % SLAB_KEYFRAMES], depth_raw[slot % SLAB_KEYFRAMES]
 
     def reserve(self, count: int, most: int) -> tuple[int, OutOfMemoryError | None]:
-        """A slot for keyframe number `count`, -1 if `most` are held; and what memory said.
+        """A slot for keyframe `count`, -1: `most` are held or memory is out; and the error of memory, if any.
 
-        First one that has memory and has rested, then one that gets memory, while fewer than `most` have
-        some, then one that was given up just now.
+        It is a rested slot with memory, else one that gets memory, if fewer than `most` have memory, else
+        the one that was given up longest ago.
         """
         table = self._table.copy()
         free = ~_is_held(table, count)
@@ -103,25 +103,25 @@ class KeyframeSlots:
         store_ordered(self._table, slot, -count)
 
     def free(self, slot: int) -> None:
-        """The tracker only: the slot holds no keyframe that any process has seen."""
+        """The tracker only: free a slot of a keyframe that no process has seen."""
         store_ordered(self._table, slot, 0)
 
     def forget_incomplete(self, count: int) -> None:
-        """The tracker only: free the slots of keyframes that were never complete; `count` are."""
+        """The tracker only: free the slots of incomplete keyframes; `count` are complete."""
         for slot in np.flatnonzero(self._table > count).tolist():
             self.free(slot)
 
     def drop(self, count: int, most: int) -> None:
-        """The tracker only: give the memory of slots that have rested back to the system.
+        """The tracker only: return the memory of rested slots to the system.
 
-        Some stay ready for the next keyframes, while no more than `most` slots have memory.
+        Some keep it for the next keyframes, while no more than `most` slots have memory.
         """
         table = self._table.copy()
         has_memory = self._has_memory(table)
         rested = np.flatnonzero(has_memory & (table < 0) & (count + table >= _REST))
         ready = min(_READY, max(most - np.count_nonzero(has_memory) + len(rested), 0))
         for slot in rested[ready:][:_MOST_DROPPED].tolist():
-            # the mark comes first: a tracker that dies here leaves memory without a use, and not the reverse
+            # first the mark: if the tracker dies in between, memory is wasted, but the table stays true
             store_ordered(self._table, slot, _DROPPED)
             for name in _names(slot // SLAB_KEYFRAMES):
                 self._arrays.drop_row(name, slot % SLAB_KEYFRAMES)
@@ -142,7 +142,7 @@ class KeyframeSlots:
             self._arrays.reserve_row(name, slot % SLAB_KEYFRAMES)
 
     def _reserved_slots(self) -> int:
-        """Slots in slabs that are there."""
+        """Number of slots in the slabs that exist."""
         while self._arrays.exists(_names(self._reserved_slabs)[1]):
             self._reserved_slabs += 1
         return self._per_slab * self._reserved_slabs

@@ -1,4 +1,4 @@
-"""Keyframes whose pixels lie in a store before any process sees them; pixels take 7 ms each, rows do not."""
+"""Staged keyframes: their pixels, 7 ms each, are in the store before any process sees the keyframes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from hsslam_node.map.keyframes.slots import KeyframeSlots
 
 @dataclass(frozen=True)
 class StagedKeyframe:
-    """What was measured, and the slot of its pixels."""
+    """Frame index, stamp, and the slot of the pixels."""
 
     frame_index: int
     stamp_ns: int
@@ -18,16 +18,16 @@ class StagedKeyframe:
 
 
 class StagedKeyframes:
-    """Pixels of the keyframes that come next, written a few at a time by the tracker.
+    """Pixels of the next keyframes, which the tracker writes a few at a time.
 
-    While there are some, no other keyframe may be appended. `KeyframeStore.append_staged` shows them all at
-    once; `give_up` frees their slots. If the tracker dies, its successor frees them (`forget_incomplete`).
+    While keyframes are staged, no other may be appended. `KeyframeStore.append_staged` shows all at once;
+    `give_up` frees their slots. If the tracker dies, its successor frees them (`forget_incomplete`).
     """
 
     def __init__(
         self, slots: KeyframeSlots, rows: KeyframeRows, first: int, most: Callable[[], int]
     ) -> None:
-        """`first`: id of the first of them; `most`: keyframes that may be kept at a time, as of now."""
+        """`first`: id of the first staged keyframe; `most`: returns how many may be kept at a time now."""
         self._slots = slots
         self._rows = rows
         self._first = first
@@ -35,7 +35,7 @@ class StagedKeyframes:
         self.staged: list[StagedKeyframe] = []
 
     def add(self, frame: Frame) -> bool:
-        """Write the pixels of one more; whether there was room."""
+        """Write the pixels of one more keyframe; False if there is no room."""
         k = self._first + len(self.staged)
         slot, _ = self._slots.reserve(k, self._most())
         if slot < 0 or not self._rows.reserve(k):
@@ -46,7 +46,7 @@ class StagedKeyframes:
         return True
 
     def give_up(self) -> None:
-        """None of them comes."""
+        """Free the slots of all staged keyframes."""
         for keyframe in self.staged:
             self._slots.free(keyframe.slot)
         self.staged.clear()

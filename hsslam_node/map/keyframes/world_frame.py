@@ -1,4 +1,4 @@
-"""How the world of the poses stands: which way is up in it, and where the robot began."""
+"""Gravity in the world, and the transform from the world to the robot's level frame."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class WorldFrame:
 
     @property
     def gravity(self) -> Gravity | None:
-        """Which way is up in the world, by an IMU; None: not known."""
+        """Gravity in the world, by an IMU; None: not known."""
         while True:
             version = load_ordered(self._header, GRAVITY)
             if version == 0:
@@ -33,17 +33,17 @@ class WorldFrame:
                 return Gravity((x, y, z), sigma_rad)
 
     def note_gravity(self, gravity: Gravity) -> None:
-        """The tracker only, and the maker of the store of a saved map: this is up in the world."""
+        """Set gravity; only the tracker, and the creator of the store of a saved map, do this."""
         version = load_ordered(self._header, GRAVITY) + 1
         self._gravity[version % 2] = *gravity.up, gravity.sigma_rad
         store_ordered(self._header, GRAVITY, version)
 
     @property
     def T_level_world(self) -> np.ndarray | None:
-        """To the frame `map` of the robot that began the world, [4, 4] (`level_frame`); None: not known."""
+        """[4, 4] to the frame `map` of the robot that began the world (`level_frame`); None: not known."""
         return self._level.reshape(4, 4).copy() if self._level.any() else None
 
     def note_level(self, T_level_world: np.ndarray | None) -> None:
-        """The maker of the store, before others use it; the first that is noted stays: the world does."""
+        """Set `T_level_world`, before other processes use the store; the first value stays."""
         if T_level_world is not None and not self._level.any():
             self._level[:] = T_level_world.ravel()
