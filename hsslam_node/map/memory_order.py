@@ -1,9 +1,8 @@
-"""Ordered loads and stores of the counters of shared memory, on every processor.
+"""Ordered loads and stores of the counters that say which shared data are complete, on every processor.
 
-A counter says which shared data are complete. x86 keeps stores in order, ARM does not: there, another
-process may see a counter before the data it counts. A full fence on each side of a counter's load or store
-makes it an acquire or a release. LLVM makes the fence for this machine (`dmb ish` on ARM); a Python lock
-is not enough there.
+x86 keeps stores in order, ARM does not: there, another process may see a counter before the data it
+counts. A full fence on each side of a counter's load or store makes it an acquire or a release. LLVM
+makes the fence for this machine (`dmb ish` on ARM); a Python lock is not enough there.
 """
 
 import ctypes

@@ -21,7 +21,7 @@ class DenseAgreement:
     """How well depth images and grey images agree on a relative pose."""
 
     overlap: float  # share of a frame's points on the other's surface, the smaller of the two
-    consistency: float  # agreeing over agreeing and contradicting points, the smaller; 0: none
+    consistency: float  # agreeing over agreeing and contradicting points, the smaller; 0 if none
     similarity: float  # correlation of grey levels at agreeing points, -1..1; 0 without any; nan: no contrast
     residual_m: float  # median depth difference of agreeing points; nan without any
 

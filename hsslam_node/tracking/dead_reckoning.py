@@ -38,8 +38,8 @@ class Reckoning:
         return self.motion.is_surer_than(config.odometry_reach_m, config.odometry_reach_rad)
 
     def agrees(self, alignment: Alignment | None, config: TrackerConfig) -> bool:
-        """Whether the alignment fits the keyframe, of which it may cover little, and is near the pose by
-        odometry: enough for a camera that returns from a place that no keyframe shows."""
+        """Whether the alignment fits, even if the keyframe shows little of the frame, and is near the pose
+        by odometry: enough for a camera that returns from a place that no keyframe shows."""
         return (
             alignment is not None
             and bool(np.isfinite(alignment.T_world_cam).all())

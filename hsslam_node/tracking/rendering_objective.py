@@ -134,8 +134,7 @@ class RenderingObjective:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Measured colour, measured depth and loss weights without outliers.
 
-        An outlier gets its rendered colour and no depth, so it has no loss and no gradient. The weight of
-        colour is raised, as its mean counts fewer rays.
+        An outlier gets its rendered colour and no depth; the weight of colour makes up for fewer rays.
         """
         measured_color, measured_depth = self._rays.color[:R], self._rays.depth[:R]
         if self._config.outlier_factor == 0:
