@@ -24,7 +24,7 @@ from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 
 
 class LossTable:
-    """Last known loss of every keyframe (paper III-C), with a rest for those just refined."""
+    """The last known loss of every keyframe (paper III-C). Refined keyframes rest for some rounds."""
 
     def __init__(self, config: BundleAdjustmentConfig) -> None:
         self._config = config
@@ -33,7 +33,7 @@ class LossTable:
         self._round = 0
 
     def update(self, keyframes: np.ndarray, losses: np.ndarray) -> None:
-        """Note new losses [n] of keyframes [n]; keyframes that were never measured have none (nan)."""
+        """Store new losses [n] of keyframes [n]. The loss of a keyframe that was never measured is nan."""
         grown = int(keyframes.max(initial=-1)) + 1 - len(self._loss)
         if grown > 0:
             self._loss = np.append(self._loss, np.full(grown, np.nan))
@@ -41,7 +41,7 @@ class LossTable:
         self._loss[keyframes] = losses
 
     def select(self, kept: np.ndarray | None = None) -> np.ndarray:
-        """Begin a round: of the keyframes `kept` [m], None: all, the ids of the top N whose loss exceeds
+        """Begin a round. Returns the ids of up to N keyframes of `kept` [m] (None: all) whose loss exceeds
         the threshold, worst first."""
         self._round += 1
         kept = np.arange(len(self._loss)) if kept is None else kept
@@ -65,12 +65,12 @@ class LossTable:
 class GlobalBundleAdjustment:
     """Measures keyframes, refines the worst together with the map (paper III-C).
 
-    With `batch_losses` the losses that mapping has noted count as well, and keyframes that have none yet
-    are measured first. With uniform selection nothing is measured, and random keyframes are refined
+    If `batch_losses` is set, the losses that mapping iterations store count as well, and a round first
+    measures keyframes without a loss. Uniform selection measures nothing and refines random keyframes
     (Co-SLAM).
 
-    All poses of the chosen keyframes are free but that of keyframe 0; their Adam moments are kept
-    from round to round. The caller writes the poses back.
+    A round moves the poses of all chosen keyframes but keyframe 0, and keeps their Adam moments for later
+    rounds. The caller writes the poses back.
     """
 
     def __init__(
@@ -105,9 +105,9 @@ class GlobalBundleAdjustment:
         may_step: MayStep = always,
         rest: Rest = no_rest,
     ) -> BaReport:
-        """Probe, select, refine. `lease()` is held for one iteration at a time, so that a mapper
-        beside this process never waits for a whole round, and the round ends where `may_step()` says no.
-        `rest()` is called before each iteration."""
+        """Measure losses, select keyframes, refine them. It holds `lease()` for one iteration at a time, so
+        the mapper never waits for a whole round. If `may_step()` returns False, the round ends and moves no
+        pose. It calls `rest()` before each iteration."""
         self._rounds += 1
         self._keyframes_at_round = store.count
         generator = np.random.default_rng((self._seed, 7, self._rounds))
@@ -142,7 +142,7 @@ class GlobalBundleAdjustment:
         return BaReport(chosen, poses_before, poses, losses[0], losses[-1], moved)
 
     def _adjusted(self, store: KeyframeStore) -> int:
-        """Keyframes that were there at the last round, here or in the run that saved the map."""
+        """Number of keyframes at the last round, or in the saved map that the run began with."""
         return max(self._keyframes_at_round, store.inherited)
 
     def _select(
@@ -162,7 +162,7 @@ class GlobalBundleAdjustment:
     def _to_measure(
         self, store: KeyframeStore, kept: np.ndarray, generator: np.random.Generator
     ) -> list[np.ndarray]:
-        """Ids for one batch each: with `batch_losses` first those of unknown loss; then random others."""
+        """Ids of each batch to measure: with `batch_losses` unknown losses first; then random others."""
         size = self._config.probe_keyframes
         if not self._config.batch_losses:
             size = min(size, len(kept))

@@ -1,4 +1,4 @@
-"""Keyframe poses by alignment of keyframes to each other, solved as a pose graph; the map follows."""
+"""Bundle adjustment by a pose graph: its edges are alignments between keyframes, and the map follows."""
 
 from contextlib import nullcontext
 from dataclasses import replace
@@ -18,17 +18,17 @@ from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.map.parameters import FieldParameters
 from hsslam_node.map.store import KeyframeStore
 
-_LOST_WEIGHT = 0.02  # edges that have faded below it are forgotten
-_ALIKE_EVERY = 4  # rounds: the newest keyframe is compared with all that look alike, 80 ms
-_SURPRISE_M, _SURPRISE_RAD = 0.01, 0.005  # a loop that is off by more asks for all poses
+_LOST_WEIGHT = 0.02  # an edge of a smaller weight leaves the graph
+_ALIKE_EVERY = 4  # rounds between searches for keyframes that look alike, 80 ms
+_SURPRISE_M, _SURPRISE_RAD = 0.01, 0.005  # a loop that is off by more frees all poses
 
 
 class GraphBundleAdjustment:
-    """Each round aligns the new keyframes to those before them and to those of long ago that see the
-    same, and solves for the poses; then the map is refined where it is rendered badly (paper III-C).
+    """Each round aligns new keyframes to recent ones and to old ones that see the same place, and solves for
+    the poses. Then it refines the map at the keyframes that it renders worst (paper III-C).
 
-    The tracked motion from keyframe to keyframe is a weak prior. Keyframe 0 never moves. A restarted
-    one takes the poses as they are. Keyframes that are retired leave the graph with their edges.
+    The tracked motion from keyframe to keyframe is a weak prior. Keyframe 0 never moves. A restarted process
+    takes the poses as they are. Retired keyframes leave the graph with their edges.
     """
 
     def __init__(
@@ -43,8 +43,8 @@ class GraphBundleAdjustment:
         self._loops: LoopSearch | None = None
         self._edges: list[PoseEdge] = []
         self._chain = TrackedChain(config.pose_graph)
-        self._seen = 1  # keyframes that have their edges
-        self._left: list[int] = []  # keyframes that rounds were too short for, newest first
+        self._seen = 1  # keyframes whose edges are in the graph
+        self._left: list[int] = []  # new keyframes that are still to be aligned, newest first
         self._rounds = 0
         self._all_at_next = False
 
@@ -53,7 +53,7 @@ class GraphBundleAdjustment:
         return store.count - self._adjusted(store) >= self._slam.ba.every_keyframes
 
     def is_behind(self, store: KeyframeStore) -> bool:
-        """Whether keyframes have come that no round has looked at, or were left to the next."""
+        """Whether there are keyframes that no round has aligned."""
         return bool(self._left) or store.count > self._adjusted(store)
 
     def has_joined(self, store: KeyframeStore) -> bool:
@@ -68,11 +68,9 @@ class GraphBundleAdjustment:
         may_step: MayStep = always,
         rest: Rest = no_rest,
     ) -> BaReport:
-        """Measure, solve, refine the map. `lease()` is held while the map is stepped, not before.
-
-        Where `may_step()` says no, the round ends, and what was solved for is left to the next. So it is
-        where that moves no surface by `least_shift_m`.
-        `rest()` is called before each keyframe that is aligned and each step of the map.
+        """Align, solve, refine the map. It holds `lease()` only to step the map, and calls `rest()` before
+        it aligns a keyframe and before each step of the map. No pose moves if `may_step()` returns False, or
+        if the solution moves surfaces by less than `least_shift_m`; the next round solves again.
         """
         poses = store.poses()
         closed = self._measure(store, poses, rest)
@@ -89,13 +87,13 @@ class GraphBundleAdjustment:
         )  # fmt: skip
 
     def _adjusted(self, store: KeyframeStore) -> int:
-        """Keyframes that were there at the last round, here or in the run that saved the map."""
+        """Number of keyframes at the last round, or in the saved map that the run began with."""
         return max(self._seen, store.inherited)
 
     def _measure(
         self, store: KeyframeStore, poses: np.ndarray, rest: Rest
     ) -> tuple[tuple[int, int], ...]:
-        """Edges of the keyframes that are new; returns the loops they close."""
+        """Add the edges of the new keyframes; return the loops that they close."""
         c = self._config
         if self._alignment is None or self._loops is None:
             tracker = self._slam.tracker
@@ -106,12 +104,12 @@ class GraphBundleAdjustment:
         for k in range(self._seen, count):
             T = inverse(poses[k - 1]) @ poses[k]
             self._edges += self._chain.add(k, T, store.gap_covariance(k))
-        kept = self._let_retired_go(store, count, poses)
+        kept = self._drop_retired(store, count, poses)
         loops: list[PoseEdge] = []
         due = [*range(count - 1, self._seen - 1, -c.aligned_every), *self._left]
         most = -(-c.most_keyframes // c.aligned_every)
         new = fragments[self._seen - 1 :]
-        if (new != new[0]).any() and self._rounds:  # all of a fragment that was joined just now
+        if (new != new[0]).any() and self._rounds:  # align all of a fragment that has just joined
             most = len(due)
             self._all_at_next = True
         self._left = [k for k in due[most:] if k in kept and k >= store.inherited]
@@ -134,8 +132,8 @@ class GraphBundleAdjustment:
         self._all_at_next |= any(_is_surprising(edge, poses) for edge in loops)
         return tuple((edge.first, edge.second) for edge in loops)
 
-    def _let_retired_go(self, store: KeyframeStore, count: int, poses: np.ndarray) -> set[int]:
-        """The keyframes below `count` that are kept; the others leave the graph."""
+    def _drop_retired(self, store: KeyframeStore, count: int, poses: np.ndarray) -> set[int]:
+        """Remove retired keyframes from the graph; return the kept ones below `count`."""
         ids = store.kept()
         kept = set(ids[ids < count].tolist())
         if self._chain.retain(kept, poses):
@@ -143,7 +141,7 @@ class GraphBundleAdjustment:
         return kept
 
     def _solved(self, poses: np.ndarray) -> np.ndarray:
-        """All poses [n, 4, 4], the newest in the graph solved for; all there, where a loop asks for it."""
+        """All poses [n, 4, 4], after solving for the newest in the graph, or for all if `_all_at_next`."""
         nodes = self._chain.keyframes
         n = len(nodes)
         oldest = 1 if self._all_at_next else max(1, n - self._config.window)

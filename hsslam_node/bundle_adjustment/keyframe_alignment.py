@@ -1,4 +1,4 @@
-"""Dense alignment of keyframes to each other, no map involved: the edges of the pose graph."""
+"""Dense alignment of keyframes to each other, without the map, for the edges of the pose graph."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -21,18 +21,18 @@ from hsslam_node.tracking.keyframes.reference_keyframe import (
 )
 from hsslam_node.tracking.tracked_frame import frame_points
 
-_FINE_LEVELS = 2  # of the image pyramid, where the first guess is good
-_INDEPENDENT = 0.1  # share of points and pixels that say something of their own
+_FINE_LEVELS = 2  # of the image pyramid, if the first guess is good
+_INDEPENDENT = 0.1  # share of points and pixels whose errors are independent
 _UNKNOWN_COVERAGE = 0.25  # assumed without the surface term
-_MOST_PYRAMIDS = 16  # that are held; a third of the lookups miss
-_PYRAMID_BYTES = 0.1e9  # of these, if not two: 3 MB each at 640 x 480, 83 MB at 3840 x 2160
-_PER_PIXELS = 2  # bytes of a pyramid, over those of a keyframe
+_MOST_PYRAMIDS = 16  # in the cache; a third of the lookups miss
+_PYRAMID_BYTES = 0.1e9  # of two or more: 3 MB each at 640 x 480, 83 MB at 3840 x 2160
+_PER_PIXELS = 2  # memory of a pyramid, relative to the images of a keyframe
 _HELD_REFERENCES = 2  # 7 MB each; a round aligns many keyframes to one, then to the next
 T = TypeVar("T")
 
 
 class KeyframeAlignment:
-    """Measures edges between keyframes of a store; keeps what it prepared of the last ones used."""
+    """Measures edges between keyframes of a store; caches the pyramids and references used last."""
 
     def __init__(
         self, store: KeyframeStore, tracker: TrackerConfig, config: PoseGraphConfig, seed: int
@@ -47,22 +47,22 @@ class KeyframeAlignment:
         self._references: OrderedDict[int, ReferenceKeyframe] = OrderedDict()
 
     def neighbour(self, first: int, second: int, T_first_second: np.ndarray) -> PoseEdge | None:
-        """Edge between keyframes whose relative pose is known well; None where they do not fit."""
+        """Edge between keyframes whose relative pose is known well; None if they do not fit."""
         c = self._config
         found = self._aligned(first, second, T_first_second, _FINE_LEVELS)
         return self._edge(first, second, found, c.min_image_agreement)
 
     def loop(self, first: int, second: int, T_first_second: np.ndarray) -> PoseEdge | None:
-        """Edge between keyframes that may see the same: all levels, and the image must agree better."""
+        """Edge between keyframes that may see the same place: all levels, and more pixels must agree."""
         found = self._aligned(first, second, T_first_second, None)
         return self._edge(first, second, found, self._config.min_loop_image_agreement)
 
     def _aligned(
         self, first: int, second: int, T_first_second: np.ndarray, fine_levels: int | None
     ) -> Alignment | None:
-        """The older keyframe aligned to the newer one, which is prepared once for many.
+        """Align the older keyframe to the newer one, whose reference is cached.
 
-        None if one has no depth, or has been retired.
+        Returns None if the older one has no depth, or if one of them is retired.
         """
         try:
             frame = self._store.frame(first)
@@ -89,7 +89,7 @@ class KeyframeAlignment:
         c = self._config
         if found is None or not np.isfinite(found.T_world_cam).all():
             return None
-        # written so that nan, where a term said nothing, is a refusal; a term that is off is not asked
+        # nan, of a term without data, must fail a comparison; a term that is off makes none
         fits: list[bool] = []
         if self._tracker.surface_weight > 0:
             fits.append(found.surface_coverage >= c.min_coverage)
@@ -104,10 +104,10 @@ class KeyframeAlignment:
 
     def _pyramid(self, k: int) -> tuple[PyramidLevel, ...]:
         most = self.most_pyramids
-        return _kept(self._levels, most, k, lambda: grey_pyramid(self._store.frame(k)))
+        return _cached(self._levels, most, k, lambda: grey_pyramid(self._store.frame(k)))
 
     def _reference(self, k: int) -> ReferenceKeyframe:
-        return _kept(self._references, _HELD_REFERENCES, k, lambda: self._prepared(k))
+        return _cached(self._references, _HELD_REFERENCES, k, lambda: self._prepared(k))
 
     def _prepared(self, k: int) -> ReferenceKeyframe:
         frame, c = self._store.frame(k), self._tracker
@@ -116,8 +116,8 @@ class KeyframeAlignment:
 
 
 def _information(found: Alignment, config: PoseGraphConfig) -> np.ndarray:
-    """[6, 6] of T_first_second exp(x), from that of the first keyframe moved about its camera in the
-    axes of the second: noise of points and pixels, and what they have in common."""
+    """Information [6, 6] of T_first_second exp(x): noise of points and pixels, plus an error that they
+    share. `found.information` is about the first keyframe, moved about its camera in the second's axes."""
     T = found.T_world_cam  # second <- first
     coverage = found.surface_coverage or _UNKNOWN_COVERAGE
     common = coverage**-1.5 * np.repeat([config.sigma_m, config.sigma_rad], 3)
@@ -135,10 +135,10 @@ def difference(T: np.ndarray, other: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(x[:3])), float(np.linalg.norm(x[3:]))
 
 
-def _kept(held: OrderedDict[int, T], most: int, k: int, make: Callable[[], T]) -> T:
-    if k not in held:
-        held[k] = make()
-        while len(held) > most:
-            held.popitem(last=False)
-    held.move_to_end(k)
-    return held[k]
+def _cached(cache: OrderedDict[int, T], most: int, k: int, make: Callable[[], T]) -> T:
+    if k not in cache:
+        cache[k] = make()
+        while len(cache) > most:
+            cache.popitem(last=False)
+    cache.move_to_end(k)
+    return cache[k]

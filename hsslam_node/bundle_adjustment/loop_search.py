@@ -1,4 +1,4 @@
-"""Where the camera has been before: keyframes near by, and keyframes that look alike."""
+"""Loop search: finds old keyframes that are near a keyframe or that look like it."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.place_recognition.keyframe_index import KeyframeIndex
 from hsslam_node.tracking.find_loop import find_loop
 
-_APART = 6  # keyframes between two that one keyframe is tied to: others add little
-_MOST_INDEXED = 6  # keyframes whose features are taken in by one search, 15 ms each
+_APART = 6  # keyframes on each side of a match that are skipped, as they add little
+_MOST_INDEXED = 6  # keyframes that one search adds to the index, 15 ms each
 
 
 class LoopSearch:
@@ -33,7 +33,7 @@ class LoopSearch:
         self._index = KeyframeIndex(store)
 
     def near(self, k: int, poses: np.ndarray) -> list[PoseEdge]:
-        """Edges to keyframes of long ago that see from near by what keyframe k sees."""
+        """Edges to old keyframes whose position and view direction are near those of keyframe k."""
         c = self._config
         ids = self._store.kept()
         ids = ids[ids <= k - c.loop_gap]
@@ -54,7 +54,7 @@ class LoopSearch:
         return edges
 
     def alike(self, k: int) -> list[PoseEdge]:
-        """Edges to keyframes of long ago that share features with keyframe k, wherever they lie."""
+        """Edges to old keyframes that share features with keyframe k, at any distance."""
         self._index.update(_MOST_INDEXED)
         among = np.arange(max(k - self._config.loop_gap + 1, 0))
         if len(among) == 0:

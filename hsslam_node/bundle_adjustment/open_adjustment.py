@@ -11,6 +11,6 @@ from hsslam_node.map.parameters import FieldParameters
 def open_adjustment(
     config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
 ) -> BundleAdjustment:
-    """By `config.ba.method`."""
+    """The bundle adjustment of `config.ba.method`."""
     kind = GraphBundleAdjustment if config.ba.method == "graph" else GlobalBundleAdjustment
     return kind(config, parameters, seed, device)

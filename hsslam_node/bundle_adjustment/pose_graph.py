@@ -18,13 +18,13 @@ from hsslam_node.geometry.se3_batch import (
 
 @dataclass(frozen=True)
 class PoseEdge:
-    """Where keyframe `second` is seen from keyframe `first`."""
+    """Measured pose of keyframe `second` relative to keyframe `first`."""
 
     first: int
     second: int
     T_first_second: np.ndarray  # [4, 4]
     information: np.ndarray  # [6, 6] inverse covariance of (m, rad) in the camera frame of `second`
-    switchable: bool  # whether it may be wrong altogether, as a loop closure may
+    switchable: bool  # whether it may be an outlier, as a loop closure may
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class PoseEdges:
 
 _STOP = 1e-5  # m, rad
 _DAMPING = 1e-9  # share of the diagonal
-_FADING = 2.5  # by which the kernel narrows each iteration
+_FADING = 2.5  # factor by which the kernel narrows each iteration
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PoseGraphResult:
     """A solved graph."""
 
     T_world_cam: np.ndarray  # [n, 4, 4]
-    weights: np.ndarray  # [m] 0..1, of each edge; 1 where it is not switchable
+    weights: np.ndarray  # [m] 0..1, of each edge; 1 if it is not switchable
     cost_before: float  # sum of the edges' costs
     cost_after: float
 
@@ -72,13 +72,13 @@ def solve_pose_graph(
     kernel: float = 4.0,
     iterations: int = 50,
 ) -> PoseGraphResult:
-    """Poses [n, 4, 4] that fit the edges best; those with `fixed` [n] bool stay, all others must hang
-    on them by edges that are not switchable.
+    """Poses [n, 4, 4] that fit the edges best. Poses with `fixed` [n] bool stay; edges that are not
+    switchable must connect all others to them.
 
-    Residual of an edge: log(T_first_second^-1 T_world_first^-1 T_world_second) (m, rad), its cost
-    r^T information r. Switchable edges have a Geman-McClure kernel of `kernel` standard deviations,
-    reached by graduated non-convexity (Yang et al. 2020): at first all count in full, then those that
-    contradict the others fade out, so a wrong edge costs nothing, however sure it is of itself.
+    Residual r of an edge: log(T_first_second^-1 T_world_first^-1 T_world_second) (m, rad); its cost is r^T
+    information r. Switchable edges have a Geman-McClure kernel of `kernel` standard deviations, reached by
+    graduated non-convexity (Yang et al. 2020): at first all edges count in full, then edges that contradict
+    the others lose their weight. So even a wrong edge of high information does little harm.
     """
     poses = T_world_cam.copy()
     limit = kernel**2
@@ -152,7 +152,7 @@ def _step(
 
 
 def _assembled(blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, u: int) -> csc_array:
-    """The matrix [6 u, 6 u] of blocks [b, 6, 6] at block rows and columns; equal places add up."""
+    """Damped matrix [6 u, 6 u] of blocks [b, 6, 6] at block rows and columns; blocks at one place add up."""
     place, slot = np.unique(rows * u + columns, return_inverse=True)
     summed = np.zeros((len(place), 6, 6))
     np.add.at(summed, slot, blocks)

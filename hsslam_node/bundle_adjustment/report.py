@@ -1,4 +1,4 @@
-"""What one round of bundle adjustment did, and what all kinds of it have in common."""
+"""The report of a round of bundle adjustment, and the interface that both methods share."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -16,7 +16,7 @@ Rest = Callable[[], None]
 
 @dataclass(frozen=True)
 class BaReport:
-    """One round. `keyframes` is empty where nothing was to be done."""
+    """Report of one round. `keyframes` is empty if there was nothing to do."""
 
     keyframes: np.ndarray  # [n] ids
     T_then: np.ndarray  # T_world_cam [n, 4, 4] that the round began with
@@ -24,8 +24,8 @@ class BaReport:
     loss_before: float
     loss_after: float
     moved: bool  # whether any pose changed
-    loops: tuple[tuple[int, int], ...] = ()  # that were closed: ids of keyframes, the older first
-    # keyframes there were; those that came since move as the last of these
+    loops: tuple[tuple[int, int], ...] = ()  # closed loops: keyframe ids, the older first
+    # number of keyframes in this round; later keyframes move with the last of these
     known: int | None = None
 
 
@@ -37,7 +37,7 @@ class BundleAdjustment(Protocol):
         ...
 
     def is_behind(self, store: KeyframeStore) -> bool:
-        """Whether there are keyframes that no round has looked at."""
+        """Whether there are keyframes that no round has used."""
         ...
 
     def has_joined(self, store: KeyframeStore) -> bool:
@@ -47,10 +47,10 @@ class BundleAdjustment(Protocol):
     def round(
         self, store: KeyframeStore, lease: Lease = ..., may_step: MayStep = ..., rest: Rest = ...
     ) -> BaReport:
-        """One round. `lease()` is held while the map is stepped, for one iteration at a time.
+        """Run one round. It holds `lease()` while it steps the map, for one iteration at a time.
 
-        Where `may_step()` says no, asked before each step, the round ends there and moves no pose.
-        `rest()` may wait: it is called between pieces of work, when the lease is not held.
+        It asks `may_step()` before each iteration. If the answer is False, the round ends and moves no pose.
+        It calls `rest()`, which may wait, between pieces of work and without the lease.
         """
         ...
 
@@ -61,10 +61,10 @@ def always() -> bool:
 
 
 def no_rest() -> None:
-    """Go on at once."""
+    """Do not wait."""
 
 
 def nothing_done() -> BaReport:
-    """A round in which nothing was to be done, or that was ended."""
+    """Report of a round that had nothing to do, or that ended early."""
     none = np.zeros((0, 4, 4))
     return BaReport(np.zeros(0, int), none, none, 0.0, 0.0, False)

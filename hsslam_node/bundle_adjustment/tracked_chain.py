@@ -1,4 +1,4 @@
-"""The tracked motion from keyframe to keyframe, on which the pose graph hangs."""
+"""The tracked motion from keyframe to keyframe, which connects the whole pose graph."""
 
 from dataclasses import replace
 from functools import reduce
@@ -14,12 +14,12 @@ _NO_GAP = np.zeros((6, 6))
 
 
 class TrackedChain:
-    """An edge from each keyframe of the graph to the next one; it begins at keyframe 0, which stays."""
+    """Edges from each keyframe of the graph to the next one. Keyframe 0, the first, never leaves."""
 
     def __init__(self, config: PoseGraphConfig) -> None:
         self._config = config
-        self._to: dict[int, PoseEdge] = {}  # by its second keyframe, in their order
-        # [6, 6] covariance of what odometry bridged, likewise
+        self._to: dict[int, PoseEdge] = {}  # by second keyframe, ascending
+        # [6, 6] covariance of gaps that odometry bridged, by second keyframe
         self._gaps: dict[int, np.ndarray] = {}
 
     @property
@@ -32,10 +32,10 @@ class TrackedChain:
         return [self._to[int(k)] for k in keyframes]
 
     def add(self, k: int, T: np.ndarray, gap_covariance: np.ndarray = _NO_GAP) -> list[PoseEdge]:
-        """The tracked motion `T` [4, 4] since the keyframe before; returns that since one some way back, if
-        the camera was aligned all the way.
+        """Add the tracked motion `T` [4, 4] since the keyframe before. Returns an edge from the keyframe
+        `anchor_gap` before, if the camera was aligned all the way.
 
-        gap_covariance: [6, 6] of what odometry alone bridged on the way, as in `KeyframeStore.append`.
+        gap_covariance: [6, 6] of the part that odometry alone bridged, as in `KeyframeStore.append`.
         """
         c = self._config
         if gap_covariance.any():
@@ -50,8 +50,8 @@ class TrackedChain:
         return [PoseEdge(k - c.anchor_gap, k, over, information, True)]
 
     def doubt(self, k: int, aligned: dict[int, PoseEdge]) -> None:
-        """Tracked motion counts for less where the keyframes' alignment to keyframe k (by their distance
-        from it) contradicts it, as after a jump."""
+        """Lower the weight of tracked motion that alignments contradict, as after a jump. `aligned`: edges
+        from earlier keyframes to keyframe k, by their distance in keyframes."""
         c = self._config
         T_k = {0: np.eye(4)} | {gap: inverse(e.T_first_second) for gap, e in aligned.items()}
         for gap in aligned:
@@ -64,10 +64,10 @@ class TrackedChain:
             self._to[edge.second] = replace(edge, information=information)
 
     def retain(self, kept: set[int], poses: np.ndarray) -> bool:
-        """Let go of the keyframes that are not kept; returns whether there were any.
+        """Remove the keyframes that are not kept; return whether there were any.
 
-        What lay between two that are kept becomes one edge: as they stand to each other by the poses
-        [n, 4, 4] of now, as sure as the motion between them was.
+        One edge joins two kept keyframes across the removed ones: its pose is that of `poses` [n, 4, 4], its
+        covariance the sum of those between them.
         """
         if all(k in kept for k in self._to):
             return False
@@ -87,7 +87,7 @@ class TrackedChain:
         return True
 
     def _tracked(self, k: int, worse: float = 1.0) -> np.ndarray:
-        """[6, 6] information of the motion to keyframe k, `worse` times less sure than usual."""
+        """Information [6, 6] of the motion to keyframe k, at `worse` times the usual standard deviation."""
         c = self._config
         usual = _information(worse * c.odometry_sigma_m, worse * c.odometry_sigma_rad)
         gap = self._gaps.get(k)
