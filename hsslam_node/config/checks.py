@@ -4,7 +4,7 @@ from hsslam_node.errors import UserError
 
 
 def expect_positive(config: object, group: str, *names: str) -> None:
-    """Each of these fields is above 0."""
+    """Check that each of these fields is above 0."""
     for name in names:
         value = getattr(config, name)
         if not value > 0:
@@ -12,21 +12,21 @@ def expect_positive(config: object, group: str, *names: str) -> None:
 
 
 def expect_in_range(config: object, group: str, name: str, low: float, high: float) -> None:
-    """The field lies within low and high, both included."""
+    """Check that the field lies within low and high, both included."""
     value = getattr(config, name)
     if not low <= value <= high:
         raise UserError(f"{group}.{name} = {value}: expected {low} to {high}")
 
 
 def expect_one_of(config: object, group: str, name: str, *known: int | str) -> None:
-    """The field has one of the known values."""
+    """Check that the field has one of the known values."""
     value = getattr(config, name)
     if value not in known:
         raise UserError(f"{group}.{name} = {value}: expected {' or '.join(map(str, known))}")
 
 
 def expect_not_negative(config: object, group: str, *names: str) -> None:
-    """Each of these fields is 0 or more."""
+    """Check that each of these fields is 0 or more."""
     for name in names:
         value = getattr(config, name)
         if not value >= 0:

@@ -12,7 +12,7 @@ from hsslam_node.config.checks import (
 )
 from hsslam_node.errors import UserError
 
-SMALLEST_PATCH = 16  # rays along its side: fewer show no structure
+SMALLEST_PATCH = 16  # rays along a side of a patch: fewer show no structure
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class KeyframeConfig:
     every_frames: int = 4
     """Largest number of tracked frames between keyframes."""
     recent: int = 40
-    """Newest keyframes, all of which are kept."""
+    """Number of newest keyframes; all of them are kept."""
     views: int = 10
     """An older keyframe stays if it shows surface that fewer than N keyframes show from a similar view."""
     new_share: float = 0.1
@@ -99,7 +99,7 @@ class MapperConfig:
     least_color_weight: float = 1e-3
     """On the CPU, samples below this rendering weight are grey (-17 % time per iteration); 0 turns it off."""
     parts: int = 2
-    """Parts of a batch, which the CPU runs at once in lockstep; each has a gradient as large as the map."""
+    """Parts of a batch, in parallel on the CPU in lockstep; each has a gradient as large as the map."""
     patch_repeats: int = 10
     """Number of random patches (M) of the structural loss."""
     patch_kernel_px: int = 3
@@ -168,7 +168,7 @@ class BundleAdjustmentConfig:
     probe_keyframes: int = 16
     """Random keyframes whose loss is measured each round."""
     cooldown_rounds: int = 0
-    """Rounds that a refined keyframe is left out."""
+    """Number of rounds in which a refined keyframe is not selected again."""
 
     def __post_init__(self) -> None:
         expect_one_of(self, "ba", "method", "joint", "graph")

@@ -40,18 +40,18 @@ class BoundConfig:
     farthest_m: float = 50.0
     """Largest distance of the box from the first camera, m."""
     box: tuple[float, ...] = ()
-    """The box itself, m: lowest x y z, then highest x y z; it does not grow. None: as above. A saved map
-    covers both its own box and this one."""
+    """The box itself, m: lowest x y z, then highest x y z; it does not grow. If not set, the first frame
+    sets it. A saved map covers both its own box and this one."""
     first_camera: tuple[float, ...] = ()
-    """Where the first camera stands in the world of `box`: the rows of a 3x4 matrix that maps camera points
-    there, m. None: the camera's first place is the world's origin. Not with a saved map."""
+    """Pose of the first camera in the world of `box`: the rows of the 3x4 matrix that maps camera points to
+    world points, m. If not set, the first camera is the world's origin. Not with a saved map."""
 
     def __post_init__(self) -> None:
         low, high = self.box[:3], self.box[3:]
         is_box = len(self.box) == 6 and all(a < b for a, b in zip(low, high, strict=True))
         if self.box and not (is_box and all(map(math.isfinite, self.box))):
             raise UserError(
-                f"bound.box = {self.box}: expected six numbers, each of the first three below its other"
+                f"bound.box = {self.box}: expected six numbers: lowest x y z, then a higher x y z"
             )
         if self.first_camera and not (self.box and _is_rigid(self.first_camera)):
             raise UserError(
@@ -66,7 +66,7 @@ class BoundConfig:
 
 
 def _is_rigid(rows: tuple[float, ...]) -> bool:
-    """Whether these are the rows of a rotation and a translation, [3, 4]."""
+    """Whether these 12 numbers are the rows [3, 4] of a rotation and a translation."""
     if len(rows) != 12 or not all(map(math.isfinite, rows)):
         return False
     x, y, z = (rows[k : k + 3] for k in (0, 4, 8))

@@ -15,7 +15,7 @@ class PoseGraphConfig:
     neighbours: tuple[int, ...] = (1, 2, 8, 20)
     """Distances to those other keyframes, in keyframes before it."""
     most_keyframes: int = 12
-    """Keyframes that one round covers, the newest first; the next round does what is left."""
+    """Keyframes that one round covers, the newest first; the next round covers the rest."""
     loop_gap: int = 30
     """Smallest distance of two keyframes that close a loop, in keyframes."""
     loops: int = 2
@@ -31,7 +31,7 @@ class PoseGraphConfig:
     min_image_agreement: float = 0.35
     """Smallest share of the salient pixels that fit the other image, 0 to 1."""
     min_loop_image_agreement: float = 0.5
-    """The same for loops, 0 to 1."""
+    """Smallest share of the salient pixels that fit the other image of a loop, 0 to 1."""
     sigma_m: float = 5e-4
     """Standard deviation of an alignment with full coverage, m; it grows with coverage^-1.5."""
     sigma_rad: float = 2e-4
@@ -47,11 +47,11 @@ class PoseGraphConfig:
     anchor_sigma_rad: float = 3e-3
     """The same for rotation, rad."""
     kernel: float = 4.0
-    """Alignments that differ from the rest by more standard deviations lose weight."""
+    """Alignments that differ from the rest by more than this many standard deviations lose weight."""
     window: int = 200
-    """Newest keyframes whose poses are solved for; a loop may need more."""
+    """Number of newest keyframes whose poses a round solves for; a loop may need more."""
     least_shift_m: float = 2e-4
-    """Ignore corrections that move surfaces 2 m away by less, m."""
+    """Ignore corrections that move surfaces 2 m away by less than this, m."""
 
     def __post_init__(self) -> None:
         group = "pose_graph"

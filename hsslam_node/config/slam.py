@@ -1,4 +1,4 @@
-"""All parameters of the algorithm; a file of its own as it imports the groups of all others."""
+"""All parameters of the algorithm; a file of its own as it imports all groups of parameters."""
 
 import dataclasses
 from dataclasses import dataclass

@@ -11,8 +11,8 @@ from hsslam_node.config.checks import (
 )
 from hsslam_node.errors import UserError
 
-FEWEST_POINTS = 100  # that a frame is aligned with, or begins a map with
-NEW_MAP_AFTER_S = 3.0  # in the lost state: how runs begin a fragment unless they say otherwise
+FEWEST_POINTS = 100  # depth points of a frame that is aligned, or that begins a map
+NEW_MAP_AFTER_S = 3.0  # time in the lost state after which runs begin a fragment by default
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class TrackerConfig:
     iterations: int = 4
     """Largest number of Gauss-Newton steps per level of the image pyramid."""
     stop_step: float = 2e-4
-    """Stop the alignment at a smaller step, m and rad."""
+    """Stop the alignment at a step smaller than this, m and rad."""
     sdf_weight: float = 0.3
     """Weight of the SDF residuals, whose errors are correlated; 0: the map does not influence poses."""
     sdf_huber_m: float = 0.02
@@ -60,21 +60,22 @@ class TrackerConfig:
     surface_noise: float = 0.5
     """Share of the keyframe's measured depth noise that is added to this standard deviation."""
     surface_kernel: float = 4.0
-    """Distances of more standard deviations, depth noise included, lose weight."""
+    """Distances of more than this many standard deviations, depth noise included, lose weight."""
     surface_gate_m: float = 0.05
-    """Points farther from the keyframe's surface do not overlap it, m."""
+    """Points farther than this from the keyframe's surface do not overlap it, m."""
     reference_views: int = 0
-    """Noisy depth of the reference keyframe is averaged over up to N keyframes next to it."""
+    """Average noisy depth of the reference keyframe over up to N keyframes next to it."""
     reference_overlap: float = 0.7
     """Change the reference keyframe if a smaller share of its pixels is in view, 0 to 1."""
     reference_coverage: float = 0.6
-    """Change it at once if the overlap with its surface falls below this share of the first one, 0 to 1."""
+    """Change the reference keyframe at once if the overlap with its surface falls below this share of the
+    first one, 0 to 1."""
     reference_surface_agreement: float = 0.55
-    """Change it if a smaller share of the depth points fits its surface, 0 to 1."""
+    """Change the reference keyframe if a smaller share of the depth points fits its surface, 0 to 1."""
     reference_image_agreement: float = 0.35
-    """Change it if a smaller share of its pixels fits the image, 0 to 1."""
+    """Change the reference keyframe if a smaller share of its pixels fits the image, 0 to 1."""
     weak_direction_m: float = 0.005
-    """Directions with a larger standard deviation follow the prediction, m."""
+    """Directions with a standard deviation above this follow the prediction, m."""
     min_inlier_ratio: float = 0.7
     """A frame with a smaller share of SDF inliers is lost, 0 to 1."""
     longest_gap_s: float = 0.5
@@ -95,9 +96,9 @@ class TrackerConfig:
     """A frame whose pose odometry predicts needs this share of depth points on the keyframe's surface, 0 to
     1."""
     inertial_rotation: bool = True
-    """If frames carry readings of an IMU, predict rotations by it."""
+    """Predict rotations from the IMU if frames carry its samples."""
     max_step_m: float = 0.15
-    """A frame that is farther from the prediction is lost, m."""
+    """A frame whose pose is farther than this from the prediction is lost, m."""
     max_step_rad: float = 0.2
     """The same for rotation, rad."""
 
