@@ -1,1 +1,1 @@
-"""Where the scene model is computed: the choice between CPU and GPU, and what a GPU needs beside kernels."""
+"""The device that computes the scene model, CPU or GPU, and what a GPU needs besides kernels."""

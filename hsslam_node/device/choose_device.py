@@ -1,4 +1,4 @@
-"""The choice of the device: CUDA if it really works, else the CPU with the reason."""
+"""Choose the device: CUDA if it works, else the CPU, with the reason."""
 
 import importlib.util
 from typing import Literal, NamedTuple, get_args
@@ -17,7 +17,7 @@ _LONGEST = 200  # characters of an error that a message quotes
 
 
 class _Missing(NamedTuple):
-    """Why the GPU cannot be used, and what would help; empty if that is not known."""
+    """Why the GPU is not usable, and the remedy; empty if unknown."""
 
     what: str
     remedy: str = ""
@@ -27,27 +27,27 @@ class _Missing(NamedTuple):
 
 
 def choose_device(choice: DeviceChoice, *, reproducible: bool = False) -> Device:
-    """The device to compute with, tried out. Imports torch unless the choice is the CPU.
+    """Choose the device; try CUDA with a small kernel. Imports torch only to look for a GPU.
 
-    With `reproducible`, `auto` is the CPU: a GPU adds in another order each time. `auto` is the CPU as
-    well if the GPU has little free memory.
+    `auto` is the CPU if CUDA does not work, if the GPU has little free memory, or if `reproducible`: a GPU
+    adds in another order each time.
     `cuda` under TRITON_INTERPRET=1 is Triton's interpreter: the same code, slowly, without a GPU.
 
     Raises:
-        UserError: `cuda` is asked for and does not work, or there is no such choice.
+        UserError: the choice is `cuda` and CUDA does not work, or the choice is unknown.
     """
     if choice not in (choices := get_args(DeviceChoice)):
         raise UserError(f"device {choice}: expected {', '.join(choices)}")
     if choice == "cpu":
-        return Device("cpu", "CPU", "asked for")
+        return Device("cpu", "CPU", "requested")
     if choice == "auto" and reproducible:
-        return Device("cpu", "CPU", "lockstep is reproducible on the CPU alone")
+        return Device("cpu", "CPU", "lockstep is reproducible on the CPU only")
     if choice == "cuda" and TRITON_INTERPRET.value() == "1":
         return Device("interpreter", "Triton's interpreter", "TRITON_INTERPRET=1 is set")
     import torch
 
     if torch.version.cuda is None:
-        what = f"this PyTorch ({torch.__version__}) is built without it"
+        what = f"PyTorch {torch.__version__} is built without CUDA"
         if choice == "auto":  # most users of this build have no GPU
             return Device("cpu", "CPU", f"no CUDA: {what}")
         raise _not_usable(_Missing(what, "PyTorch for CUDA"))
@@ -55,7 +55,7 @@ def choose_device(choice: DeviceChoice, *, reproducible: bool = False) -> Device
     if choice == "cuda":
         if missing is not None:
             raise _not_usable(missing)
-        return Device("cuda", torch.cuda.get_device_name(), "asked for")
+        return Device("cuda", torch.cuda.get_device_name(), "requested")
     if missing is not None:
         return Device("cpu", "CPU", f"no CUDA: {missing}")
     if full := too_little_memory(torch.cuda.mem_get_info()[0]):
@@ -71,7 +71,7 @@ def _not_usable(missing: _Missing) -> UserError:
 
 
 def _what_is_missing() -> _Missing | None:
-    """What PyTorch for CUDA lacks on this machine; None where a kernel ran and gave the right numbers."""
+    """What PyTorch for CUDA lacks on this machine; None if a trial kernel gave the right numbers."""
     import torch
 
     if not torch.cuda.is_available():
@@ -86,7 +86,7 @@ def _what_is_missing() -> _Missing | None:
 
         error = trial_error("cuda")
     except Exception as failure:  # driver, compiler and Triton raise errors of many types
-        if tool := missing_tool():  # it may have kept what it would compile
+        if tool := missing_tool():  # not needed if Triton's cache has all
             return _Missing(*tool)
         return _Missing(f"a trial kernel fails: {_shortened(one_line(failure))}")
     if not error < _LARGEST_ERROR:
@@ -95,7 +95,7 @@ def _what_is_missing() -> _Missing | None:
 
 
 def _no_gpu(torch_version: str, driver: str) -> _Missing:
-    """For a version of the driver; empty: it is not known."""
+    """The reason for a driver version; an empty one is unknown."""
     what = f"PyTorch {torch_version} finds no usable NVIDIA GPU"
     if is_too_old(driver):
         return _Missing(f"{what} with driver {driver}", f"driver {OLDEST_DRIVER} or newer")
@@ -105,5 +105,5 @@ def _no_gpu(torch_version: str, driver: str) -> _Missing:
 
 
 def _shortened(text: str) -> str:
-    """A long one by its end: the command line of a compiler comes first, and what is wrong last."""
+    """The end of a long text: a compiler's command line comes first, its error last."""
     return text if len(text) <= _LONGEST else f"...{text[-_LONGEST:]}"

@@ -1,4 +1,4 @@
-"""The CUDA driver of this machine: alone, as the installer asks before any package is there."""
+"""The CUDA driver of this machine; alone as the installer uses it before any package is installed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _VERSION_FILE = Path("/proc/driver/nvidia/version")  # not on WSL and Jetson
 def has_cuda_driver() -> bool:
     """True if NVIDIA's driver has its control device here, or the driver's library can be loaded.
 
-    The library alone is what WSL and Jetson have. Not tried: whether a GPU works.
+    WSL and Jetson have only the library. This does not test whether a GPU works.
     """
     if Path("/dev/nvidiactl").exists():
         return True
@@ -26,7 +26,7 @@ def has_cuda_driver() -> bool:
 
 
 def driver_version(file: Path = _VERSION_FILE) -> str:
-    """The version of the driver that the kernel has loaded, as 580.65.06; empty if it is not known."""
+    """Version of the loaded kernel driver, such as 580.65.06; empty if unknown."""
     try:
         first, *_ = file.read_text(encoding="utf-8", errors="replace").splitlines()
     except (OSError, ValueError):
@@ -36,5 +36,5 @@ def driver_version(file: Path = _VERSION_FILE) -> str:
 
 
 def is_too_old(version: str) -> bool:
-    """Whether PyTorch from PyPI cannot use a driver of this version; False if it is not known."""
+    """Whether a driver of this version is too old for PyTorch from PyPI; False if unknown."""
     return bool(version) and int(version.partition(".")[0]) < OLDEST_DRIVER

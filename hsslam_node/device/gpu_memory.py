@@ -1,4 +1,4 @@
-"""Memory of a GPU: may a run begin on it, and what if it is full; apart, as processes without torch ask."""
+"""GPU memory: whether a run may begin, and errors if it is full; apart, for processes without torch."""
 
 import contextlib
 import re
@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from hsslam_node.errors import OutOfMemoryError
 
 LEAST_FREE_GB = 4.0
-"""By calculation, not measured: 0.5 GB of CUDA's own for each of five processes, and at most 0.4 GB of work
+"""Calculated, not measured: 0.5 GB for CUDA itself in each of five processes, and at most 0.4 GB of work
 space for each of mapper, bundle adjustment and tracker (preset `paper`)."""
 
 
 def too_little_memory(free_bytes: int) -> str | None:
-    """Why a run had better not begin on a GPU with so much free memory; None if it may."""
+    """Why `free_bytes` of a GPU are too few to begin a run; None if they suffice."""
     if free_bytes >= LEAST_FREE_GB * 1e9:
         return None
     return f"the GPU has {free_bytes / 1e9:.1f} GB free: expected {LEAST_FREE_GB:g} GB"
@@ -20,19 +20,19 @@ def too_little_memory(free_bytes: int) -> str | None:
 
 @contextlib.contextmanager
 def gpu_memory_errors() -> Iterator[None]:
-    """What PyTorch, Triton and CUDA raise in the block when the memory of the GPU is full becomes one line.
+    """Turn errors of PyTorch, Triton and CUDA in the block into one line if the GPU's memory is full.
 
     Raises:
-        OutOfMemoryError: it is full.
+        OutOfMemoryError: the GPU's memory is full.
     """
     try:
         yield
-    except RuntimeError as error:  # torch.OutOfMemoryError is one; torch may not be imported here
+    except RuntimeError as error:  # base of torch.OutOfMemoryError; torch may be missing
         text = str(error)
         if "CUDA" not in text or not re.search("out of memory|ALLOC_FAILED", text):
             raise
         asked = re.search(r"Tried to allocate ([\d.]+ \w+)", text)
         more = f"{asked[1]} more" if asked else "more"
         raise OutOfMemoryError(
-            f"GPU memory: full: expected {more} free: --device cpu needs none"
+            f"GPU memory is full: expected {more} free, or --device cpu"
         ) from error

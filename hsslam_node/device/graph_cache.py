@@ -1,4 +1,4 @@
-"""CUDA graphs of work that is done again and again with the same shapes."""
+"""CUDA graphs of work that repeats with the same shapes."""
 
 from collections import Counter
 from collections.abc import Callable, Hashable
@@ -7,19 +7,19 @@ import torch
 
 from hsslam_node.device.device import Device
 
-_PLAIN_RUNS = 3  # of a shape before it is captured: kernels are compiled, tables are tuned
+_PLAIN_RUNS = 3  # of a shape before its capture, which compile and tune kernels
 _MOST_GRAPHS = 16
 
 
 class GraphCache:
-    """Runs work; on CUDA a shape that keeps coming up is captured once and then replayed.
+    """Runs work; on CUDA it captures a shape that repeats as a graph, once, and then replays the graph.
 
-    The work only launches kernels on tensors that stay where they are: inputs are written into them
-    before, results are read from them after `run`. It neither reads from the device nor waits for it.
-    As PyTorch's notes on CUDA graphs ask, warm-up and capture are made on one side stream, which waits
-    for the caller's stream and is waited for.
+    The work only launches kernels, on tensors at fixed addresses; it neither reads from the device nor waits
+    for it. The caller writes inputs before `run` and reads results after it.
+    Warm-up and capture run on one side stream, as PyTorch's notes on CUDA graphs ask. The side stream and
+    the caller's stream wait for each other.
 
-    The gain has not been measured: this was written without a GPU at hand. Other devices launch plainly.
+    The gain is not measured. Other devices run the work without graphs.
     """
 
     def __init__(self, device: Device) -> None:
@@ -29,7 +29,7 @@ class GraphCache:
         self._graphs: dict[Hashable, torch.cuda.CUDAGraph] = {}
 
     def run(self, shape: Hashable, work: Callable[[], None]) -> None:
-        """Do `work`, which launches the same kernels with the same arguments for equal `shape`."""
+        """Run `work`, which launches the same kernels with the same arguments for an equal `shape`."""
         if self._stream is None:
             work()
             return
@@ -48,7 +48,7 @@ class GraphCache:
         return self._runs[shape] > _PLAIN_RUNS and len(self._graphs) < _MOST_GRAPHS
 
     def _captured(self, work: Callable[[], None]) -> torch.cuda.CUDAGraph:
-        """The graph of the work, which capturing does not execute."""
+        """The graph of the work; capturing does not execute it."""
         graph = torch.cuda.CUDAGraph()
         with torch.cuda.graph(graph, stream=self._stream):
             work()

@@ -1,4 +1,4 @@
-"""The device's copies of the parameters, moved in chunks of 16 floats.
+"""Copies of the parameters on the device, transferred in chunks of 16 floats.
 
 `ParameterCopy` is for a process that steps them, `PublishedCopy` for processes that only read the map.
 """
@@ -14,9 +14,9 @@ CHUNK = 16
 
 
 class ChunkTransfer:
-    """Moves chosen chunks either way, through page-locked memory where the device is CUDA.
+    """Copies chosen chunks from host to device and back, on CUDA through page-locked memory.
 
-    Arrays are flat, float32, of a multiple of 16 floats; device arrays were made for `device`.
+    Arrays are flat, float32, of a multiple of 16 floats; device arrays are on `device`.
     """
 
     def __init__(self, device: Device) -> None:
@@ -24,7 +24,7 @@ class ChunkTransfer:
         self._staging = torch.empty(0, CHUNK)
 
     def upload(self, source: np.ndarray, chunks: np.ndarray, target: Tensor) -> None:
-        """target[chunks] = source[chunks]; chunks [n] int64, ascending. Returns when it is done."""
+        """target[chunks] = source[chunks]; chunks [n] int64, ascending. Returns when done."""
         rows = self._rows(len(chunks))
         np.take(source.reshape(-1, CHUNK), chunks, axis=0, out=rows.numpy())
         places = torch.from_numpy(chunks).to(target.device)
@@ -32,7 +32,7 @@ class ChunkTransfer:
         self._wait()
 
     def download(self, source: Tensor, chunks: Tensor, target: np.ndarray) -> None:
-        """target[chunks] = source[chunks]; chunks [n] int64 on the device. Returns when it is done."""
+        """target[chunks] = source[chunks]; chunks [n] int64 on the device. Returns when done."""
         rows = self._rows(len(chunks))
         rows.copy_(source.view(-1, CHUNK).index_select(0, chunks), non_blocking=True)
         self._wait()
@@ -44,16 +44,16 @@ class ChunkTransfer:
         return self._staging[:count]
 
     def _wait(self) -> None:
-        """Until the staging memory is free again."""
+        """Wait until the staging memory is free."""
         if self._is_cuda:
             torch.cuda.synchronize()
 
 
 class ParameterCopy:
-    """Follows `FieldParameters` in host memory, chunk by chunk, and brings back what was stepped.
+    """Copy of `FieldParameters` for a process that steps them: pulls and pushes the chunks that changed.
 
-    Whoever steps holds the writer's lease, pulls before the first step, and pushes before the lease
-    is given back or the map is published.
+    The process holds the writer's lease while it steps, pulls before its first step, and pushes before it
+    releases the lease or publishes the map.
     """
 
     def __init__(self, parameters: FieldParameters, device: Device) -> None:
@@ -61,15 +61,15 @@ class ParameterCopy:
         on = device.tensors_on
         self._host = parameters
         self._transfer = ChunkTransfer(device)
-        self._step = -1  # of the host's parameters that are in the copy
+        self._step = -1  # of the host's parameters in the copy
         self.params = torch.empty(P, device=on)
         self.first_moment = torch.empty(P, device=on)
         self.second_moment = torch.empty(P, device=on)
-        # [P / 16] the step that last moved each chunk here; 0 where the host has it
+        # [P / 16] the step that last moved each chunk here; 0 if the host has it
         self.stepped_at = torch.zeros(P // CHUNK, dtype=torch.int32, device=on)
 
     def pull(self) -> None:
-        """Take over what others have stepped; does nothing if no other process has."""
+        """Fetch the chunks that other processes have stepped, if any."""
         host = self._host
         if host.step == self._step:
             return
@@ -79,12 +79,12 @@ class ParameterCopy:
         self._step = host.step
 
     def count_step(self) -> int:
-        """The number of the next step, counted for all; the copy is what it starts from."""
+        """Count the next step on the host and return its number; the copy then counts as up to date."""
         self._step = self._host.count_step()
         return self._step
 
     def push(self) -> None:
-        """Bring what was stepped here to the host."""
+        """Send the chunks that were stepped here to the host."""
         chunks = torch.nonzero(self.stepped_at).flatten()
         for target, source in self._pairs():
             self._transfer.download(source, chunks, target)
@@ -102,7 +102,7 @@ class ParameterCopy:
 
 
 class PublishedCopy:
-    """The first `count` parameters of the newest version that was published, chunk by chunk."""
+    """Copy of the first `count` parameters of the newest published version, for a process that reads."""
 
     def __init__(self, parameters: FieldParameters, device: Device, count: int) -> None:
         self._host = parameters
@@ -113,9 +113,9 @@ class PublishedCopy:
         self.params = torch.empty(count, device=device.tensors_on)  # [count]
 
     def pull(self) -> int:
-        """Bring the copy to the newest version; returns it. Never waits for a writer.
+        """Update the copy to the newest version and return the version. Never waits for a writer.
 
-        A map that has grown needs another copy: this one stays as it is, and `parameters.layout` tells.
+        If the map has grown, `parameters.layout` changes and this copy stays as it is: open another.
         """
         host, count = self._host, len(self.params)
         while host.version != self.version:
@@ -123,7 +123,7 @@ class PublishedCopy:
             if host.layout is not self._layout:
                 break
             step = host.published_step(version)
-            # writers go on marking chunks meanwhile: those are taken too, as the slot has them
+            # includes chunks that writers mark meanwhile, with the values of the published slot
             chunks = np.flatnonzero(host.stepped_at[: count // 16] > self._step)
             self._transfer.upload(published[:count], chunks, self.params)
             if host.is_intact(version):

@@ -1,4 +1,4 @@
-"""Parts of a computation at once on the CPU; a file of its own as tracker and mapper share it."""
+"""Parallel parts of a computation on the CPU; a file of its own as tracker and mapper share it."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -8,17 +8,17 @@ T = TypeVar("T")
 
 
 class Threads:
-    """Makes calls at once, at most `count`; compiled kernels and BLAS let each other run.
+    """Runs up to `count` calls in parallel; compiled kernels and BLAS release the GIL.
 
-    What is computed does not depend on `count`. With 1 there is no thread but the caller's.
+    Results do not depend on `count`. A count of 1 starts no thread.
     """
 
     def __init__(self, count: int) -> None:
         self._count = count
-        self._pool: ThreadPoolExecutor | None = None  # begun with the first use: forks come before
+        self._pool: ThreadPoolExecutor | None = None  # made at first use, after forks
 
     def run(self, calls: Sequence[Callable[[], T]]) -> list[T]:
-        """Make all calls; their results in this order, or the first error."""
+        """Run all calls; return their results in this order, or raise the first error."""
         if self._count < 2 or len(calls) < 2:
             return [call() for call in calls]
         if self._pool is None:
@@ -27,7 +27,7 @@ class Threads:
         try:
             first = calls[0]()
         finally:
-            found = [(other.exception(), other) for other in others]  # none is still at work
+            found = [(other.exception(), other) for other in others]  # waits for all
         for error, _ in found:
             if error is not None:
                 raise error

@@ -1,4 +1,4 @@
-"""Which build of PyTorch is installed, read from the metadata of packages: PyTorch is not imported."""
+"""Which build of PyTorch is installed, from package metadata, without importing PyTorch."""
 
 from collections.abc import Iterable
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
@@ -10,7 +10,7 @@ _REMOVE = "pip uninstall -y $(pip freeze | grep -oE '^(nvidia-|cuda-|triton)[^=]
 
 
 def cuda_torch_without_cuda() -> str | None:
-    """One line for a user whose PyTorch brings CUDA to a machine without it; None for all others.
+    """A notice if PyTorch is the CUDA build and this machine has no CUDA driver, else None.
 
     Takes 0.1 s on such a machine, 1 ms elsewhere.
     """
@@ -25,18 +25,18 @@ def cuda_torch_without_cuda() -> str | None:
     if not libraries and not tag.startswith("cu"):
         return None
     return (
-        f"PyTorch {version} is the CUDA build, and this machine has no CUDA driver: "
-        f"{_installed_gb(libraries):.1f} GB could go: "
+        f"PyTorch {version} is the CUDA build, but this machine has no CUDA driver: "
+        f"free {_installed_gb(libraries):.1f} GB: "
         f"pip install torch=={release}+cpu --index-url {_CPU_INDEX} && {_REMOVE}"
     )
 
 
 def _is_cuda(package: Distribution) -> bool:
-    """Whether a package is one of those that only PyTorch's CUDA build brings."""
+    """Whether only PyTorch's CUDA build needs this package."""
     name = (package.metadata["Name"] or "").lower()
     return name == "triton" or name.startswith(("nvidia-", "cuda-"))
 
 
 def _installed_gb(packages: Iterable[Distribution]) -> float:
-    """The size of all files that packages have installed, in GB, as their RECORDs list them."""
+    """Size in GB of all files of these packages, from their RECORDs."""
     return sum(file.size or 0 for d in packages for file in d.files or ()) / 1e9

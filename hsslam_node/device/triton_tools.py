@@ -1,4 +1,4 @@
-"""What Triton needs beside a GPU: a C compiler, Python's headers, a folder for compiled kernels."""
+"""What Triton needs besides a GPU: a C compiler, Python's headers, a folder for compiled kernels."""
 
 import shutil
 import sys
@@ -11,16 +11,16 @@ from hsslam_node.kernels.cache_folder import cache_root
 
 
 def missing_tool() -> tuple[str, str] | None:
-    """What Triton lacks to compile its launcher, and the packages that have it; None if it has all.
+    """What Triton lacks to compile its launcher, and the packages that provide it, or None.
 
-    It takes the compiler that CC names, else gcc, else clang.
+    Triton uses the compiler that CC names, else gcc, else clang.
     """
     packages = f"the packages gcc and python{sys.version_info[0]}.{sys.version_info[1]}-dev"
     compilers = [COMPILER.value()] if COMPILER.value() else ["gcc", "clang"]
     if not any(shutil.which(compiler) for compiler in compilers):
         return f"Triton finds no C compiler ({' or '.join(compilers)})", packages
     scheme = sysconfig.get_default_scheme()
-    if scheme == "posix_local":  # of Debian; Triton includes what its Python came with
+    if scheme == "posix_local":  # Debian's default, which Triton replaces like this
         scheme = "posix_prefix"
     headers = Path(sysconfig.get_path("include", scheme))
     if not (headers / "Python.h").exists():
@@ -29,9 +29,9 @@ def missing_tool() -> tuple[str, str] | None:
 
 
 def keep_kernels() -> None:
-    """Have Triton keep compiled kernels beside those of the CPU, unless TRITON_CACHE_DIR names a folder.
+    """Set Triton's cache to a folder beside that of the CPU kernels, unless TRITON_CACHE_DIR is set.
 
-    For this process and those that it starts. Without a home folder Triton's own choice stays.
+    This holds for this process and its children. Without a home folder Triton's default stays.
     """
     if TRITON_CACHE.value():
         return

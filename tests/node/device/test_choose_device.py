@@ -27,7 +27,7 @@ def test_the_cpu_is_chosen_without_importing_torch():
 
 def test_auto_is_the_cpu_where_results_are_to_be_equal():
     device = choose_device("auto", reproducible=True)
-    assert str(device) == "CPU: lockstep is reproducible on the CPU alone"
+    assert str(device) == "CPU: lockstep is reproducible on the CPU only"
 
 
 @without_cuda

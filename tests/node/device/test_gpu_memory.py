@@ -16,7 +16,7 @@ from hsslam_node.errors import OutOfMemoryError
     ],
 )  # fmt: skip
 def test_a_full_gpu_is_one_line(error: RuntimeError, asked: str):
-    told = f"^GPU memory: full: expected {asked} free: --device cpu needs none$"
+    told = f"^GPU memory is full: expected {asked} free, or --device cpu$"
     with pytest.raises(OutOfMemoryError, match=told), gpu_memory_errors():
         raise error
 

@@ -32,9 +32,9 @@ def test_libraries_for_a_gpu_that_is_not_there_are_named_with_their_size(site_pa
     line = cuda_torch_without_cuda()
     assert line is not None
     assert line.startswith(
-        f"PyTorch {version} is the CUDA build, and this machine has no CUDA driver"
+        f"PyTorch {version} is the CUDA build, but this machine has no CUDA driver"
     )
-    assert "2.3 GB could go: pip install torch==2.13.0+cpu --index-url https://" in line
+    assert "free 2.3 GB: pip install torch==2.13.0+cpu --index-url https://" in line
     assert "\n" not in line
 
 

@@ -149,7 +149,7 @@ def test_lockstep_is_reproducible_bit_for_bit_and_repeated_from_its_folder(serve
     for run in (alone, disturbed):
         assert run.finish(timeout_s=150) == 0, run.stderr
         assert run.summary()["frames"] == {**run.summary()["frames"], "in": 60, "dropped": 0}
-        assert run.summary()["device"]["reason"] == "lockstep is reproducible on the CPU alone"
+        assert run.summary()["device"]["reason"] == "lockstep is reproducible on the CPU only"
     for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt"):
         assert (alone.out / name).read_bytes() == (disturbed.out / name).read_bytes()
     differing = set(_config_lines(alone)) ^ set(_config_lines(disturbed))

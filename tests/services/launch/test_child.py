@@ -122,7 +122,7 @@ def test_what_reads_the_source_is_tried_again_if_it_lacked_memory_alone(
     until(lambda: child.restarts or child.state == "failed")
     assert child.restarts == restarts
     if behaviour == "full GPU":
-        told = "GPU memory: full: expected 20.00 MiB more free: --device cpu needs none"
+        told = "GPU memory is full: expected 20.00 MiB more free, or --device cpu"
         assert child.news[0].startswith(f"sample_worker ended: {told}: restart")
 
 
