@@ -1,4 +1,4 @@
-"""How much of a batch one program of a kernel takes; a file of its own as all launchers share it."""
+"""Rows of a batch that one program of a kernel processes; a file of its own as all launchers share it."""
 
 from torch import Tensor
 
@@ -6,7 +6,7 @@ _INTERPRETED = 128
 
 
 def block_size(on_gpu: int, where: Tensor) -> int:
-    """Rows of one program: `on_gpu`, or more in Triton's interpreter, where a program costs the same.
+    """Rows of one program: `on_gpu`; in Triton's interpreter more, as each program costs the same there.
 
     `where`: any tensor that the kernel is launched on.
     """

@@ -1,4 +1,4 @@
-"""A tiny kernel that shows whether Triton, driver and compiler work; alone, as it imports nothing else."""
+"""A small kernel that tests Triton, driver and compiler; alone, as it imports nothing else."""
 
 import torch
 import triton
@@ -8,9 +8,9 @@ _SIZE = 16
 
 
 def trial_error(torch_device: str) -> float:
-    """Largest error of a small product that is added up atomically; well below 1e-4 where all is well.
+    """Largest error of a small matrix product with atomic sums; far below 1e-4 if everything works.
 
-    Raises whatever PyTorch, Triton or the compiler raise where something is missing.
+    Raises any error of PyTorch, Triton or the compiler.
     """
     a = torch.linspace(-1.0, 1.0, _SIZE * _SIZE, dtype=torch.float32).reshape(_SIZE, _SIZE)
     found = torch.zeros(_SIZE, _SIZE, device=torch_device)

@@ -1,4 +1,4 @@
-"""Where compiled kernels are cached between runs."""
+"""The folder that keeps compiled kernels between runs."""
 
 import hashlib
 import os
@@ -14,11 +14,11 @@ _CONSTANTS = ("kernels", "map")  # folders whose constants are compiled into the
 
 
 def kernel_cache_folder() -> Path:
-    """Folder for machine code, named by all that it depends on: the content and place of the kernel
-    sources, numba, Python, the processor.
+    """Folder for machine code. Its name depends on the content and place of the kernel sources, numba,
+    Python and the processor.
 
-    numba checks only the file of the outermost kernel: after a change in a kernel that it calls, the
-    stale machine code would be used. With one folder per content that cannot happen.
+    numba checks only the file of the outermost kernel, so it would use stale machine code after a change in
+    a kernel that this one calls. One folder per content prevents that.
     """
     digest = hashlib.sha256()
     package = Path(__file__).parent.parent
@@ -32,11 +32,11 @@ def kernel_cache_folder() -> Path:
 
 
 def writable_kernel_cache() -> Path:
-    """The folder of `kernel_cache_folder`, made. numba uses no folder that it cannot write, not even for
-    kernels that are compiled.
+    """Create the folder of `kernel_cache_folder`. numba does not use a folder that is not writable, not even
+    to load compiled kernels.
 
     Raises:
-        UserError: it cannot be written.
+        UserError: the folder is not writable.
     """
     folder = kernel_cache_folder()
     try:
@@ -49,25 +49,25 @@ def writable_kernel_cache() -> Path:
 
 
 def unwritable_cache(folder: Path, error: OSError) -> UserError:
-    """The line on a cache that cannot be written."""
+    """The error for a cache folder that is not writable."""
     return UserError(
-        f"kernel cache {folder}: {error.strerror}: expected a folder that can be written "
-        "(XDG_CACHE_HOME names another)"
+        f"kernel cache {folder}: {error.strerror}: expected a writable folder "
+        "(set XDG_CACHE_HOME to use another)"
     )
 
 
 def warm_stamp() -> Path:
-    """The file that says that every kernel has been compiled into the cache."""
+    """File that exists if the cache has every kernel."""
     return kernel_cache_folder() / "complete"
 
 
 def run_stamp() -> Path:
-    """The file that says that the kernels for poses, map and mesh have been compiled into the cache."""
+    """File that exists if the cache has the kernels for poses, map and mesh."""
     return kernel_cache_folder() / "run"
 
 
 def cache_root() -> Path:
-    """Folder of all that is kept between runs and can be made again.
+    """Folder for files that are kept between runs and can be made again.
 
     Raises:
         UserError: this user has no home folder, and XDG_CACHE_HOME is not set.
@@ -81,7 +81,7 @@ def cache_root() -> Path:
 
 
 def processor() -> str:
-    """Model and features of the first processor, as far as the system tells."""
+    """Model and features of the first processor, as far as the system reports them."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0].splitlines()
     except OSError:

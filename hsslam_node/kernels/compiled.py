@@ -12,11 +12,10 @@ from hsslam_node.kernels.cache_folder import writable_kernel_cache
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile as `numba.njit` does, and keep machine code where `hsslam-serve warm-up` has put it.
+    """Compile as `numba.njit` does, with the cache that `hsslam-serve warm-up` fills.
 
-    All programs find it there: commands, notebooks and services. NUMBA_CACHE_DIR is for other functions of a
-    program that uses this package: numba alone would take stale machine code of kernels from a folder that it
-    names. If no folder can be written, each program compiles anew.
+    Commands, notebooks and services share this cache. NUMBA_CACHE_DIR does not apply to these kernels: numba
+    could load stale machine code from its folder. If no folder is writable, each program compiles again.
     """
 
     def compiled(function: Callable[..., Any]) -> Any:
@@ -24,7 +23,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         config.CACHE_DIR = _cache_folder() or place  # type: ignore[attr-defined]  # read right below
         try:
             return numba.njit(**options)(function)
-        except RuntimeError:  # there is no folder that can be written
+        except RuntimeError:  # no folder is writable
             options["cache"] = False
             return numba.njit(**options)(function)
         finally:
@@ -35,7 +34,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 @cache
 def _cache_folder() -> str:
-    """If it cannot be written, "": numba then chooses another."""
+    """The cache folder; "" if it is not writable: numba then chooses another."""
     try:
         return str(writable_kernel_cache())
     except UserError:

@@ -1,4 +1,4 @@
-"""Mean depth about a pixel; apart because kernels of mapping and of tracking are built of it."""
+"""Mean depth around a pixel; apart because kernels of mapping and of tracking use it."""
 
 import numpy as np
 
@@ -7,14 +7,13 @@ from hsslam_node.kernels.compiled import njit
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def mean_depth(depth, u, v, metres_per_unit, radius_px, same_surface):
-    """Mean inverse depth, inverted, m, of the pixel and of pairs of pixels opposite each other.
+    """Depth, m, from the mean inverse depth of the pixel and of pairs of pixels opposite each other.
 
-    The mean of such a pair is that of the pixel on a plane, however steep it is. depth [H, W] in units,
-    known at (u, v); pairs are at most `radius_px` away, and their mean differs by less than
-    `same_surface`, 1/m.
+    On a plane of any slope the mean of a pair is the pixel's own inverse depth. depth [H, W] in sensor units
+    is known at (u, v). Pairs lie within `radius_px`; their mean differs by less than `same_surface`, 1/m.
     """
     height, width = depth.shape
-    own = np.float32(1.0) / np.float32(depth[v, u])  # one over sensor units, as all here
+    own = np.float32(1.0) / np.float32(depth[v, u])  # 1 / sensor units, as all below
     limit = np.float32(2.0 * same_surface * metres_per_unit)
     total = own
     count = 1

@@ -1,11 +1,11 @@
-"""Vectors of 16 numbers inside njit kernels, for what the loop vectoriser does not find by itself.
+"""Vectors of 16 numbers inside njit kernels, for code that the loop vectoriser does not vectorise.
 
-`load`, `store` and `spread` are for vectors of float32 and of keys, uint32 or uint64 (`simd_keys.py`), all
-else here is for float32.
+`load`, `store` and `spread` are for vectors of float32 and of keys, uint32 or uint64 (`simd_keys.py`); all
+other functions here are for float32.
 
-A vector is one AVX-512 register (two of AVX, four of NEON). Arrays are addressed by a flat offset, in
-elements, from their first element and must be C-contiguous; nothing is checked. Arrays of
-`aligned_zeros` and `aligned_rows` start at a cache line, so that no vector lies across two lines.
+A vector is one AVX-512 register (two of AVX, four of NEON). Offsets count elements from the first one of a
+C-contiguous array; nothing is checked. Arrays of `aligned_zeros` and `aligned_rows` start at a cache line,
+so that no vector lies across two lines.
 """
 
 import math
@@ -228,7 +228,7 @@ def aligned_zeros(*shape: int) -> np.ndarray:
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def aligned_rows(rows, columns):
-    """The same inside a kernel, [rows, columns], not set to anything."""
+    """The same inside a kernel, [rows, columns], uninitialised."""
     raw = np.empty(rows * columns + 16, np.float32)
     start = (-raw.ctypes.data >> 2) & 15
     return raw[start : start + rows * columns].reshape(rows, columns)

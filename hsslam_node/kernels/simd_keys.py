@@ -1,7 +1,6 @@
-"""What a distance transform compares: operations on vectors of 16 uint32 or uint64.
+"""Operations on vectors of 16 uint32 or uint64, the keys that a distance transform compares.
 
-They are `KEYS` and `LONG_KEYS` of `simd.py`. All vectors of an operation are of one kind, and so is the
-result.
+Their types are `KEYS` and `LONG_KEYS` of `simd.py`. All vectors of an operation have one type.
 """
 
 from llvmlite import ir

@@ -118,7 +118,7 @@ def store_pair_total(typingctx, array, offset, lanes):
 
 
 def _pair_places(context, builder, signature, args, element):
-    """Pointers to the 8 places, made one by one as they are asked for."""
+    """Pointers to the 8 places, made one by one."""
     word = ir.IntType(64)
     for c in range(WIDTH // 2):
         at = builder.add(args[2], builder.mul(args[3], ir.Constant(word, c)))

@@ -1,4 +1,4 @@
-"""Rows of a table for vectors of numbers: what the vectoriser gathers number by number (see simd.py)."""
+"""Gathers rows of a table as vectors; the loop vectoriser would gather single numbers (see simd.py)."""
 
 from llvmlite import ir
 from numba import types

@@ -35,7 +35,7 @@ def oneblob(t: Tensor) -> Tensor:
 def oneblob_of_points(points: Tensor, low: Tensor, high: Tensor) -> Tensor:
     """Encode points [N, 3] m as [N, 48], bins of x, y, z over the box low [3] to high [3] m.
 
-    Beyond the box the value at its border.
+    Points beyond the box get the value at its border.
     """
     t = ((points - low) / (high - low)).clamp(0.0, 1.0)  # [N, 3]
     return oneblob(t).flatten(-2)

@@ -40,7 +40,7 @@ _AXES = ("xy", "xz", "yz")
 
 @dataclass(frozen=True)
 class FieldOutput:
-    """What the field says about N points."""
+    """The field at N points."""
 
     sdf: Tensor  # [N] units of the truncation, -1..1, positive in free space
     color: Tensor  # [N, 3] RGB 0..1
@@ -106,7 +106,7 @@ class HybridField(nn.Module):
         return self.params[block.offset : block.offset + block.size].view(block.shape)
 
     def _blob(self, points: Tensor) -> Tensor:
-        """One-blob encoding [N, 48]; [N, 0] where it is switched off."""
+        """One-blob encoding [N, 48]; [N, 0] if it is off."""
         if self.layout.config.oneblob_bins == 0:
             return points.new_zeros((len(points), 0))
         return oneblob_of_points(points, self._corner("low"), self._corner("high"))
@@ -131,5 +131,5 @@ class HybridField(nn.Module):
         return torch.cat(levels, dim=-1)
 
     def _corner(self, which: str) -> Tensor:
-        """Of the first bound."""
+        """Corner [3] of the first bound, `low` or `high`."""
         return self.params.new_tensor(getattr(self.layout.lattice, which))

@@ -11,7 +11,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class RenderedRays:
-    """What R rays see."""
+    """The rendered values of R rays."""
 
     color: Tensor  # [R, 3] RGB
     depth: Tensor  # [R] m, planar

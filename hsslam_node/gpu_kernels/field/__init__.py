@@ -1,1 +1,1 @@
-"""The scene model on the GPU: encodings and decoders, forward, backward, and asked at free points."""
+"""The scene model on the GPU: encodings and decoders, forward, backward, and queries at any points."""

@@ -1,4 +1,4 @@
-"""Work space of the field on the device, and the gradient that it leaves.
+"""Work space and gradient of the field on the device.
 
 Twins: `kernels/field/activations.py`, `kernels/field/gradient.py`.
 """
@@ -15,7 +15,7 @@ class FieldActivations(NamedTuple):
     """Work space for up to N points; C channels, L hash levels. float32 unless said otherwise."""
 
     position: Tensor  # [N, 3] m, relative to the low corner
-    inside: Tensor  # [N] uint8, 1 where the point is in the bound
+    inside: Tensor  # [N] uint8, 1 if the point is in the bound
     geometry_in: Tensor  # [N, 2 L + 2 C]
     geometry_hidden: Tensor  # [N, 32], after ReLU
     geometry_out: Tensor  # [N, 16], column 0 before tanh
@@ -23,14 +23,14 @@ class FieldActivations(NamedTuple):
     color_hidden: Tensor  # [N, 32], after ReLU
     sdf: Tensor  # [N] in units of the truncation
     rgb: Tensor  # [N, 3]
-    d_geometry_in: Tensor  # [N, 2 L + 2 C], written by the backward pass as all below
+    d_geometry_in: Tensor  # [N, 2 L + 2 C]; the backward pass writes this and all below
     d_geometry_hidden: Tensor  # [N, 32], before ReLU
     d_color_in: Tensor  # [N, 2 C]
     d_color_hidden: Tensor  # [N, 32], before ReLU
 
 
 class Gradient(NamedTuple):
-    """Dense gradient that remembers which 16-float chunks were written, for a sparse optimiser."""
+    """Dense gradient with a mark for each 16-float chunk that was written, for a sparse optimiser."""
 
     values: Tensor  # [P] float32, zero outside the touched chunks
     touched: Tensor  # [P / 16] uint8

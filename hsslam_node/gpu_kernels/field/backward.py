@@ -30,10 +30,10 @@ def field_backward(
     d_points: Tensor,
     want_points: bool,
 ) -> None:
-    """Add the parameter gradient to `grad`; where asked, write d_points [N, 3] (1/m).
+    """Add the parameter gradient to `grad`; if `want_points`, write d_points [N, 3] (1/m).
 
     `acts` as `field_forward` left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
-    gradients. Points outside the bound contribute nothing and touch nothing.
+    gradients. Points outside the bound contribute nothing and mark nothing.
     """
     grad.touched[layout.first_decoder_chunk : layout.last_decoder_chunk + 1].fill_(1)
     if n == 0:

@@ -1,9 +1,9 @@
-"""Pieces of the decoders' first layers on the GPU, where encodings and weights meet; all in full float32.
+"""Device functions for the decoders' layers on the GPU; all in full float32.
 
 Twin: `kernels/field/decoder.py`.
 
-Device functions. A first layer is [rows, 32]: hash features (level by level), planes, one-blob. It is
-multiplied encoding by encoding, so that no row of features has to be put together.
+A first layer is [rows, 32]: hash features (level by level), planes, one-blob. Each encoding is multiplied
+with its own rows, so that no kernel has to join the features.
 """
 
 import triton
@@ -15,7 +15,7 @@ from hsslam_node.gpu_kernels.field.one_blob import one_blob, one_blob_slope
 
 @triton.jit
 def relative_position(points, floats, k, on):
-    """x, y, z [B] of points[k] from the origin (m) and whether they are inside; 0 where they are not."""
+    """x, y, z [B] of points[k] from the origin (m), 0 outside the bound, and whether they are inside."""
     x = tl.load(points + 3 * k, mask=on, other=0.0)
     y = tl.load(points + 3 * k + 1, mask=on, other=0.0)
     z = tl.load(points + 3 * k + 2, mask=on, other=0.0)
@@ -33,7 +33,7 @@ def load_position(position, k, live):
 
 @triton.jit
 def world_position(points, pose, floats, k, on):
-    """World x, y, z [B] (m) of camera points[k] under pose [3, 4], and the same as `relative_position`."""
+    """World x, y, z [B] (m) of camera points[k] under pose [3, 4], and what `relative_position` returns."""
     x = tl.load(points + 3 * k, mask=on, other=0.0)
     y = tl.load(points + 3 * k + 1, mask=on, other=0.0)
     z = tl.load(points + 3 * k + 2, mask=on, other=0.0)
@@ -46,7 +46,7 @@ def world_position(points, pose, floats, k, on):
 
 @triton.jit
 def weight_rows(layer, first, rows: tl.constexpr):
-    """Rows [rows, 32] of a layer, from `first` on."""
+    """Rows [rows, 32] of a layer, starting at `first`."""
     return tl.load(layer + _rows(first, rows))
 
 
@@ -59,7 +59,7 @@ def hash_rows(layer, feature: tl.constexpr, L: tl.constexpr, LP: tl.constexpr):
 
 @triton.jit
 def feature_rows(layer, first):
-    """Rows [16, 32] that the geometry decoder's output meets: the SDF's is 0, others from `first` on."""
+    """Rows [16, 32] for the geometry decoder's output: 0 for the SDF, then the 15 from `first` on."""
     on = tl.arange(0, 16)[:, None] > 0
     return tl.load(layer + _rows(first - 1, 16), mask=on, other=0.0)
 
@@ -100,7 +100,7 @@ def add_output_columns(layer, product, columns: tl.constexpr):
 
 @triton.jit
 def add_one_blob(layer, first, floats, x, y, z, hidden):
-    """hidden [B, 32] plus one-blob of the position times its 48 rows, from `first` on."""
+    """hidden [B, 32] plus the one-blob encoding of the position times its 48 rows from `first` on."""
     for axis in tl.static_range(3):
         blob = one_blob(_unit(floats, x, y, z, axis))
         rows = weight_rows(layer, first + 16 * axis, 16)

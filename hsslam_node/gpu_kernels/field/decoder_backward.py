@@ -34,7 +34,7 @@ def color_backward(
     d_rgb: Tensor,
     grad: Gradient | None,
 ) -> None:
-    """Write d_color_in and d_color_hidden of the first n points; add the weights' to `grad`, if any."""
+    """Write d_color_in and d_color_hidden of the first n points; add the weights' to `grad`, if given."""
     B = block_size(BLOCK, params)
     _color_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_out,
@@ -52,7 +52,7 @@ def geometry_backward(
     d_sdf: Tensor,
     grad: Gradient | None,
 ) -> None:
-    """After `color_backward`: the same of the geometry decoder."""
+    """The same for the geometry decoder; call it after `color_backward`."""
     B = block_size(BLOCK, params)
     _geometry_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.geometry_in,

@@ -1,4 +1,4 @@
-"""Forward pass of the hybrid field on the GPU, keeping what the backward pass needs.
+"""Forward pass of the hybrid field on the GPU; stores what the backward pass needs.
 
 Twin: `kernels/field/forward.py`.
 """
@@ -29,7 +29,7 @@ def field_forward(
 ) -> None:
     """SDF and colour at points[:n] ([N, 3] m, world) into `acts`; outside the bound: sdf 1, grey.
 
-    A point that is not a number is outside.
+    A nan point is outside.
     """
     if n == 0:
         return

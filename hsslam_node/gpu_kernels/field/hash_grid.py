@@ -14,7 +14,7 @@ from hsslam_node.gpu_kernels.field.layout import LEVELS, SCALES
 
 @triton.jit
 def gather_hash(params, ints, floats, x, y, z, live, L: tl.constexpr, LP: tl.constexpr):
-    """First and second feature of all levels, two tiles [B, LP]; 0 beyond L and where not `live`."""
+    """First and second feature of all levels, two tiles [B, LP]; 0 beyond L and if not `live`."""
     first, mask, scale, on = _levels(ints, floats, L, LP)
     on = on & live[:, None]
     ix, fx, n_x = _cell(ints, x, scale, 0, L, LP)
@@ -34,7 +34,7 @@ def gather_hash(params, ints, floats, x, y, z, live, L: tl.constexpr, LP: tl.con
 def scatter_hash(
     values, touched, ints, floats, x, y, z, live, d0, d1, L: tl.constexpr, LP: tl.constexpr
 ):
-    """Add the gradient by the features of `gather_hash` and mark the 16-float chunks it lies in."""
+    """Add the gradient by the features of `gather_hash` and mark the 16-float chunks that it touches."""
     first, mask, scale, on = _levels(ints, floats, L, LP)
     on = on & live[:, None]
     ix, fx, n_x = _cell(ints, x, scale, 0, L, LP)
@@ -53,7 +53,7 @@ def scatter_hash(
 def hash_position_gradient(
     params, ints, floats, x, y, z, live, d0, d1, L: tl.constexpr, LP: tl.constexpr
 ):
-    """d(loss)/d(position) as three [B] (1/m) from that by the features of `gather_hash`."""
+    """d(loss)/d(position) as three [B] (1/m) from the gradient by the features of `gather_hash`."""
     first, mask, scale, on = _levels(ints, floats, L, LP)
     on = on & live[:, None]
     ix, fx, n_x = _cell(ints, x, scale, 0, L, LP)

@@ -1,4 +1,4 @@
-"""The kernel layout on the device: two small tables that every field kernel reads.
+"""The kernel layout on the device: two small tables that all field kernels read.
 
 Twin: `kernels/field/layout.py`.
 """
@@ -15,8 +15,8 @@ from hsslam_node.map.layout import PLANE_AXES
 
 HIDDEN = 32
 
-# ints: decoder offsets [4], planes [12, 5] (offset, first vertex u, v, vertices u, v), and of the hash
-# levels [L] each: offset, mask, first vertex x, y, z, vertices x, y, z
+# ints: decoder offsets [4], planes [12, 5] (offset, first vertex u, v, vertices u, v); hash grid,
+# [L] each: offset, mask, first vertex x, y, z, vertices x, y, z
 PLANES = tl.constexpr(4)
 LEVELS = tl.constexpr(64)
 # floats: low [3], high [3], origin [3], inverse extent [3], inverse cells [4], hash scale [L]
@@ -28,7 +28,7 @@ SCALES = tl.constexpr(16)
 
 @dataclass(frozen=True)
 class GpuLayout:
-    """A `KernelLayout` whose arrays are on a device; the sizes that kernels are compiled for."""
+    """A `KernelLayout` with its arrays on a device, and the sizes that kernels are compiled for."""
 
     ints: Tensor  # [64 + 8 L] int32
     floats: Tensor  # [16 + L] float32
@@ -42,7 +42,7 @@ class GpuLayout:
 
     @property
     def device(self) -> torch.device:
-        """Where the tables are."""
+        """The device of the tables."""
         return self.ints.device
 
     @property
@@ -52,7 +52,7 @@ class GpuLayout:
 
     @property
     def padded_levels(self) -> int:
-        """Hash levels rounded up to a power of two that a matrix product takes."""
+        """Hash levels rounded up to a power of two, 16 at least, as `tl.dot` needs."""
         return 1 << (max(16, self.levels) - 1).bit_length()
 
 
@@ -99,7 +99,7 @@ def gpu_layout(layout: KernelLayout, device: torch.device | str) -> GpuLayout:
 
 
 def _hash_offset(layout: KernelLayout) -> np.ndarray:
-    """Where vertex (0, 0, 0) of each level lies [L]: the first entry where the level is hashed."""
+    """Offset of vertex (0, 0, 0) of each level [L], or of the table if the level is hashed."""
     first, n_x, n_y = layout.hash_first, layout.hash_count[:, 0], layout.hash_count[:, 1]
     zero = -2 * (first[:, 0] + n_x * (first[:, 1] + n_y * first[:, 2]))
     return layout.hash_offset + np.where(layout.hash_mask == 0, zero, 0)

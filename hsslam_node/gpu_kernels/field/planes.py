@@ -3,8 +3,8 @@
 Twin: `kernels/field/planes.py`.
 
 Device functions over a block of B points with positions x, y, z [B] (m, from vertex (0, 0, 0)).
-Plane sets and planes are numbered as in `kernel_layout`; C channels are innermost, so that a warp reads
-one vertex in one go.
+Plane sets and planes are numbered as in `kernel_layout`. The C channels are innermost, so that a warp reads
+a vertex with one load.
 """
 
 import triton
@@ -37,7 +37,7 @@ def gather_planes(params, ints, floats, plane_set, x, y, z, live, C: tl.constexp
 
 @triton.jit
 def plane_position_gradient(params, ints, floats, plane_set, x, y, z, live, d, C: tl.constexpr):
-    """d(loss)/d(position) as three [B] (1/m) from d [B, C], that by the features of `gather_planes`."""
+    """d(loss)/d(position) as three [B] (1/m) from d [B, C], the gradient by `gather_planes`."""
     inv_cell = tl.load(floats + CELLS + plane_set)
     channel = tl.arange(0, C)[None, :]
     dx = tl.zeros_like(x)
@@ -68,7 +68,7 @@ def plane_position_gradient(params, ints, floats, plane_set, x, y, z, live, d, C
 
 @triton.jit
 def scatter_plane(values, touched, ints, floats, plane, u, v, live, d, C: tl.constexpr):
-    """Add d [B, C], the gradient by the features of one plane (0..11), and mark its chunks."""
+    """Add d [B, C], the gradient by the features of one plane (0..11), and mark the chunks."""
     inv_cell = tl.load(floats + CELLS + plane // 3)
     o00, o10, fu, fv = plane_corners(ints, plane, inv_cell, u, v, C)
     channel = tl.arange(0, C)[None, :]

@@ -20,7 +20,7 @@ def field_pose_backward(
     d_rgb: Tensor,
     d_points: Tensor,
 ) -> None:
-    """Write d_points [N, 3] (1/m): what `field_backward` writes, without any parameter's gradient.
+    """Write d_points [N, 3] (1/m) as `field_backward` does, without the gradient by the parameters.
 
     `acts` as `field_forward` left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
     gradients. Points outside the bound get zero.

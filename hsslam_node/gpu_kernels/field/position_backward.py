@@ -20,7 +20,7 @@ BLOCK, WARPS = 32, 8  # of one program: points, warps (more points would spill r
 def position_backward(
     params: Tensor, layout: GpuLayout, n: int, acts: FieldActivations, d_points: Tensor
 ) -> None:
-    """After the decoders' backward pass: write d_points [:n, 3] (1/m); 0 outside the bound."""
+    """Write d_points [:n, 3] (1/m), 0 outside the bound; call it after the decoders' backward pass."""
     B = block_size(BLOCK, params)
     _position_backward[(triton.cdiv(n, B),)](
         params, layout.ints, layout.floats, n, acts.position, acts.inside, acts.d_geometry_in,

@@ -1,4 +1,4 @@
-"""SDF and its spatial gradient at free points on the GPU: what tracker and mesher ask of the map.
+"""SDF and its spatial gradient at any points on the GPU, for the tracker and the mesher.
 
 Twin: `kernels/field/sdf_query.py`.
 """
@@ -32,7 +32,7 @@ def query_sdf(
     gradient: Tensor,
     want_gradient: bool,
 ) -> None:
-    """SDF [N] in units of T at points [N, 3] (m, world) and, where asked, gradient [N, 3] (T/m).
+    """SDF [N] in units of T at points [N, 3] (m, world) and, if wanted, gradient [N, 3] (T/m).
 
     Reads the geometry prefix of `params` only. Outside the bound: sdf 1, inside (uint8) 0, gradient 0.
     """
@@ -71,7 +71,7 @@ def sdf_and_gradient(
     params, ints, floats, x, y, z, live, GRADIENT: tl.constexpr,
     C: tl.constexpr, L: tl.constexpr, LP: tl.constexpr, BLOBS: tl.constexpr,
 ):  # fmt: skip
-    """SDF [B] and its gradient, three [B] (T/m; 0 unless asked), at positions x, y, z [B]."""
+    """SDF [B] and its gradient, three [B] (T/m; 0 unless GRADIENT), at positions x, y, z [B]."""
     W1 = params + tl.load(ints)
     width: tl.constexpr = 2 * L + 2 * C
     hidden = tl.zeros([x.shape[0], 32], tl.float32)

@@ -1,4 +1,4 @@
-"""Adam on the GPU that steps only what the iteration touched.
+"""Adam on the GPU; it steps only the chunks that the iteration touched.
 
 Twin: `kernels/mapping/adam.py`.
 """
@@ -25,12 +25,12 @@ def sparse_adam(
     beta2: float,
     stepped_at: Tensor,
 ) -> None:
-    """One step over the touched 16-float chunks, clearing their gradient and their mark.
+    """One step over the touched 16-float chunks; it clears their gradient and their mark.
 
-    Lazy semantics as in kernels/mapping/adam.py: a chunk without gradient is not moved and its moments do not
-    decay; the bias correction uses the global `step` [1] int32 (from 1). `rates` [K, 3] float64 are
-    regions (first float, last float + 1, learning rate), multiples of 16, apart from each other; what
-    lies in none keeps its gradient. `stepped_at` [P / 16] int32 becomes `step` for the chunks that moved.
+    Lazy semantics as in kernels/mapping/adam.py: a chunk without gradient does not move and its moments do
+    not decay; the bias correction uses the global `step` [1] int32 (from 1). `rates` [K, 3] float64 are
+    regions (first float, last float + 1, learning rate), multiples of 16, that do not overlap; chunks in no
+    region keep their gradient. `stepped_at` [P / 16] int32 becomes `step` for the chunks that moved.
     """
     chunks = stepped_at.shape[0]
     B = block_size(BLOCK, params)

@@ -1,4 +1,4 @@
-"""The per-ray losses on the GPU, with their gradients through the rendering to the samples.
+"""The per-ray losses on the GPU, with their gradients by SDF and colour of the samples.
 
 Twin: `kernels/mapping/rendering.py`.
 """

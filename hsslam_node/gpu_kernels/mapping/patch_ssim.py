@@ -25,8 +25,8 @@ def patch_ssim_backward(
 ) -> None:
     """Write 1 - mean SSIM to `loss` [1]; add `scale` times its gradient to d_color [R, 3].
 
-    color, measured: [R, 3] 0..1; windows [W, k^2] int32 ray indices, of which the first
-    `window_count` [1] int32 count (none: the loss is 0); window_weight [k^2], sum 1.
+    color, measured: [R, 3] 0..1; windows [W, k^2] int32 ray indices, of which the first `window_count` [1]
+    int32 count (0: the loss is 0); window_weight [k^2], sum 1.
     """
     W, K = windows.shape
     loss.zero_()

@@ -1,4 +1,4 @@
-"""Rays of a mapping batch on the GPU: their samples, and the pose gradient they imply.
+"""Rays of a mapping batch on the GPU: their samples, and the gradient by the poses.
 
 Twin: `kernels/mapping/ray_batch.py`.
 """
@@ -48,9 +48,9 @@ def place_samples(
     """Sample depths z [R, S] m, sorted near to far, and points [R * S, 3] m, world.
 
     poses [slots, 3, 4] T_world_cam; jitter [R, S] in 0..1 places each sample within its stratum
-    (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half; of a ray
-    without measurement, whose depth is -far, all over [0, far]). Rays beyond `ray_count` [1] int32 get
-    points that are not numbers, which the field takes for outside.
+    (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half; a ray without
+    measurement, whose depth is -far, has all strata over [0, far]). Rays beyond `ray_count` [1] int32 get
+    nan points, which the field treats as outside.
     """
     R, S = z.shape
     B = block_size(BLOCK, z)
@@ -150,7 +150,7 @@ def _pose_gradients(
 
 @triton.jit
 def _ray(direction, slot, poses, r, real):
-    """x and y of the rays' directions [B], and where their poses lie."""
+    """x and y of the rays' directions [B], and pointers to their poses."""
     dx = tl.load(direction + 3 * r, mask=real, other=0.0)
     dy = tl.load(direction + 3 * r + 1, mask=real, other=0.0)
     return dx, dy, poses + 12 * tl.load(slot + r, mask=real, other=0)

@@ -25,8 +25,8 @@ def render_forward(
 ) -> None:
     """Render rays from samples sorted near to far (twin of reference/rendering.py).
 
-    sdf, z, inside (uint8), weights: [R, S]; rgb: [R, S, 3]; log_beta [1]; color [R, 3], depth [R] m,
-    opacity [R] are written.
+    sdf, z, inside (uint8): [R, S]; rgb: [R, S, 3]; log_beta [1]. Writes weights [R, S], color [R, 3], depth
+    [R] m and opacity [R].
     """
     R, S = z.shape
     B = block_size(BLOCK, z)
@@ -63,6 +63,6 @@ def _render_forward(
 def termination(sigma):
     """Probability that a ray ends at each sample, [B, SP], from its density there."""
     before = tl.cumsum(sigma, axis=1) - sigma
-    small = sigma * (1.0 - 0.5 * sigma * (1.0 - sigma / 3.0))  # where 1 - exp(-sigma) cancels
+    small = sigma * (1.0 - 0.5 * sigma * (1.0 - sigma / 3.0))  # here 1 - exp(-sigma) cancels
     alpha = tl.where(sigma < 0.01, small, 1.0 - tl.exp(-sigma))
     return tl.exp(-before) * alpha

@@ -84,7 +84,7 @@ def _backward(
 
 @triton.jit
 def _difference(feature, k, back, on, L: tl.constexpr, LP: tl.constexpr):
-    """Features of vertex k less those of vertex k - back, [B, LP] each; 0 where not `on` [B]."""
+    """Features of vertex k minus those of vertex k - back, [B, LP] each; 0 unless `on` [B]."""
     level = tl.arange(0, LP)[None, :]
     mask = on[:, None] & (level < L)
     here = feature + k[:, None] * (2 * L) + level

@@ -17,7 +17,7 @@ BLOCK, WARPS = 16, 8  # of one program: points (a frame has few), warps (else re
 
 
 def alignment_work_space(layout: GpuLayout, point_count: int) -> Tensor:
-    """`partial` for up to `point_count` points: the system of each block of points."""
+    """Allocate `partial` for up to `point_count` points: one system for each block of points."""
     blocks = triton.cdiv(max(point_count, 1), block_size(BLOCK, layout.ints))
     return torch.zeros((blocks, 64), dtype=torch.float32, device=layout.device)
 
@@ -37,7 +37,7 @@ def sdf_normal_equations(
     b: Tensor,
     sums: Tensor,
 ) -> None:
-    """Linearise the SDF term about T_world_cam [3, 4]; twin of kernels/alignment.add_sdf_term.
+    """Linearise the SDF term about T_world_cam [3, 4]; twin of `kernels.tracking.alignment.add_sdf_term`.
 
     Residual T phi, weight 1 / sigma(z)^2, Huber; |phi| > 0.95 is an outlier. The first `point_count`
     [1] int32 of points [N, 3] (m, camera) count. Writes H [7, 7] (both triangles) and b [7], float64,

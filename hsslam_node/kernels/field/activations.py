@@ -13,10 +13,10 @@ from hsslam_node.kernels.simd import aligned_zeros
 
 
 class FieldActivations(NamedTuple):
-    """For up to N points; C channels, L hash levels. Colour rows are compact: see `color_row`."""
+    """For up to N points; C channels, L hash levels. Colour arrays have a row for each `color_row`."""
 
     axes: np.ndarray  # [3, N] m, positions from the origin of the layout
-    inside: np.ndarray  # [N] uint8, 1 where the point is in the bound
+    inside: np.ndarray  # [N] uint8, 1 if the point is in the bound
     hash_feature: np.ndarray  # [L, N, 2], overwritten by its gradient in the backward pass
     geometry_in: np.ndarray  # [N, 2 L + 2 C]
     geometry_hidden: np.ndarray  # [N, 32], after ReLU

@@ -31,10 +31,10 @@ from hsslam_node.kernels.simd import aligned_rows, fma, load, mul, spread, store
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def field_backward(params, layout, n, acts, d_sdf, d_rgb, grad, d_points, want_points):
-    """Add the parameter gradient to `grad`; where asked, write d_points [N, 3] (1/m).
+    """Add the parameter gradient to `grad`; if `want_points`, write d_points [N, 3] (1/m).
 
     `acts` as the forward pass left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
-    gradients. Points outside the bound contribute nothing, nor does d_rgb where no colour was computed.
+    gradients. Points outside the bound contribute nothing, nor does d_rgb of points without colour.
     """
     if n == 0:
         return
@@ -164,7 +164,7 @@ def geometry_logit_gradient(inside, sdf, d_sdf, d_geometry_out):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def mask_relu(hidden, d_hidden):
-    """No gradient through units of hidden [n, 32] that the ReLU has set to zero."""
+    """Zero the gradient of units of hidden [n, 32] that the ReLU has set to zero."""
     for o in range(0, hidden.shape[0] * HIDDEN, 16):
         store(d_hidden, o, where_positive(load(hidden, o), load(d_hidden, o)))
 

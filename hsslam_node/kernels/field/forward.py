@@ -1,4 +1,4 @@
-"""Forward pass of the hybrid field on the CPU, keeping what the backward pass needs.
+"""Forward pass of the hybrid field on the CPU; stores what the backward pass needs.
 
 Twin: `gpu_kernels/field/forward.py`. Reference: `reference/field.py`.
 """
@@ -78,7 +78,7 @@ def color_forward(params, layout, n, rows, acts):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def relative_positions(layout, points, axes, inside):
-    """axes [3, N]: points [n, 3], clamped to the box, less the origin; inside [N]."""
+    """axes [3, N]: points [n, 3], clamped to the box, minus the origin; inside [N]."""
     n = points.shape[0]
     for k in range(n):
         inside[k] = 1

@@ -1,4 +1,4 @@
-"""A gradient over all parameters that remembers where it was written: a bit for every 16 floats.
+"""A gradient over all parameters that marks where it was written: one bit for every 16 floats.
 
 Twin: `Gradient` in `gpu_kernels/field/activations.py`.
 """
@@ -20,14 +20,14 @@ from hsslam_node.kernels.simd import (
 )
 from hsslam_node.map.parameter_arrays import PAGE
 
-STRIPE = 64  # pages in turn for each worker: what is touched lies together
+STRIPE = 64  # pages that a worker takes in turn, as touched pages lie together
 
 
 class Gradient(NamedTuple):
-    """Gradient whose cost to step does not depend on the size of the map: only what is marked is read.
+    """Gradient whose cost to step does not depend on the size of the map, as steps read only marked chunks.
 
-    Hash tables do not grow with the map, and an iteration writes to four tenths of their chunks: they
-    are not marked, but read whole, and a chunk of theirs that is not zero counts as touched.
+    Hash tables have no marks, as they do not grow with the map and an iteration writes four tenths of their
+    chunks. A step reads them whole and treats each chunk that is not zero as touched.
     """
 
     values: np.ndarray  # [P] float32, zero outside the touched chunks
@@ -53,7 +53,7 @@ def touch_rows(grad, first, row, C):
     for start in (first, first + row):
         page, shift = start >> 10, np.uint64(start >> 4 & 63)
         grad.touched[page] |= bits << shift
-        beyond = bits >> (np.uint64(63) - shift) >> np.uint64(1)  # at once, 64 would be too far
+        beyond = bits >> (np.uint64(63) - shift) >> np.uint64(1)  # not by 64 at once
         if beyond != 0:
             grad.touched[page + 1] |= beyond
 
@@ -67,7 +67,7 @@ def touch_range(grad, first, last):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_gradient(grad, other, worker, workers):
-    """Add `other` to `grad` and clear it, in the stripes of `worker` of `workers`, which share nothing."""
+    """Add `other` to `grad` and clear `other`, in the stripes of one worker; stripes do not overlap."""
     zero = spread(np.float32(0.0))
     chunks = grad.values.shape[0] >> 4
     for page in range(grad.touched.shape[0]):

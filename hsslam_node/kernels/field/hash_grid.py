@@ -2,10 +2,10 @@
 
 Twin: `gpu_kernels/field/hash_grid.py`. Reference: `reference/hash_grid.py`.
 
-All take n positions as axes [3, N] (m, from vertex (0, 0, 0)) and features [L, N, 2]. Levels are the
-outer loop, so one table at a time is in the cache. Cells and corner offsets of a level are computed for
-256 points at once; then the eight corners of a point (two features each) are one vector of 16 lanes: x
-alternates with every pair, y with every second, z in the halves.
+All functions take n positions as axes [3, N] (m, from vertex (0, 0, 0)) and features [L, N, 2]. Levels
+are the outer loop, so one table at a time is in the cache. They compute cells and corner offsets of a
+level for blocks of 256 points; then the eight corners of a point (two features each) are one vector of 16
+lanes: x alternates with every pair, y with every second, z in the halves.
 """
 
 from typing import NamedTuple

@@ -28,7 +28,7 @@ class KernelLayout(NamedTuple):
     hash_first: np.ndarray  # [L, 3] int64, first vertex along x, y, z
     hash_count: np.ndarray  # [L, 3] int64, vertices along x, y, z
     hash_scale: np.ndarray  # [L] float32 cells per m
-    hash_mask: np.ndarray  # [L] int64, entries - 1; 0 where the level is dense
+    hash_mask: np.ndarray  # [L] int64, entries - 1; 0 if the level is dense
     inv_extent: np.ndarray  # [3] float32 1/m, one-blob normalisation
     blob_rows: int  # rows of the one-blob encoding in the decoders' first layers: 48, or 0
     geometry_W1: int
@@ -40,7 +40,7 @@ class KernelLayout(NamedTuple):
 
 
 def levels_of(layout: KernelLayout, levels: slice) -> KernelLayout:
-    """The layout with these levels of the hash grid alone."""
+    """The layout with only these levels of the hash grid."""
     names = ("hash_offset", "hash_first", "hash_count", "hash_scale", "hash_mask")
     return layout._replace(**{name: getattr(layout, name)[levels] for name in names})
 

@@ -2,7 +2,7 @@
 
 Twin: `gpu_kernels/field/one_blob.py`. Reference: `reference/encodings.py`.
 
-What a first layer needs of it is the sum of three rows of weights per axis. All take positions as
+A first layer needs only the sum of three weight rows per axis. All functions take positions as
 axes [3, N] (m, from the low corner of the first bound) and weight rows [54, 32] with a row of zeros
 before and after the 16 bins of x, of y and of z, so that the border is no special case
 (`padded_blob_rows`). No rows: no encoding.
@@ -22,7 +22,7 @@ _HIDDEN = 32
 
 
 class OneBlob(NamedTuple):
-    """Encodings of up to 256 points: per axis three successive bins that hold all that is not zero."""
+    """Encodings of up to 256 points: per axis three successive bins; all others are zero."""
 
     first: np.ndarray  # [3 * 256] int32, padded row of the first of the three: 18 axis + bin + 1
     weight: np.ndarray  # [9 * 256], bins of x, y, z
@@ -51,7 +51,7 @@ def padded_blob_rows(rows):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_blob_gradient(d_padded, d_rows):
-    """Add what belongs to the rows [48, 32] of the gradient by the padded ones."""
+    """Add the gradient by the padded rows to that by the rows [48, 32]."""
     for a in range(d_rows.shape[0] // BINS):
         d_rows[BINS * a : BINS * (a + 1)] += d_padded[_PADDED * a + 1 : _PADDED * a + 1 + BINS]
 
@@ -103,7 +103,7 @@ def add_one_blob(blob, rows, hidden):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_one_blob(blob, d_hidden, d_rows):
-    """Add the gradient by the weight rows [54, 32], d_hidden [n, 32] being that before the ReLU.
+    """Add the gradient by the weight rows [54, 32], from d_hidden [n, 32] before the ReLU.
 
     Successive points with the same bins, as samples of a ray often have, are added up first.
     """
@@ -132,7 +132,7 @@ def scatter_one_blob(blob, d_hidden, d_rows):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def one_blob_position_gradient(blob, rows, d_hidden, d_position):
-    """Add the derivative by position of the contribution to d_hidden [n, 32] to d_position [n, 3]."""
+    """Add the gradient by position, from d_hidden [n, 32] through the encoding, to d_position [n, 3]."""
     axes = rows.shape[0] // _PADDED
     for k in range(d_hidden.shape[0]):
         low, high = load(d_hidden, _HIDDEN * k), load(d_hidden, _HIDDEN * k + 16)

@@ -2,10 +2,10 @@
 
 Twin: `gpu_kernels/field/planes.py`. Reference: `reference/encodings.py`.
 
-All take n <= 256 positions of axes [3, N] (m, from vertex (0, 0, 0)) from `start` on and C columns of
-a feature matrix [n, W] from column `first` on. Cells are computed for all points at once; then
-channels are innermost and a multiple of 16, so each corner is one or two vectors; the three planes of
-a set are summed in registers.
+All functions take n <= 256 positions of axes [3, N] (m, from vertex (0, 0, 0)) from `start` on and C columns
+of a feature matrix [n, W] from column `first` on. They first compute the cells of all points. Then channels
+are innermost and a multiple of 16, so each corner is one or two vectors, and registers sum the three planes
+of a set.
 """
 
 from typing import NamedTuple
@@ -46,7 +46,7 @@ def gather_planes(params, layout, plane_set, axes, start, features, first):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def scatter_planes(grad, layout, plane_set, axes, start, d_features, first):
-    """Add the gradient of `gather_planes` to `grad` (a `Gradient`) and mark where it lies.
+    """Add the gradient of `gather_planes` to `grad` (a `Gradient`) and mark its chunks.
 
     Successive points in one cell, as samples of a ray often are, are added up first.
     """

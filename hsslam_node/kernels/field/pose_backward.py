@@ -1,4 +1,4 @@
-"""Backward pass of the hybrid field to the sample positions alone, for a pose with the map held still.
+"""Backward pass of the hybrid field to the sample positions only, for a pose with a fixed map.
 
 Twins: `gpu_kernels/field/pose_backward.py`, `gpu_kernels/field/position_backward.py`.
 Reference: `reference/field.py`.
@@ -29,7 +29,7 @@ from hsslam_node.kernels.simd import aligned_rows
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def field_pose_backward(params, layout, n, acts, d_sdf, d_rgb, d_points):
-    """Write d_points [N, 3] (1/m): what `field_backward` writes, without any parameter's gradient.
+    """Write d_points [N, 3] (1/m) as `field_backward` does, without the gradient by the parameters.
 
     `acts` as the forward pass left it for the first n points; d_sdf [N], d_rgb [N, 3] are the loss
     gradients. Points outside the bound get zero.

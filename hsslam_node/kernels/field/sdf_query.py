@@ -1,4 +1,4 @@
-"""SDF and its spatial gradient at free points: what tracker and mesher ask of the map.
+"""SDF and its spatial gradient at any points, for the tracker and the mesher.
 
 Twin: `gpu_kernels/field/sdf_query.py`. Reference: `reference/field.py`.
 """
@@ -38,7 +38,7 @@ _CHUNK = 8 * BLOCK  # points whose hash features are gathered level by level
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
-    """SDF [N] in units of T at points [N, 3] (m, world) and, where asked, gradient [N, 3] (T/m).
+    """SDF [N] in units of T at points [N, 3] (m, world) and, if wanted, gradient [N, 3] (T/m).
 
     Reads the geometry prefix of `params` only. Outside the bound: sdf 1, inside 0, gradient 0.
     """
@@ -86,7 +86,7 @@ def query_sdf(params, layout, points, sdf, inside, gradient, want_gradient):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _decode(hidden, w2, inside, sdf, d_hidden):
-    """SDF of hidden activations [m, 32] and its derivative by what they were before the ReLU."""
+    """SDF of hidden activations [m, 32] and its derivative by their values before the ReLU."""
     w_low, w_high = load(w2, 0), load(w2, 16)
     for k in range(hidden.shape[0]):
         low, high = load(hidden, HIDDEN * k), load(hidden, HIDDEN * k + 16)

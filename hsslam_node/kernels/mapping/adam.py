@@ -1,4 +1,4 @@
-"""Adam that steps only what the iteration touched.
+"""Adam that steps only the chunks that the iteration touched.
 
 Twin: `gpu_kernels/mapping/adam.py`. Tests compare it with `torch.optim.Adam`.
 """
@@ -38,14 +38,14 @@ def sparse_adam(
     worker,
     workers,
 ):
-    """One step over the touched 16-float chunks, in memory order, clearing their gradient.
+    """One step over the touched 16-float chunks, in memory order; it clears their gradient.
 
-    Lazy semantics (those of torch.optim.SparseAdam): a chunk without gradient is not moved and its
-    moments do not decay; the bias correction uses the global `step` (from 1). `rates` [K, 3] are
+    Lazy semantics (those of torch.optim.SparseAdam): a chunk without gradient does not move and its moments
+    do not decay; the bias correction uses the global `step` (from 1). `rates` [K, 3] are
     regions (first float, last float + 1, learning rate), multiples of 16. `stepped_at` [P / 16] int32
-    becomes `step` for the chunks that moved, which copies of the parameters lack then, and so does
-    `page_stepped_at` for pages of 64 chunks. Marks and gradient of what no rate was given for stay. Several
-    `workers` may step at once, each the stripes of pages that are its.
+    becomes `step` for the chunks that moved, and `page_stepped_at` for their pages of 64 chunks, so that
+    copies of the parameters can fetch them. Chunks in no region keep mark and gradient. `workers` may step
+    in parallel, each in its own stripes of pages.
     """
     correction1 = 1.0 - beta1**step
     correction2 = spread(np.float32(1.0 / np.sqrt(1.0 - beta2**step)))
@@ -78,7 +78,7 @@ def sparse_adam(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy", inline="always")
 def _take_touched(grad, page, first_chunk, last_chunk):
-    """The touched ones of these chunks in a page, a bit each; their marks are taken away."""
+    """Bits of the touched chunks of a page, from first_chunk to last_chunk - 1; clears their marks."""
     start, stop = max(page * PAGE, first_chunk), min((page + 1) * PAGE, last_chunk)
     whole = np.uint64(0xFFFFFFFFFFFFFFFF)
     asked = whole << np.uint64(start & 63) & whole >> np.uint64((64 - stop) & 63)

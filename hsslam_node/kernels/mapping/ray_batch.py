@@ -1,4 +1,4 @@
-"""Rays of a mapping batch: pixels of a keyframe, their samples, and the pose gradient they imply.
+"""Rays of a mapping batch: pixels of a keyframe, their samples, and the gradient by the poses.
 
 Twin: `gpu_kernels/mapping/ray_batch.py`. Reference of the samples: `rendering/ray_sampling.py`.
 """
@@ -14,13 +14,12 @@ def gather_pixels(
     color, depth_raw, metres_per_unit, max_depth_m, K, uv, radius_px, same_surface, blind, slot, rays,
     first, wanted,
 ):  # fmt: skip
-    """Take the first `wanted` candidates that have depth, with `blind` those without, too; returns how many
-    were found.
+    """Take the first `wanted` candidates with depth, or if `blind` with or without; returns their number.
 
     color [H, W, 3] uint8, depth_raw [H, W] uint16, K [4] = fx, fy, cx, cy, uv [N, 2] px. Writes into
     `rays` (`RayBatch` arrays: direction [R, 3] with z = 1, depth [R] m, color [R, 3] 0..1, slot [R])
-    from row `first` on. Depth beyond `max_depth_m` is passed over, none is 0. The depth is the `mean_depth`
-    about the pixel, or with `same_surface` 0 its own.
+    from row `first` on. Candidates beyond `max_depth_m` are skipped; depth 0 is none. The depth is the
+    `mean_depth` around the pixel, or its own if `same_surface` is 0.
     """
     found = 0
     for k in range(uv.shape[0]):
@@ -62,7 +61,7 @@ def place_samples(
 
     poses [slots, 3, 4] float32 T_world_cam; jitter [R, S] in 0..1 places each sample within its
     stratum (rendering/ray_sampling.py: free strata over [0, reach D], surface strata over D +- half;
-    of a ray without measurement, whose depth is -far, all over [0, far]).
+    a ray without measurement, whose depth is -far, has all strata over [0, far]).
     """
     S = free_samples + surface_samples
     for r in range(n_rays):

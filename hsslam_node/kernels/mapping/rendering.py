@@ -16,7 +16,7 @@ COLOR, DEPTH, SDF_MIDDLE, SDF_TAIL, FREE_SPACE = range(5)  # order of loss weigh
 def render_forward(sdf, rgb, inside, z, beta, weights, color, depth, opacity):
     """Render rays from samples sorted near to far (twin of reference/rendering.py).
 
-    sdf, z, inside, weights: [R, S]; rgb: [R, S, 3]; color [R, 3], depth [R] m, opacity [R] are written.
+    sdf, z, inside: [R, S]; rgb: [R, S, 3]. Writes weights [R, S], color [R, 3], depth [R] m and opacity [R].
     """
     rendering_weights(sdf, inside, beta, weights)
     render_sums(rgb, z, weights, color, depth, opacity)
@@ -60,11 +60,11 @@ def render_sums(rgb, z, weights, color, depth, opacity):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def samples_with_color(weights, least, sample):
-    """Number of samples whose weight is at least `least`; their numbers into `sample`, ascending.
+    """Count the samples whose weight is at least `least`; write their indices to `sample`, ascending.
 
-    Grey instead of the colour of the others changes a ray's colour by at most S least / 2. They lose
-    their colour gradient, which is the loss gradient times their weight, and the change that their
-    colour's difference to grey makes in the gradient of their SDF, at most beta least times it.
+    All others become grey, which changes a ray's colour by at most S least / 2. They lose their colour
+    gradient (the loss gradient times their weight), and the part of their SDF gradient that comes from their
+    colour's difference from grey, at most beta least times that difference.
     """
     flat = weights.reshape(weights.size)
     found = 0

@@ -1,7 +1,7 @@
 """Normal equations of dense alignment: depth points to the SDF and to a keyframe's surface, and pixels
 of a keyframe to the image.
 
-Twin of `add_sdf_term`: `gpu_kernels/tracking/alignment.py`. The other terms run on the CPU alone.
+Twin of `add_sdf_term`: `gpu_kernels/tracking/alignment.py`. The other terms run on the CPU only.
 
 Every kernel linearises about T_world_cam and adds to an 8x8 system in (translation m, rotation rad,
 grey bias, gain): the pose moves as t <- t + rho, R <- exp(omega) R, both in world axes, so rotation is
@@ -58,11 +58,10 @@ def add_keyframe_surface_term(
     """Points [N, 3] (world) to the tangent planes of a keyframe's surface (projective association).
 
     key_points, key_normals [h, w, 3] (m, keyframe camera; normal 0 = none), K [4] of that resolution.
-    The deviation of a residual r is sigma = sigma_m + noise z^2 (noise in 1/m, of inverse depth); its
-    cost is that of Geman and McClure, weight r^2 / (1 + (r / (reach sigma))^2): what disagrees by many
-    sigma, a moving thing or a wrong pair, has no say. The weight is 1 / sigma^2 with only a share of the
-    noise. Returns (cost, residuals below inlier_m,
-    points that met the surface).
+    The deviation of a residual r is sigma = sigma_m + noise z^2 (noise in 1/m, of inverse depth); its cost
+    is that of Geman and McClure, weight r^2 / (1 + (r / (reach sigma))^2): residuals of many sigma, from
+    moving objects or wrong pairs, hardly count. The weight is 1 / sigma^2 with noise_share of the noise.
+    Returns (cost, residuals below inlier_m, points that overlap the surface).
     """
     height, width = key_points.shape[0], key_points.shape[1]
     cost = 0.0
@@ -112,9 +111,9 @@ def add_photometric_term(
 ):  # fmt: skip
     """Keyframe pixels key_world [N, 3] (m, world) with grey level key_grey [N] against an image.
 
-    grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown) to skip what is
-    hidden, as it differs by more than the share depth_step of the depth, K [4]. An image is gain times the
-    keyframe plus bias; they are columns 7 and 6 of the system. Returns (weighted squared error, inliers,
+    grey [h, w] float32 0..255, depth [h, w] float32 m of the same resolution (0 = unknown), K [4]. Pixels
+    whose depth differs by more than the share depth_step are hidden and do not count. The image is gain
+    times the keyframe plus bias, columns 7 and 6 of the system. Returns (weighted squared error, inliers,
     pixels in view).
     """
     height, width = grey.shape

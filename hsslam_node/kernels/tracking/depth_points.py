@@ -1,4 +1,4 @@
-"""Depth images as points and as surfaces with normals. It runs on the CPU alone: there is no twin."""
+"""Depth images as points and as surfaces with normals. It runs on the CPU only: there is no twin."""
 
 import numpy as np
 
@@ -12,9 +12,9 @@ def sample_points(
 ):  # fmt: skip
     """Back-project one random pixel of each grid cell, unless it lies on a depth edge or has no depth.
 
-    depth [H, W] float32 m; K [4] = fx, fy, cx, cy; jitter [rows * columns, 2] in 0..1. The depth of a
-    point is the `mean_depth` about its pixel, or with `same_surface` 0 that of the pixel. Fills points
-    [N, 3] (m, camera) and returns how many.
+    depth [H, W] float32 m; K [4] = fx, fy, cx, cy; jitter [rows * columns, 2] in 0..1. The depth of a point
+    is the `mean_depth` around its pixel, or the pixel's own if `same_surface` is 0. Fills points [N, 3] (m,
+    camera) and returns their number.
     """
     height, width = depth.shape
     cell_w = (width - 2 * border) / columns
@@ -52,9 +52,9 @@ def sample_points(
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def halve_depth(depth, depth_step, out):
-    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 where one is 0 or they lie apart.
+    """out [h, w] = harmonic mean of each 2x2 block of depth [2h, 2w]; 0 if one is 0 or if they lie apart.
 
-    depth_step float32: share of their depth by which pixels of one surface may differ.
+    depth_step float32: largest difference of depth on one surface, as a share of the depth.
 
     Inverse depth is linear in the image of a plane, so the mean is the depth at the block's centre.
     """
@@ -91,8 +91,8 @@ def transform_points(T, points, out):
 def surface_of_depth(depth, K, points, normals):
     """Fill points [h, w, 3] (m, camera) and unit normals [h, w, 3] from depth [h, w] (m, 0 = unknown).
 
-    Normals come from central differences and point away from the camera's side they are seen from as
-    the cross product of the image's v and u; 0 where one of the four neighbours is unknown. K [4].
+    Normals come from central differences and point towards the camera; 0 if the pixel or one of its four
+    neighbours is unknown. K [4].
     """
     height, width = depth.shape
     for v in range(height):

@@ -1,21 +1,21 @@
-"""Depth of a keyframe's pixels averaged with what another view measured. It runs on the CPU alone."""
+"""Averages the depth of a keyframe's pixels with that of another view. It runs on the CPU only."""
 
 import numpy as np
 
 from hsslam_node.kernels.compiled import njit
 
 _NEAREST_M = 0.1
-_LEAST_SLOPE = 0.3  # of the depth in the other view by that along the ray
+_LEAST_SLOPE = 0.3  # of the depth in the other view, by the depth in the keyframe
 
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def add_view(rays, T_view_key, depth_raw, metres_per_unit, K, gate, total, count):
-    """Add the inverse depths that a view measured at the pixels of a keyframe to their sums.
+    """Add the inverse depths that a view measured to the sums of a keyframe's pixels.
 
     rays [N, 2]: x and y of a pixel's ray at z = 1, keyframe camera; total [N] 1/m and count [N]: sum and
-    number of inverse depths so far, 0 = depth unknown. depth_raw [H, W] and K [4] are of the view. A
-    point at the mean so far falls among four pixels of the view; those whose inverse depth differs from
-    its own by less than `gate`, 1/m, are of the same surface.
+    number of inverse depths so far, 0 = depth unknown. depth_raw [H, W] and K [4] are of the view. Each
+    pixel's point, at its mean depth so far, projects between four pixels of the view. Those whose inverse
+    depth differs from the point's by less than `gate`, 1/m, show the same surface and count.
     """
     height, width = depth_raw.shape
     R = T_view_key
