@@ -1,4 +1,4 @@
-"""A part of a batch of rays on the CPU: rendered, judged and differentiated by one thread."""
+"""A part of a batch of rays on the CPU: one thread renders it and computes its losses and gradients."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from hsslam_node.rendering.ray_sampling import SamplingPattern
 
 
 class BatchPart:
-    """Work space of a thread, and what `render` and `judge` leave in it for its R rays."""
+    """Work space of one part, and its results for R rays."""
 
     def __init__(
         self, layout: KernelLayout, rays: int, sampling: SamplingPattern, truncation_m: float
@@ -73,7 +73,7 @@ class BatchPart:
         jitter: np.ndarray,
         least_color_weight: float,
     ) -> None:
-        """Render `rays` of R rays from poses [slots, 3, 4] float32; jitter [R, S] places their samples.
+        """Render R rays from poses `matrices` [slots, 3, 4] float32; jitter [R, S] places their samples.
 
         Samples whose rendering weight is below `least_color_weight` are grey.
         """
@@ -102,9 +102,9 @@ class BatchPart:
         d_color: np.ndarray,
         batch: tuple[int, int],
     ) -> None:
-        """Losses of the rays rendered, given measured `color` [R, 3] and `depth` [R]; see `losses_backward`.
+        """Compute losses of the rendered rays against `color` [R, 3] and `depth` [R]; see `losses_backward`.
 
-        `d_color` [R, 3]: gradient of other losses; `batch`: rays of the whole batch, and those with depth.
+        `d_color` [R, 3]: gradient of other losses; `batch`: its numbers of rays and of rays with depth.
         """
         R, acts = self._count, self._acts
         z = self._z[:R]
@@ -119,7 +119,7 @@ class BatchPart:
     def backward(
         self, params: np.ndarray, layout: KernelLayout, grad: Gradient, with_poses: bool
     ) -> np.ndarray:
-        """Add the gradient by all parameters to `grad`; that by the poses [slots, 6], zeros if not asked."""
+        """Add the gradient by the parameters to `grad`; return that by the poses [slots, 6], or zeros."""
         R, n = self._count, self._count * self._sampling.count
         d_sdf, d_rgb = self._d_sdf[:R].reshape(n), self._d_rgb[:R].reshape(n, 3)
         field_backward(
@@ -128,7 +128,7 @@ class BatchPart:
         return self._d_twist() if with_poses else np.zeros((len(self._matrices), 6), np.float32)
 
     def pose_backward(self, params: np.ndarray, layout: KernelLayout) -> np.ndarray:
-        """The gradient by the poses alone, [slots, 6]."""
+        """Return only the gradient by the poses, [slots, 6]."""
         R, n = self._count, self._count * self._sampling.count
         d_sdf, d_rgb = self._d_sdf[:R].reshape(n), self._d_rgb[:R].reshape(n, 3)
         field_pose_backward(params, layout, n, self._acts, d_sdf, d_rgb, self._d_points)
@@ -141,5 +141,5 @@ class BatchPart:
 
 
 def batch_parts(rays: int, parts: int) -> list[slice]:
-    """The rays of each part of a batch, as even as can be."""
+    """The rays of each part of a batch; sizes differ by one at most."""
     return [slice(rays * k // parts, rays * (k + 1) // parts) for k in range(parts)]

@@ -11,7 +11,7 @@ from hsslam_node.geometry.projection import camera_points, world_points
 
 
 def first_pose(config: BoundConfig) -> np.ndarray:
-    """T_world_cam [4, 4] of the first camera: the world's origin, if none is configured."""
+    """T_world_cam [4, 4] of the first camera: `first_camera` if configured, else the world's origin."""
     T_world_cam = np.eye(4)
     if config.first_camera:
         T_world_cam[:3] = np.reshape(config.first_camera, (3, 4))
@@ -19,15 +19,14 @@ def first_pose(config: BoundConfig) -> np.ndarray:
 
 
 def initial_bound(frame: Frame, config: BoundConfig, max_depth_m: float) -> Bound:
-    """The box that is configured, else one about the first camera (the world's origin) that reaches past
-    what it sees.
+    """The configured box, else a box around the first camera (the world's origin) and beyond what it sees.
 
-    The room goes on behind the camera, so the reach is the same in all directions but up and down,
-    where rooms are lower: `margin` times the 99th percentile of the distance of the measured
-    points, within `least_m` and `most_m`; along y 0.4 of that, but no less than `least_m`.
+    The reach is `margin` times the 99th percentile of the distances of the measured points, within `least_m`
+    and `most_m`. It is the same in all directions, as the room continues behind the camera, but for y: 0.4
+    times the reach, `least_m` at least, as rooms are lower than wide.
 
     Raises:
-        UserError: the frame has no depth.
+        UserError: the frame has no depth within `max_depth_m`.
     """
     if config.box:
         return Bound.of(np.array(config.box[:3]), np.array(config.box[3:]))
@@ -57,13 +56,13 @@ def wanted_bound(
     config: BoundConfig,
     max_depth_m: float,
 ) -> Bound | None:
-    """The box to grow to for a keyframe, None where it lies within the bound.
+    """The box to grow to for a keyframe; None if the keyframe lies within the bound.
 
-    It grows where the camera is outside, or more than 2 % of the measured points are: past the
-    points but for the outermost 1 %, and by `growth_m` more, so that it seldom grows.
+    The box grows if the camera or more than 2 % of the measured points lie outside. It then covers all
+    points but the outermost 1 %, plus `growth_m`, so that it seldom grows.
 
     Args:
-        bound: of the map now; the box returned may be smaller where nothing was seen.
+        bound: of the map now; the returned box contains it.
         depth_m: [H, W] float32, planar, 0 = no measurement.
         T_world_cam: [4, 4].
         max_depth_m: farther measurements are ignored.

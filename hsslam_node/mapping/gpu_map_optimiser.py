@@ -37,7 +37,7 @@ _TERMS, _PATCH, _SMOOTH, _PROBE = slice(0, 5), slice(5, 6), slice(6, 7), slice(7
 
 
 class GpuMapOptimiser:
-    """Steps a copy of the parameters on the device; rays, jitter and patches are drawn on the host.
+    """Steps a copy of the parameters on the device; the host draws rays, jitter and patches.
 
     See `Optimiser`. Everything between the inputs and the results of a step is one CUDA graph.
     """
@@ -53,7 +53,7 @@ class GpuMapOptimiser:
         self._open()
 
     def _open(self) -> None:
-        """Copy, graphs and work space over the bound of now."""
+        """Create copy, graphs and work space for the current bound."""
         self._field = self._parameters.layout
         self._layout = gpu_layout(kernel_layout(self._field), self._device.tensors_on)
         self._copy = ParameterCopy(self._parameters, self._device)
@@ -95,7 +95,7 @@ class GpuMapOptimiser:
         return self._report(R, n, parts)
 
     def push(self) -> None:
-        """Bring what was stepped to host memory; under the lease, before it is given back."""
+        """Send the stepped parameters to host memory; call it under the lease, before its release."""
         self._copy.push()
 
     def _send_rays(self, R: int, poses: np.ndarray, generator: np.random.Generator) -> None:
@@ -115,7 +115,7 @@ class GpuMapOptimiser:
         s.poses.send()
 
     def _send_windows(self, R: int, generator: np.random.Generator) -> bool:
-        """Whether this step has the patch term."""
+        """Send the windows of patches; return whether this step has the patch term."""
         s = self._space
         if self._config.weights.patch == 0:
             return False
@@ -127,7 +127,7 @@ class GpuMapOptimiser:
         return True
 
     def _send_cube(self, generator: np.random.Generator) -> bool:
-        """Whether this step has the smoothness term."""
+        """Send the cube; return whether this step has the smoothness term."""
         m, p = self._config.mapper, self._parameters
         if self._config.weights.smoothness == 0 or p.step % m.smoothness_every:
             return False
@@ -146,7 +146,7 @@ class GpuMapOptimiser:
         s.rates.send()
 
     def _work(self, parts: "_Parts") -> None:
-        """The step on the device: launches alone, on tensors that stay where they are."""
+        """The step on the device: only launches, on tensors at fixed addresses."""
         s, c, layout, params = self._space, self._config, self._layout, self._copy.params
         sampling, T = c.sampling, c.field.truncation_m
         R, S = s.z.shape
@@ -220,7 +220,7 @@ class GpuMapOptimiser:
 
 
 class _Parts(NamedTuple):
-    """Which terms a step has; steps with the same ones launch the same work."""
+    """Which terms a step has; steps with equal parts launch the same work."""
 
     update: bool
     poses: bool

@@ -16,9 +16,9 @@ from hsslam_node.mapping.step_inputs import window_weights
 
 
 class StagedArray:
-    """The same array twice: `host` to write into, page-locked where that helps, `tensor` on the device.
+    """An array on the host (`host`, page-locked for CUDA) and its copy on the device (`tensor`).
 
-    Both stay where they are for life. Where the device shares the host's memory they are one.
+    Neither ever moves. Without CUDA both share their memory.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: torch.dtype, device: Device) -> None:
@@ -30,13 +30,13 @@ class StagedArray:
     def send(self, rows: int | None = None) -> None:
         """Copy the first rows (all, if none is given) to the device.
 
-        Does not wait: `host` must stay as it is until the device has been waited for.
+        Does not wait: `host` must not change before the caller has waited for the device.
         """
         if self.tensor is not self._host:
             self.tensor[:rows].copy_(self._host[:rows], non_blocking=True)
 
     def fetch(self, rows: int | None = None) -> np.ndarray:
-        """The first rows as the device has them, when all its work is done; a view of `host`."""
+        """Wait for the device and copy its first rows to `host`; returns a view of them."""
         if self.tensor is not self._host:
             self._host[:rows].copy_(self.tensor[:rows])
         return self.host[:rows]
@@ -48,7 +48,7 @@ _RATE_REGIONS = 4
 class GpuWorkSpace:
     """Inputs as `StagedArray`s, results and intermediate values as tensors, for up to `rays` rays.
 
-    Steps always run over all rows; `ray_count` and `window_count` say how many of them are real.
+    Steps always run over all rows; `ray_count` and `window_count` are the numbers of valid rows.
     """
 
     def __init__(self, config: SlamConfig, layout: GpuLayout, rays: int, device: Device) -> None:
@@ -89,9 +89,7 @@ class GpuWorkSpace:
 
         # results, fetched after the step
         self.ray_loss = staged(rays)
-        self.terms = staged(
-            8
-        )  # five of the rays, patch, smoothness, gradient by log beta of a probe
+        self.terms = staged(8)  # five of the rays, patch, smoothness, d_log_beta of a probe
         self.d_twist = staged(slots, 6)
         self.inside_count = staged(1, dtype=torch.int64)
 
@@ -104,7 +102,7 @@ class GpuWorkSpace:
 
 
 def _most_windows(rays: int, config: SlamConfig) -> int:
-    """Windows of the patches of a full batch; at least one row."""
+    """Number of windows in the patches of a full batch, 1 at least."""
     m = config.mapper
     along = max((math.isqrt(rays) - m.patch_kernel_px) // m.patch_stride_px + 1, 0)
     return max(m.patch_repeats * along * along, 1)

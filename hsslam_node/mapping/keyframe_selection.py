@@ -1,4 +1,4 @@
-"""Which keyframes stay: those that show something that the others do not."""
+"""Selects the keyframes that stay: those that show surface that few others show."""
 
 from typing import NamedTuple
 
@@ -10,30 +10,30 @@ from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.cell_counts import CellCounts
 from hsslam_node.mapping.view_cells import CELL_M, view_cells
 
-_PRESSED = 0.7  # of what may be kept: from there on the bar rises
-_FULL = 0.95  # where it has risen to the top
-_LOOKED_AT = 64  # kept keyframes that are compared when one has to go
+_SCARCE = 0.7  # of the capacity: above it fewer keyframes stay
+_FULL = 0.95  # of the capacity: above it the fewest stay
+_COMPARED = 64  # kept keyframes that are compared to choose one that retires
 _AT_A_TIME = 16  # keyframes whose cells are computed in one call, 2 ms each
-_MOVED_AT_A_TIME = 8  # and of those that were corrected
+_MOVED_AT_A_TIME = 8  # the same for keyframes that a correction moved
 
 
 class _Counted(NamedTuple):
     """A keyframe that stays."""
 
     places: np.ndarray  # of its cells
-    T_world_cam: np.ndarray  # [4, 4], where it stood when they were counted
+    T_world_cam: np.ndarray  # [4, 4], when they were counted
 
 
 class KeyframeSelection:
     """Decides, for each keyframe that leaves the ring of recent ones, whether it stays or is retired.
 
-    It stays if more than `new_share` of its cells (`view_cells`) are shown by fewer than `views` kept ones.
-    When memory gets scarce fewer views are wanted; when it is full, or when keyframes wait for room
-    (`KeyframeStore.want`), the most redundant of some kept ones are retired. Keyframe 0, to which the world
-    is fixed, stays. Keyframes that a correction has moved count where they stand now.
+    A keyframe stays if fewer than `views` kept keyframes show each of more than `new_share` of its cells
+    (`view_cells`). `views` shrinks as memory gets scarce. If memory is full, or if keyframes wait for room
+    (`KeyframeStore.want`), the most redundant of some kept keyframes retire. Keyframe 0, which fixes the
+    world, stays. Keyframes that a correction has moved count at their new poses.
 
-    `judges_all`: also the keyframes that have left the ring before the first call; otherwise a selection
-    before this one has judged them, and they stay.
+    `judges_all`: judge also the keyframes that left the ring before the first call. Otherwise these stay, as
+    an earlier selection has judged them.
     """
 
     def __init__(
@@ -43,16 +43,16 @@ class KeyframeSelection:
         self._max_depth_m = max_depth_m
         self._counts = CellCounts()
         self._counted: dict[int, _Counted] = {}
-        self._judged = 0 if judges_all else None  # keyframes that stay; None: not known yet
-        self._moved: list[int] = []  # counted where they do not stand any more
-        self._pose_version = 0  # for which this is so
-        self._next = 0  # place in the round through kept keyframes
+        self._judged = 0 if judges_all else None  # first keyframes, which all stay; None: unknown
+        self._moved: list[int] = []  # keyframes that are counted at an old pose
+        self._pose_version = 0  # of the store, for `_moved`
+        self._next = 0  # index of the next kept keyframe to compare
 
     def select(self, store: KeyframeStore) -> int:
-        """Look at the keyframes that have left the ring; returns how many retired.
+        """Judge the keyframes that have left the ring; returns how many retired.
 
-        A new selection over a store that is there counts the oldest first. It counts some in each call, but
-        all in one if too many are kept: only what is counted can make room.
+        A new selection over an existing store counts some keyframes in each call, the oldest first. If too
+        many are kept it counts all at once, as only counted keyframes can retire.
         """
         most = store.most_kept
         kept = store.kept()
@@ -66,7 +66,7 @@ class KeyframeSelection:
         at_once = len(pending) if len(kept) > most - spare else _AT_A_TIME
         retired = 0
         for k in pending[:at_once]:
-            counted = self._looked_at(store, k)
+            counted = self._cells_of(store, k)
             stays = k < max(store.inherited, self._judged, 1)
             if stays or self._is_new(counted.places, len(kept) - retired, most):
                 self._count(k, counted)
@@ -78,7 +78,7 @@ class KeyframeSelection:
         return retired
 
     def _follow_corrections(self, store: KeyframeStore) -> None:
-        """Count some of the keyframes anew that have moved by more than half a cell."""
+        """Count some keyframes again that a correction has moved by more than half a cell."""
         if (version := store.pose_version) != self._pose_version and self._counted:
             ids = np.array(list(self._counted), np.int64)
             then = np.stack([counted.T_world_cam for counted in self._counted.values()])
@@ -88,10 +88,10 @@ class KeyframeSelection:
         for k in self._moved[:_MOVED_AT_A_TIME]:
             if k in self._counted:
                 self._counts.add(self._counted[k].places, -1)
-                self._count(k, self._looked_at(store, k))
+                self._count(k, self._cells_of(store, k))
         self._moved = self._moved[_MOVED_AT_A_TIME:]
 
-    def _looked_at(self, store: KeyframeStore, k: int) -> _Counted:
+    def _cells_of(self, store: KeyframeStore, k: int) -> _Counted:
         T_world_cam = store.pose(k)
         cells = view_cells(store.frame(k), T_world_cam, self._max_depth_m)
         return _Counted(self._counts.places(cells), T_world_cam)
@@ -101,22 +101,22 @@ class KeyframeSelection:
         self._counts.add(counted.places, 1)
 
     def _is_new(self, places: np.ndarray, kept: int, most: int) -> bool:
-        pressure = (kept / most - _PRESSED) / (_FULL - _PRESSED)
+        pressure = (kept / most - _SCARCE) / (_FULL - _SCARCE)
         views = self._config.views * (1.0 - np.clip(pressure, 0.0, 0.9))
         share = np.mean(self._counts.of(places) < views) if places.shape[1] else 0.0
         return bool(share > self._config.new_share)
 
     def _most_redundant(self) -> int:
-        """Of the next kept ones, going round, that of whose cells others show most."""
+        """The keyframe whose cells other keyframes show most, among the next kept ones in turn."""
         ids = [k for k in self._counted if k != 0]
-        ids = [ids[(self._next + i) % len(ids)] for i in range(min(_LOOKED_AT, len(ids)))]
+        ids = [ids[(self._next + i) % len(ids)] for i in range(min(_COMPARED, len(ids)))]
         self._next += len(ids)
         shown = [self._counts.of(self._counted[k].places) for k in ids]
         own = [float(np.mean(1.0 / np.maximum(counts, 1))) for counts in shown]
         return ids[int(np.argmin(own))]
 
     def _retire(self, store: KeyframeStore, k: int, older: np.ndarray) -> int:
-        """Retire keyframe k if there is another to hang it on: the nearest of those that stay."""
+        """Retire keyframe k, anchored to the nearest that stays; return 1, or 0 if no other stays."""
         counted = self._counted.pop(k, None)
         anchors = np.array([a for a in self._counted if store.is_kept(a)], np.int64)
         if len(anchors) == 0:

@@ -35,20 +35,20 @@ ADAM_EPS, ADAM_BETA1, ADAM_BETA2 = 1e-15, 0.9, 0.99
 
 @dataclass(frozen=True)
 class StepReport:
-    """What one step saw."""
+    """Report of one step."""
 
     rays: int
     outside: int  # samples outside the bound, masked out of every loss
     loss: float  # weighted sum of all terms
     keyframe_loss: np.ndarray  # [n] see `keyframe_losses`; without patch and smoothness
-    pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose; zeros unless asked for
+    pose_gradient: np.ndarray  # [n, 6] by a world-side twist of each pose, or zeros
 
 
 class MapOptimiser:
     """Forward, losses, backward and Adam over the parameters, with private work space.
 
-    A batch is computed in `mapper.parts` parts, each with work space and gradient of its own, by up to
-    `threads` threads; the result does not depend on how many.
+    It computes a batch in `mapper.parts` parts, each with its own work space and gradient, on up to
+    `threads` threads; the result does not depend on `threads`.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class MapOptimiser:
         self._parameters = parameters
         self._field = parameters.layout
         self._layout = kernel_layout(self._field)
-        self._gradients: list[Gradient] = []  # as large as the map: for who steps it
+        self._gradients: list[Gradient] = []  # as large as the map: made by the first step
         self._draw = RayDraw(config.mapper, blind=config.weights.blind_color > 0)
         self._batch = ray_batch(rays)
         parts = config.mapper.parts
@@ -90,8 +90,8 @@ class MapOptimiser:
     ) -> StepReport:
         """One iteration over `counts` [n] rays of `keyframes` [n] seen from `poses` [n, 4, 4].
 
-        `with_poses` also computes the pose gradient; without `update` nothing is stepped (a probe);
-        `need`: where the rays go, else anywhere.
+        `with_poses`: also compute the pose gradient. `update` False: step nothing (a probe). `need`: draw
+        pixels by it, else uniformly.
         """
         self._follow()
         config, parts = self._config, self._parts
@@ -109,7 +109,7 @@ class MapOptimiser:
             rows = spans[k]
             parts[k].render(params, layout, batch.part(rows), matrices, jitter[rows], least)
 
-        self._at_once(render)
+        self._in_parallel(render)
         d_color = np.zeros((R, 3), np.float32)
         patch = 0.0
         if update and config.weights.patch > 0:
@@ -127,7 +127,7 @@ class MapOptimiser:
         d_twist = np.zeros((len(keyframes), 6), np.float32)
         smooth = 0.0
         if not update:
-            self._at_once(judge)
+            self._in_parallel(judge)
         else:
             gradients = self._own_gradients()
             grad = gradients[0]
@@ -137,7 +137,7 @@ class MapOptimiser:
                 return parts[k].backward(params, layout, gradients[k], with_poses)
 
             with self._parameters.stepping(grad.values, grad.touched):
-                d_twist = np.sum(self._at_once(backward), axis=0)
+                d_twist = np.sum(self._in_parallel(backward), axis=0)
                 smooth = self._smoothness_term(generator, grad)
                 grad.values[layout.log_beta] += sum(part.d_log_beta for part in parts)
                 touch_range(grad, layout.log_beta, layout.log_beta + 1)
@@ -150,23 +150,23 @@ class MapOptimiser:
         return StepReport(R, outside, loss, per_keyframe, d_twist.astype(np.float64))
 
     def push(self) -> None:
-        """Nothing: the parameters in host memory are the ones that are stepped."""
+        """Do nothing: `step` changes the parameters in host memory."""
 
     def _follow(self) -> None:
-        """Go on over the bound of now: the map may have grown since the last step."""
+        """Adopt the current bound: the map may have grown since the last step."""
         self._parameters.follow()
         if self._field is not self._parameters.layout:
             self._field = self._parameters.layout
             self._layout = kernel_layout(self._field)
             self._gradients = []
 
-    def _at_once(self, work: Callable[[int], T]) -> list[T]:
-        """What `work` returns for each part."""
+    def _in_parallel(self, work: Callable[[int], T]) -> list[T]:
+        """Run `work` for each part; return the results."""
         return self._threads.run([partial(work, k) for k in range(len(self._parts))])
 
     def _own_gradients(self) -> list[Gradient]:
-        """One for each part: first that which all who step the map share (one of its own if memory is
-        short), then others of this process."""
+        """One for each part. All processes that step the map share the first (private if memory is short);
+        the others are private."""
         if not self._gradients:
             try:
                 first = gradient(self._layout, *self._parameters.gradient_arrays())
@@ -199,7 +199,7 @@ class MapOptimiser:
             layout = levels_of(self._layout, levels[k])
             return smoothness_backward(self._parameters.params, layout, cube, weight, grad)
 
-        return weight * sum(self._at_once(pull))
+        return weight * sum(self._in_parallel(pull))
 
     def _adam(self, gradients: list[Gradient], factor: float) -> None:
         p, parts = self._parameters, len(self._parts)
@@ -214,4 +214,4 @@ class MapOptimiser:
                 ADAM_EPS, ADAM_BETA1, ADAM_BETA2, p.stepped_at, p.page_stepped_at, k, parts,
             )  # fmt: skip
 
-        self._at_once(move)
+        self._in_parallel(move)

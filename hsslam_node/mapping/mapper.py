@@ -1,4 +1,4 @@
-"""Mapping: which keyframes an iteration looks at. Keyframes whose poses were corrected may come first."""
+"""Mapping: selects the keyframes of each iteration, and prefers some that a correction has moved."""
 
 import numpy as np
 
@@ -16,25 +16,24 @@ from hsslam_node.mapping.open_map_optimiser import open_map_optimiser
 from hsslam_node.mapping.ray_need import RayNeed
 from hsslam_node.mapping.window_poses import RefinedPoses, WindowPoses
 
-_MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # less is within what the map resolves
-_MOVED_FAR_M = 0.3  # surfaces: less lies within the margin that a bound grows by
-_MOVED_AT_A_TIME = 16  # keyframes that are looked at again in one call, 5 ms each
-_MOST_REFINED = 4  # times the kept keyframes; retired ones count as well, up to there
-_REPEATS = 8  # draws until the map has followed a keyframe
+_MOVED_M, _MOVED_RAD = 1e-3, 1e-3  # smaller moves are below the map's resolution
+_MOVED_FAR_M = 0.3  # of surfaces; smaller moves stay within the margin of the bound
+_MOVED_AT_A_TIME = 16  # moved keyframes that one call checks against the bound, 5 ms each
+_MOST_REFINED = 4  # times the kept keyframes: the most that `last_iterations` counts
+_REPEATS = 8  # draws of a moved keyframe until the map has followed it
 
 
 class MovedKeyframes:
-    """Notes where each keyframe stood when it was mapped."""
+    """Stores the pose at which each keyframe was mapped."""
 
     def __init__(self) -> None:
         self._mapped_at = np.zeros((0, 4, 4))
-        self._due = np.zeros(0, np.int64)  # draws that are outstanding
+        self._due = np.zeros(0, np.int64)  # outstanding draws of each keyframe
 
     def draw(
         self, ids: np.ndarray, poses: np.ndarray, wanted: int, generator: np.random.Generator
     ) -> np.ndarray:
-        """At most `wanted` of the keyframes `ids` [n], sorted, that have moved, given their poses
-        [n, 4, 4] now."""
+        """Draw up to `wanted` of the keyframes `ids` [n], sorted, whose poses [n, 4, 4] have moved."""
         self._follow(ids, poses)
         moved = ids[self._due[ids] > 0]
         size = min(wanted, len(moved))
@@ -53,14 +52,14 @@ class MovedKeyframes:
         shift_m = np.linalg.norm(poses[:, :3, 3] - then[:, :3, 3], axis=1)
         # for small angles the matrices are sqrt(2) times the angle apart
         turn_rad = np.linalg.norm(poses[:, :3, :3] - then[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
-        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)  # not where nan: it is new
+        moved = (shift_m > _MOVED_M) | (turn_rad > _MOVED_RAD)  # False for nan: a new one
         self._due[ids[moved]] = _REPEATS
         changed = moved | np.isnan(shift_m)
         self._mapped_at[ids[changed]] = poses[changed]
 
 
 class Mapper:
-    """Iterates over a window: the newest keyframe, the one before it, random others (paper III-B)."""
+    """Iterates over a window: the two newest keyframes and random others (paper III-B)."""
 
     def __init__(
         self, config: SlamConfig, parameters: FieldParameters, seed: int, device: Device = CPU
@@ -72,9 +71,9 @@ class Mapper:
         self._bound_config = config.bound
         self._may_grow = config.bound.grow and not config.bound.box
         self._need: RayNeed | None = None
-        self._covered = 0  # keyframes that the bound was held against
-        self._covered_at: dict[int, np.ndarray] = {}  # T_world_cam of the kept ones of them then
-        self._covered_version = 0  # of the poses for which this is so
+        self._covered = 0  # keyframes that were checked against the bound
+        self._covered_at: dict[int, np.ndarray] = {}  # their T_world_cam at the check
+        self._covered_version = 0  # pose version of the check
         self._moved = MovedKeyframes()
         self._poses = WindowPoses(config.mapper.pose_rate)
         ba = config.ba
@@ -87,10 +86,9 @@ class Mapper:
         return self._step(store, keyframes, self._config.first_rate_factor, newest_first=False)
 
     def iterate(self, store: KeyframeStore, ray_share: float = 1.0) -> StepReport:
-        """One iteration over a window of the keyframes that are kept now; up to `moved_share` of the others
-        are such that have moved since they were mapped. `ray_share`: of the configured rays.
-
-        With `pose_rate` it refines the poses of the window as well: `take_poses`."""
+        """One iteration over a window of kept keyframes, with `ray_share` of the configured rays. Up to
+        `moved_share` of the random keyframes are ones that have moved since they were mapped. If `pose_rate`
+        is above 0, it also refines the poses of the window; see `take_poses`."""
         kept = store.kept()
         size = min(self._config.window_keyframes, len(kept))
         generator = self._generator(0)
@@ -105,8 +103,8 @@ class Mapper:
         return self._step(store, keyframes, 1.0, newest_first=True, ray_share=ray_share, free=free)
 
     def take_poses(self, store: KeyframeStore) -> RefinedPoses | None:
-        """The poses that iterations have refined since the last call, None: none; the caller writes them
-        to the store, before others correct poses."""
+        """The poses that iterations have refined since the last call, or None. The caller writes them to the
+        store before others correct poses."""
         return self._poses.take(store)
 
     def refine_sparse(self, store: KeyframeStore) -> StepReport:
@@ -118,21 +116,21 @@ class Mapper:
         return self._step(store, keyframes, 1.0, newest_first=newest_first, need=self._need)
 
     def last_iterations(self, store: KeyframeStore) -> int:
-        """How often to `refine_sparse`: a fixed number for each keyframe, retired ones included, but no
-        more than for four times the kept ones."""
+        """Number of calls of `refine_sparse`: `last_iterations` for each keyframe, retired ones included, up
+        to four times the kept ones."""
         keyframes = min(store.count, _MOST_REFINED * len(store.kept()))
         return self._config.last_iterations * keyframes
 
     def select(self, store: KeyframeStore) -> int:
-        """Retire keyframes that show nothing of their own; returns how many."""
+        """Retire redundant keyframes; returns how many."""
         return self._selection.select(store)
 
     def grow_bound(self, store: KeyframeStore) -> Bound | None:
-        """Grow the map where keyframes that are new, or that a correction has moved far, see past its bound;
-        the new bound, None where it fits.
+        """Grow the map if new keyframes, or ones that a correction moved far, see beyond its bound. Returns
+        the new bound, or None if the old one suffices.
 
         Raises:
-            OutOfMemoryError: there is no room. The map stays as it was and grows no more.
+            OutOfMemoryError: memory does not suffice. The map stays as it is and does not grow again.
         """
         bound = wanted = self._parameters.layout.bound
         if not self._may_grow:
@@ -159,8 +157,8 @@ class Mapper:
         return self._parameters.layout.bound
 
     def _take_uncovered(self, store: KeyframeStore) -> list[int]:
-        """Ids of the kept keyframes that are new, and of some that have moved far, since the bound was held
-        against them."""
+        """Ids of the kept keyframes to check against the bound: new ones, and some that have moved far since
+        they were checked."""
         count, kept = store.count, store.kept()
         new = kept[(kept >= self._covered) & (kept < count)].tolist()
         chosen = [*self._moved_far(store), *new]
@@ -171,7 +169,7 @@ class Mapper:
         return [k for k in chosen if k in self._covered_at]
 
     def _moved_far(self, store: KeyframeStore) -> list[int]:
-        """Of the kept keyframes that the bound was held against, some that a correction has moved since."""
+        """Some of the checked keyframes that a correction has moved far since."""
         version = store.pose_version
         if version == self._covered_version or not self._covered_at:
             return []
@@ -182,7 +180,7 @@ class Mapper:
         return moved[:_MOVED_AT_A_TIME].tolist()
 
     def publish(self) -> int:
-        """Make the map as it is now the newest version; returns its number."""
+        """Publish the current map as the newest version; returns its number."""
         self._optimiser.push()
         return self._parameters.publish()
 
@@ -210,10 +208,10 @@ class Mapper:
         )  # fmt: skip
         if free:
             self._poses.step(store, keyframes, poses, report.pose_gradient)
-        if self._notes_losses and need is None:  # by need, rays are not of the whole image
+        if self._notes_losses and need is None:  # `need` does not sample images evenly
             store.note_losses(keyframes, report.keyframe_loss)
         return report
 
     def _generator(self, stream: int) -> np.random.Generator:
-        """Depends on the step alone, so a restarted mapper goes on with the same numbers."""
+        """It depends only on the step, so a restarted mapper continues with the same numbers."""
         return np.random.default_rng((self._seed, self._parameters.step, stream))

@@ -1,4 +1,4 @@
-"""The optimiser of the scene model, wherever it is computed: one interface for CPU and GPU."""
+"""The optimiser of the scene model: one interface for CPU and GPU."""
 
 from typing import Protocol
 
@@ -15,8 +15,8 @@ from hsslam_node.mapping.ray_need import RayNeed
 class Optimiser(Protocol):
     """Steps the parameters of a map under the writer's lease; see `MapOptimiser`, its CPU twin.
 
-    A device may step a copy of its own: it follows what others have stepped by itself, and `push`
-    brings what it stepped to host memory, before the map is published or the lease is given back.
+    A GPU steps a copy. Each step first fetches what other processes have stepped. `push` sends the changes
+    to host memory; call it before you publish the map or release the lease.
     """
 
     def step(

@@ -1,4 +1,4 @@
-"""A batch of rays drawn from keyframes, and the depth that each ray is given."""
+"""A batch of rays drawn from keyframes, with the depth of each ray."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ from hsslam_node.kernels.mapping.ray_batch import gather_pixels
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.mapping.ray_need import RayNeed
 
-_REMEMBERED = 8192  # keyframes; the noise of one takes 0.3 ms
+_REMEMBERED = 8192  # keyframes in the cache; the noise of one takes 0.3 ms
 _NEAREST_M = 0.01  # reach of a ray from outside the bound
 
 
 class DepthAveraging:
-    """How far around a pixel depth is averaged, and what counts as the same surface in each keyframe.
+    """Radius of the mean depth around a pixel, and the limit of one surface in each keyframe.
 
     An iteration sees few rays of a far surface, each with centimetres of noise. The noise of inverse depth
     is the same near and far, and inverse depth is linear on a plane, so the mean of pixels on opposite
@@ -28,7 +28,7 @@ class DepthAveraging:
         self._same_surface: dict[int, float] = {}
 
     def same_surface(self, store: KeyframeStore, keyframe: int) -> float:
-        """Most difference of inverse depth, 1/m, on one surface; 0: depth is taken as measured.
+        """Largest difference of inverse depth, 1/m, on one surface; 0: depth is not averaged.
 
         Raises:
             RetiredKeyframeError: the keyframe is not kept.
@@ -46,12 +46,12 @@ class RayBatch(NamedTuple):
     """Arrays for up to R rays; `slot` numbers the keyframes of the batch."""
 
     direction: np.ndarray  # [R, 3] float32, camera frame, z = 1
-    depth: np.ndarray  # [R] float32 m, planar; no measurement: less the reach of its samples
+    depth: np.ndarray  # [R] float32 m, planar; without measurement minus the reach
     color: np.ndarray  # [R, 3] float32 0..1
     slot: np.ndarray  # [R] int64
 
     def part(self, rows: slice) -> "RayBatch":
-        """The same arrays, of these rays."""
+        """Views of the rows of these rays."""
         return RayBatch(
             self.direction[rows], self.depth[rows], self.color[rows], self.slot[rows]
         )  # fmt: skip
@@ -68,7 +68,7 @@ def ray_batch(rays: int) -> RayBatch:
 
 
 class RayDraw:
-    """How pixels become rays: which have depth, and which depth they are given."""
+    """Draws pixels of keyframes as rays and sets their depth."""
 
     def __init__(self, config: MapperConfig, *, blind: bool = False) -> None:
         """`blind`: pixels without depth become rays as well; `place_blind_rays` gives them their reach."""
@@ -85,11 +85,11 @@ class RayDraw:
         generator: np.random.Generator,
         need: RayNeed | None = None,
     ) -> int:
-        """Fill the batch with random pixels, uniform or by `need`; returns how many rays.
+        """Fill the batch with random pixels, uniform or by `need`; returns the number of rays.
 
         Args:
             keyframes: [n] ids; the rays of keyframes[k] get slot k.
-            counts: [n] rays wanted of each; a keyframe of holes may give fewer.
+            counts: [n] wanted rays of each; a keyframe with many holes may give fewer.
         """
         camera, averaging = store.camera, self._averaging
         K = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
@@ -108,7 +108,7 @@ class RayDraw:
             try:
                 color, depth_raw = store.pixels(int(k))
                 same_surface = averaging.same_surface(store, int(k))
-            except RetiredKeyframeError:  # by another process, just now
+            except RetiredKeyframeError:  # by another process, meanwhile
                 continue
             mine = slice(last[slot] - candidates[slot], last[slot])
             filled += gather_pixels(
@@ -119,8 +119,8 @@ class RayDraw:
 
 
 def place_blind_rays(batch: RayBatch, poses: np.ndarray, bound: Bound) -> None:
-    """Let the samples of rays without depth, seen from poses [slots, 4, 4], reach to where they leave the
-    bound: its planar depth, less than 0, becomes theirs."""
+    """Set the depth of rays without measurement, from poses [slots, 4, 4], to minus the planar depth at
+    which they leave the bound: their samples reach that far."""
     blind = np.flatnonzero(batch.depth <= 0)
     if len(blind) == 0:
         return

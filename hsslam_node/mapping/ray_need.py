@@ -1,4 +1,4 @@
-"""Where on the surface rays are wanted: pieces that few pixels saw get their share."""
+"""Spreads rays evenly over the surface, so that rarely seen parts get their share."""
 
 import numpy as np
 
@@ -13,13 +13,13 @@ _BITS = 21  # of a cell's number along an axis
 class RayNeed:
     """Draws keyframes and pixels so that rays spread over the surface, not over the images.
 
-    Space is cut into cells of 12 cm. A pixel's weight is one over the number of pixels, of all
-    kept keyframes, that measured in its cell, so all cells get as many rays: far, grazing and seldom seen
-    surfaces would else get hardly a ray, and those seen from near in all keyframes nearly all.
+    Space is divided into cells of 12 cm. A pixel's weight is one over the number of pixels of all kept
+    keyframes in its cell, so all cells get the same number of rays. Without weights, near surfaces in all
+    keyframes would get nearly all rays, and far, grazing or rarely seen surfaces hardly any.
     """
 
     def __init__(self, store: KeyframeStore, max_depth_m: float) -> None:
-        self.ids = store.kept()  # keyframes that this was made for, sorted [n] int64
+        self.ids = store.kept()  # kept keyframes at creation, sorted [n] int64
         poses = store.poses_of(self.ids)
         cells = [
             _cells(store, int(k), T, max_depth_m) for k, T in zip(self.ids, poses, strict=True)
@@ -30,16 +30,16 @@ class RayNeed:
         camera = store.camera
         self._columns = -(-camera.width_px // _STRIDE_PX)
         self._last_pixel = np.array([camera.width_px - 1, camera.height_px - 1])
-        self._cumulative = np.cumsum(per_keyframe, axis=1)  # [n, pixels of every eighth]
+        self._cumulative = np.cumsum(per_keyframe, axis=1)  # [n, every eighth pixel]
 
     def keyframes(self, size: int, generator: np.random.Generator) -> np.ndarray:
-        """Up to `size` different keyframes, those with more to tell more often, [n] int64."""
+        """Draw up to `size` different keyframes by the total weight of their pixels, [n] int64."""
         total = self._cumulative[:, -1]
         size = min(size, int(np.count_nonzero(total)))
         return self.ids[generator.choice(len(total), size, replace=False, p=total / total.sum())]
 
     def pixels(self, keyframe: int, count: int, generator: np.random.Generator) -> np.ndarray:
-        """Pixels (u, v) [count, 2] int64 of a keyframe; some may be without depth."""
+        """Draw pixels (u, v) [count, 2] int64 of a keyframe; some may have no depth."""
         cumulative = self._cumulative[np.searchsorted(self.ids, keyframe)]
         place = np.searchsorted(cumulative, generator.random(count) * cumulative[-1], side="right")
         place = np.minimum(place, len(cumulative) - 1)

@@ -1,4 +1,4 @@
-"""What a mapping step needs beside rays: weights, patches, smoothness cube, rates. CPU and GPU draw alike."""
+"""Inputs of a mapping step besides rays, the same for CPU and GPU: weights, patches, cube, rates."""
 
 import math
 from functools import lru_cache
@@ -17,8 +17,7 @@ _KERNEL_SIGMA_PX = 1.5  # of the Gaussian window, as in S3IM
 
 
 def ray_weights(depth: np.ndarray, config: MapperConfig, blind_color: float) -> np.ndarray:
-    """Weight [R] float32 of the depth and SDF terms of rays with this depth [R], m; without depth, of their
-    colour."""
+    """Weight [R] float32 of the depth and SDF terms of rays with depth [R], m, else of their colour term."""
     noise = config.depth_noise_m
     weight = (1.0 / (1.0 + (noise * depth * depth / 0.01) ** 2)).astype(np.float32)
     weight[depth <= 0] = blind_color
@@ -26,14 +25,14 @@ def ray_weights(depth: np.ndarray, config: MapperConfig, blind_color: float) -> 
 
 
 def keyframe_losses(ray_loss: np.ndarray, batch: RayBatch, keyframes: int) -> np.ndarray:
-    """Mean loss [keyframes] of the rays of each keyframe that have depth, so that holes change nothing."""
+    """Mean loss [keyframes] of the rays with depth of each keyframe."""
     slot = batch.slot[batch.depth > 0]
     n = np.maximum(np.bincount(slot, minlength=keyframes), 1)
     return np.bincount(slot, ray_loss[batch.depth > 0], minlength=keyframes) / n
 
 
 def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generator) -> np.ndarray:
-    """Ray indices [W, k^2] int64 of the windows of random patches; W = 0 where rays are too few."""
+    """Ray indices [W, k^2] int64 of the windows of random patches; W = 0 if rays are too few."""
     k = config.patch_kernel_px
     patches = random_patches(rays, config.patch_repeats, generator)
     if len(patches) == 0 or patches.shape[1] < k:
@@ -44,7 +43,7 @@ def patch_windows(rays: int, config: MapperConfig, generator: np.random.Generato
 
 @lru_cache(maxsize=64)
 def _window_places(side: int, kernel: int, stride: int) -> np.ndarray:
-    """Places [W, k^2] in a patch, row by row, of its windows; a handful of sides occurs in a run."""
+    """Pixels [W, k^2] of a patch's windows, as indices row by row; cached, as a run has few sides."""
     places = torch.arange(side * side).reshape(1, side, side)
     return window_rays(places, kernel, stride).numpy()
 

@@ -1,4 +1,4 @@
-"""What a keyframe shows, as numbers; apart because it knows neither other keyframes nor the map."""
+"""The surface that a keyframe shows, as cells; apart because it needs no other keyframes and no map."""
 
 import numpy as np
 
@@ -13,10 +13,10 @@ _GREY = np.array([77, 150, 29])  # of 256: weights of red, green and blue
 
 
 def view_cells(frame: Frame, T_world_cam: np.ndarray, max_depth_m: float) -> np.ndarray:
-    """The different cells that a keyframe at T_world_cam [4, 4] shows, sorted [n] int64; 2 ms.
+    """The distinct cells that a keyframe at T_world_cam [4, 4] shows, sorted [n] int64; 2 ms.
 
-    A cell is a piece of surface of 12 cm with the octant that it is seen from, the octave of its distance
-    and one of four levels of brightness.
+    A cell is a cube of 12 cm, combined with the octant of the view direction, the octave of the distance and
+    one of four levels of brightness.
     """
     step = max(1, round(_STRIDE_PX * frame.camera.width_px / 640))
     depth = frame.depth_m()[::step, ::step].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Poses that mapping refines beside the map (paper III-B)."""
+"""Poses that mapping refines together with the map (paper III-B)."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from hsslam_node.geometry.se3 import moved_about_camera
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.mapping.map_optimiser import ADAM_BETA1
 
-_LEAST_KEYFRAMES = 5  # as in ESLAM: few views would bend poses to a map that is hardly fitted
+_LEAST_KEYFRAMES = 5  # as in ESLAM: fewer views would pull poses to a map that hardly fits
 
 
 class RefinedPoses(NamedTuple):
@@ -17,14 +17,14 @@ class RefinedPoses(NamedTuple):
 
     keyframes: np.ndarray  # [n] ids, sorted
     T_world_cam: np.ndarray  # [n, 4, 4]
-    known: int  # keyframes there were
+    known: int  # number of keyframes at that time
 
 
 class WindowPoses:
-    """What iterations have made of the poses in their windows, until it is handed over.
+    """Poses that iterations have refined, until `take` returns them.
 
-    All poses of a window are free but that of its oldest keyframe. Adam's moments stay from window to
-    window, as windows differ from one iteration to the next.
+    All poses of a window are free but that of its oldest keyframe. Each keyframe keeps its Adam moments, as
+    windows differ from one iteration to the next.
     """
 
     def __init__(self, rate: float) -> None:
@@ -56,7 +56,7 @@ class WindowPoses:
                 self._refined[k] = moved_about_camera(poses[slot], twist)
 
     def take(self, store: KeyframeStore) -> RefinedPoses | None:
-        """What was refined since the last call, for the caller to write to the store; None: nothing."""
+        """The poses refined since the last call, for the caller to write to the store, or None."""
         if not self._refined:
             return None
         ids = np.array(sorted(self._refined), np.int64)
