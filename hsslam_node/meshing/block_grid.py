@@ -1,4 +1,4 @@
-"""The vertex grid of a mesh, cut into blocks; alone, as what was seen and all of a bound are cut alike."""
+"""The vertex grid of a mesh, in blocks; alone, as `ObservedSpace` and `WholeSpace` share it."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _MOST_CELLS = 1 << 40
 
 
 class BlockGrid:
-    """A vertex grid over the bound, cut into blocks.
+    """A vertex grid over the bound, divided into blocks.
 
     Vertex (0, 0, 0) lies at the low corner. Block b covers the vertices from `block_cells * b` to
     `block_cells * (b + 1)`, both included: neighbours share a layer of vertices.
@@ -20,7 +20,7 @@ class BlockGrid:
         block_cells: cells along a side of a block.
 
     Raises:
-        UserError: the distance is not above 0, or not finite, or it makes more than 2^40 cells.
+        UserError: `voxel_m` is not finite and above 0, or makes more than 2^40 cells.
     """
 
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int) -> None:

@@ -1,4 +1,4 @@
-"""The surface within one block of observed space, by marching cubes."""
+"""The surface within one block, by marching cubes."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -16,7 +16,7 @@ QueryColor = Callable[[np.ndarray], np.ndarray]
 
 
 class BlockSpace(Protocol):
-    """Observed space, cut into blocks; `ObservedSpace` and `SparseSpace`."""
+    """Space to mesh, in blocks: `ObservedSpace`, `SparseSpace` or `WholeSpace`."""
 
     def cells(self, block: Block) -> np.ndarray: ...
 
@@ -30,7 +30,7 @@ def block_surface(
     query_color: QueryColor,
     cells: np.ndarray | None = None,
 ) -> tuple[BlockMesh | None, int]:
-    """Mesh of one block, None if it has no surface, and the number of distances asked.
+    """Mesh of one block, None if it has no surface, and the number of SDF queries.
 
     `cells`: those of the block, if the caller has them.
     """

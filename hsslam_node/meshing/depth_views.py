@@ -1,4 +1,4 @@
-"""What cameras measured, and where they stood; apart from the mesh of it, as others look at it too."""
+"""Depth images and poses of cameras as a sequence; apart, as not only meshing reads them."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

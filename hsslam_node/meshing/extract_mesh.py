@@ -1,4 +1,4 @@
-"""The mesh of everything that a set of cameras saw, or of all that a map says, in one call."""
+"""Extracts the mesh of the surface that cameras observed, or of the whole map, in one call."""
 
 import math
 from collections.abc import Sequence
@@ -30,19 +30,19 @@ def extract_mesh(
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of the observed surface, metres, world; normals into free space.
 
-    Triangles whose front no keyframe looked at are left out, as are those of what was carried off.
+    It leaves out triangles whose front no keyframe saw, and those of objects that were removed.
 
     Args:
         query_sdf: signed distances of points.
         query_color: colours of points.
         bound: space to mesh.
         camera: of all keyframes, undistorted.
-        keyframes: depth [H, W] float32 m and T_world_cam [4, 4] of each; gone through twice.
+        keyframes: depth [H, W] float32 m and T_world_cam [4, 4] of each; read twice.
         voxel_m: cell of marching cubes, m.
         stride_px: step between the depth pixels that mark observed space.
         min_component_faces: smaller connected pieces are left out.
-        max_depth_m: farther depth shows no surface; that nothing stands in its way counts all the same.
-        threads: that ask the map and the keyframes at once; the mesh is the same with any number.
+        max_depth_m: depth beyond this marks no surface, but still shows that the way to it is free.
+        threads: that query the map and the keyframes in parallel; the mesh does not depend on it.
     """
     space = ObservedSpace(bound, voxel_m)
 
@@ -75,7 +75,7 @@ def extract_whole_mesh(
 ) -> trimesh.Trimesh:
     """Coloured triangle mesh of every surface in the bound, seen or not; arguments as in `extract_mesh`.
 
-    Every voxel is asked. What nothing was measured of is a guess: for evaluations, which cull meshes.
+    It queries every voxel. Surface without measurements is a guess: for evaluations, which cull meshes.
     """
     space = WholeSpace(bound, voxel_m)
 

@@ -1,4 +1,4 @@
-"""Triangles that a camera looked at and that are still there: others are guesses, or were carried off."""
+"""Selects triangles that a camera saw and that are still there; others are guesses, or were removed."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -11,33 +11,31 @@ from hsslam_node.geometry.se3 import inverse
 from hsslam_node.kernels.compiled import njit
 
 _TOLERANCE_M = 0.02
-# 1/m, times the squared depth: the noise of a depth camera grows like that
+# 1/m, times the squared depth, like the noise of a depth camera
 _TOLERANCE_PER_M = 0.004
-_LEAST_COSINE = (
-    -0.1
-)  # between a triangle's normal and the ray to the camera: rims may turn a little
-_STILL_THERE = 0.5  # of the tolerance: what measures so well says that nothing was carried off
-_THROUGH = 3  # keyframes that look through what is gone
-_BEHIND_M = 0.03  # on top of twice the tolerance: how much farther they see
-# to each side of a triangle they see as far: not past the edge of what stands there
+_LEAST_COSINE = -0.1  # between normal and ray to the camera: rims may turn a little
+_STILL_THERE = 0.5  # of the tolerance: closer depth shows that the triangle is still there
+_THROUGH = 3  # keyframes that have to look through a triangle that is gone
+_BEHIND_M = 0.03  # plus twice the tolerance: how far behind the triangle they have to see
+# on each side of the triangle they have to see as far: not only past the edge of an object
 _ABOUT_M = 0.03
-_RINGS = 6  # of triangles about what is gone
+_RINGS = 6  # of triangles around a gone one
 _NEVER = np.iinfo(np.int32).max
-_FAR_M = 4.0  # from farther away a keyframe does not look through
-_SAMPLES = 4  # along each side of what is about a triangle
+_FAR_M = 4.0  # from farther away a keyframe never counts as looking through
+_SAMPLES = 4  # pixels along each side of a triangle's surroundings
 _NEAREST_M = 0.01
-_CHUNK = 256  # triangles that are in an image together, or not
+_CHUNK = 256  # triangles that one test finds in or out of an image
 _CHUNKS_AT_ONCE = 256
 
 
 class _Looks(NamedTuple):
-    """What keyframes have said of triangles so far, the newest first."""
+    """State of the triangles after some keyframes; the newest comes first."""
 
     centres: np.ndarray  # [F, 3] m, world
     normals: np.ndarray  # [F, 3]
     spheres: np.ndarray  # [C, 4] m: middle and radius of each chunk of centres
-    order: np.ndarray  # [F] int32, numbers of triangles; of each chunk, first those that wait
-    waiting: np.ndarray  # [C] int64, triangles of a chunk on which more keyframes have a say
+    order: np.ndarray  # [F] int32, triangle numbers; in each chunk the waiting ones first
+    waiting: np.ndarray  # [C] int64, triangles of a chunk that older keyframes may change
     seen: np.ndarray  # [F] bool: measured, from the front
     through: np.ndarray  # [F] uint8, keyframes that looked through since it was last measured
     met_at: np.ndarray  # [F] int32, newest keyframe that measured it, from any side; -1: none
@@ -51,22 +49,21 @@ def faces_seen(
     keyframes: Sequence[tuple[np.ndarray, np.ndarray]],
     pool: Executor,
 ) -> np.ndarray:
-    """Mask [F] of the triangles that a keyframe measured and that do not show it their back, less those gone.
+    """Mask [F] of the triangles that a keyframe measured from the front and that are not gone.
 
-    A triangle whose three vertices belong to such ones counts as well: single ones are missed.
-
-    Between the edge of an object and what lies behind it the field has a surface along the rays, and
-    inside sometimes a second skin: no ray ever ended there.
+    A triangle whose vertices all belong to measured ones counts as well, as keyframes miss single triangles.
+    The mask leaves out false surfaces of the field, where no ray ended: along the rays between the edge of
+    an object and the background, and sometimes a second skin inside objects.
 
     A triangle is gone if three keyframes looked through it and its surroundings and no later one measured
-    it. So are those about it that no keyframe has measured since, up to six triangles on.
+    it. So are the triangles around it, up to six rings, that no keyframe has measured since.
 
     Args:
         vertices: [V, 3] m, world.
-        faces: [F, 3], counter-clockwise as seen from free space; quick if neighbours follow each other.
+        faces: [F, 3], counter-clockwise as seen from free space; faster if neighbours follow each other.
         camera: undistorted.
         keyframes: depth [H, W] float32 m, planar, 0 = no measurement, and T_world_cam [4, 4]; oldest first.
-        pool: looks at parts of the mesh at once, and gets the next keyframe; the answer is the same.
+        pool: processes parts of the mesh in parallel and loads the next keyframe.
     """
     looks = _no_looks(np.asarray(vertices, np.float64)[faces])  # of corners [F, 3, 3]
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
@@ -110,12 +107,12 @@ def _no_looks(corners: np.ndarray) -> _Looks:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _spread(gone_at, met_at, faces, since):
-    """Mark as gone what is about others, ring by ring, and was not measured since.
+    """Mark as gone, ring by ring, triangles around gone ones that were not measured since.
 
     Args:
         gone_at, met_at: as in `_Looks`; the first is written.
         faces: [F, 3].
-        since: [V] int32, `_NEVER`; becomes when the first triangle about each vertex was gone.
+        since: [V] int32, `_NEVER`; becomes the least `gone_at` of the triangles at each vertex.
     """
     for _ in range(_RINGS):
         for i in range(len(faces)):
@@ -150,7 +147,7 @@ def _look(
     position,
     intrinsics,
 ):
-    """Let keyframe k look at the triangles of some chunks; the first nine are those of `_Looks`."""
+    """Update the triangles of some chunks from keyframe k; the first nine arguments are `_Looks`."""
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
     for chunk in range(first_chunk, min(first_chunk + _CHUNKS_AT_ONCE, len(waiting))):
@@ -210,9 +207,9 @@ def _is_in_image(sphere, height, width, T, intrinsics):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _about_pixel(depth, u, v, ahead):
-    """Of a pixel and its neighbours, as along a flat angle depth changes by the pixel.
+    """Compare a pixel and its neighbours with `ahead`, m: at a grazing angle depth changes by the pixel.
 
-    Returns the least depth, m, 0 if one has none, and how near to `ahead` one comes, m.
+    Returns their least depth, m (0 if one has none), and their least difference from `ahead`, m.
     """
     height, width = depth.shape
     nearest = off = np.float32(np.inf)
@@ -226,7 +223,7 @@ def _about_pixel(depth, u, v, ahead):
 
 @njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
 def _is_far_about(depth, u, v, reach, beyond):
-    """Whether pixels up to `reach` to each side of one measured more than `beyond`."""
+    """Whether all sampled pixels up to `reach` on each side of one measured more than `beyond`."""
     height, width = depth.shape
     if u < reach or v < reach or u + reach >= width or v + reach >= height:
         return False

@@ -1,4 +1,4 @@
-"""A trained map on the GPU as the functions that meshing and queries ask: twin of `MapQueries`."""
+"""Queries of a trained map on the GPU: twin of `MapQueries`."""
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ _CHUNK = 1 << 16
 
 
 class GpuMapQueries:
-    """Signed distance and colour of the map at any points; `params` [P] are copied to the device."""
+    """Signed distance and colour of the map at any points; it copies `params` [P] to the device."""
 
     threads = 1
 

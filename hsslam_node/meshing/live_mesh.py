@@ -9,21 +9,21 @@ from hsslam_node.meshing.block_surface import Block, QueryColor, QuerySdf, block
 from hsslam_node.meshing.sparse_space import SparseSpace
 from hsslam_node.meshing.weld import BlockMesh, without_specks
 
-_PROBES = 48  # vertices of a block whose distance says whether its surface has moved
+_PROBES = 48  # vertices of a block whose SDF shows whether its surface has moved
 _PROBED_AT_ONCE = 256  # blocks
 _MOVED_CELLS = 0.2  # less is no change
 _MOVED_SHARE = 0.1  # of the probes
-_NEW_CELLS = 12  # with surface in them that make a block worth another look
+_NEW_CELLS = 12  # new cells with surface after which a block is meshed again
 _COLOR_STEP = 16  # of 255; less is no change
 _SPECK_FACES = 50
-_AGAIN_SHARE = 0.05  # of all blocks are meshed again in a refresh, whatever their probes say
+_AGAIN_SHARE = 0.05  # of all blocks, which a refresh meshes again whatever their probes show
 
 HasTime = Callable[[], bool]
 
 
 @dataclass(frozen=True)
 class Refresh:
-    """What one refresh did: blocks that changed (None: no surface there), how many it meshed, what waits."""
+    """Result of a refresh: changed blocks (None: no surface), and the numbers of meshed and waiting ones."""
 
     changed: dict[Block, BlockMesh | None]
     asked: int
@@ -38,7 +38,7 @@ class _Kept:
 
 
 class LiveMesh:
-    """Keeps a mesh of each block; memory is that of the surface.
+    """Keeps a mesh of each block; memory grows with the surface.
 
     Example:
         mesh = LiveMesh(SparseSpace(voxel_m=0.03), truncation_m=0.06)
@@ -59,7 +59,7 @@ class LiveMesh:
 
     @property
     def waiting(self) -> int:
-        """Blocks that are to be looked at or meshed."""
+        """Number of blocks that are to be checked or meshed."""
         return len(self._waiting) + len(self._grown)
 
     @property
@@ -72,20 +72,20 @@ class LiveMesh:
         self._waiting.update(dict.fromkeys(blocks))
 
     def look_at(self, blocks: Iterable[Block]) -> None:
-        """Mesh these blocks at the next refresh if cells that they did not have hold surface."""
+        """Mesh these blocks at the next refresh if their new cells hold surface."""
         self._grown.update(dict.fromkeys(blocks))
 
     def want_hidden(self) -> None:
-        """Mesh the blocks that hold marks and had no surface: the map may cover them by now."""
+        """Mesh the blocks with marks that had no surface: the map may cover them now."""
         self.want(block for block in self.space.blocks() if block not in self._kept)
 
     def take_space(self, space: SparseSpace) -> None:
-        """Go on with the marks of corrected poses."""
+        """Replace the marks by those of corrected poses."""
         self.want(self.space.differing_blocks(space))
         self.space = space
 
     def probe(self, query_sdf: QuerySdf, has_time: HasTime) -> None:
-        """See whose surface is elsewhere by now, and who has surface in cells that it did not have."""
+        """Find the blocks whose surface has moved, and those with surface in new cells."""
         self._look_at_grown(query_sdf, has_time)
         blocks = list(self._kept)
         moved: list[tuple[float, Block]] = []
@@ -105,7 +105,7 @@ class LiveMesh:
         self._moved = [block for _, block in sorted(moved)]
 
     def refresh(self, query_sdf: QuerySdf, query_color: QueryColor, has_time: HasTime) -> Refresh:
-        """Mesh what waits, oldest first, those that moved most, then others in turn, while there is time."""
+        """Mesh waiting blocks, oldest first, those that moved most, then others, while there is time."""
         changed: dict[Block, BlockMesh | None] = {}
         asked = 0
         others = list(dict.fromkeys([*self._moved[::-1], *self._others()]))[::-1]  # from the end
@@ -121,7 +121,7 @@ class LiveMesh:
         return Refresh(changed, asked, self.waiting)
 
     def _others(self) -> list[Block]:
-        """Some blocks in turn, for what probes do not see."""
+        """Some blocks in turn, for changes that probes miss."""
         blocks = sorted(self._kept)
         n = len(blocks)
         first, count = self._next, int(np.ceil(_AGAIN_SHARE * n))

@@ -1,4 +1,4 @@
-"""A trained map as the functions that meshing and queries ask, on the CPU or on a GPU."""
+"""Queries of a trained map, on the CPU or on a GPU."""
 
 import os
 import threading
@@ -19,9 +19,9 @@ _MOST_THREADS = 8
 
 
 class MapQueries:
-    """Signed distance and colour of the map at any points; `params` [P] are read in place.
+    """Signed distance and colour of the map at any points; it reads `params` [P] in place.
 
-    `threads`: how many may ask at once.
+    `threads`: number of threads that may query in parallel.
     """
 
     threads = min(len(os.sched_getaffinity(0)), _MOST_THREADS)
@@ -29,7 +29,7 @@ class MapQueries:
     def __init__(self, layout: FieldLayout, params: np.ndarray) -> None:
         self._layout = kernel_layout(layout)
         self._params = params
-        self._of_thread = threading.local()  # its activations, 13 MB
+        self._of_thread = threading.local()  # activations of a thread, 13 MB
 
     def sdf(self, points: np.ndarray) -> np.ndarray:
         """Signed distance [N], in units of the truncation, at points [N, 3] float32 m, world."""
@@ -74,7 +74,7 @@ class Queries(Protocol):
 
 
 def open_map_queries(layout: FieldLayout, params: np.ndarray, device: Device) -> Queries:
-    """Ask the map of `params` [P] on the device; they must stay as they are meanwhile."""
+    """Open queries of the map of `params` [P] on the device; `params` must not change meanwhile."""
     if device.uses_triton:
         from hsslam_node.meshing.gpu_map_queries import GpuMapQueries
 

@@ -1,4 +1,4 @@
-"""Which keyframes the live mesh has marked, and where they stood: marks follow corrected poses."""
+"""The keyframes that the live mesh has marked, and their poses: marks follow corrected poses."""
 
 from collections.abc import Callable
 
@@ -16,8 +16,8 @@ _MARGIN_M = 4.0  # around the bound: a keyframe may come before the map has grow
 class MarkedKeyframes:
     """Marks keyframes in the space of a live mesh, new ones first.
 
-    After a loop all are marked again at their corrected poses, some in each refresh, in a second space that
-    takes the place of the first one when it is complete.
+    After a correction by more than a voxel it marks all keyframes again, some in each refresh, in a second
+    space. When this is complete, it replaces the first.
     """
 
     def __init__(self, mesh: LiveMesh) -> None:
@@ -26,11 +26,11 @@ class MarkedKeyframes:
         self._is_behind = False
         self._marked_at = np.zeros((0, 4, 4))  # T_world_cam of the keyframes marked so far
         self._second: SparseSpace | None = None
-        self._second_at = np.zeros((0, 4, 4))  # those marked again so far
+        self._second_at = np.zeros((0, 4, 4))  # of the keyframes marked again so far
 
     @property
     def is_behind(self) -> bool:
-        """Whether there was no time for all keyframes, or they are being marked again."""
+        """Whether some keyframes are still to be marked, for the first time or again."""
         return self._is_behind or self._second is not None
 
     def cover(self, bound: Bound) -> None:
@@ -50,13 +50,13 @@ class MarkedKeyframes:
         depth_m: Callable[[int], np.ndarray],
         has_time: HasTime,
     ) -> None:
-        """Mark what is new or has moved while there is time, and want the blocks that change.
+        """Mark keyframes that are new or have moved, while there is time, and look at the blocks that grow.
 
         Args:
             poses: T_world_cam [n, 4, 4] of all keyframes now.
             camera: of all keyframes.
             depth_m: gives the depth [H, W] of keyframe k, m.
-            has_time: asked between keyframes; one is marked in any case.
+            has_time: called between keyframes; it marks at least one.
         """
         first = len(self._marked_at)
         end = first
@@ -96,7 +96,7 @@ class MarkedKeyframes:
     def _moved(self, poses: np.ndarray) -> bool:
         known = min(len(poses), len(self._marked_at))
         shift_m = surface_shift_m(self._marked_at[:known], poses[:known])
-        return shift_m > self._mesh.space.voxel_m  # less than that stays within what is asked
+        return shift_m > self._mesh.space.voxel_m  # smaller shifts stay within the marks
 
 
 def _wider(bound: Bound) -> Bound:

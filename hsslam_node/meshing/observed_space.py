@@ -1,4 +1,4 @@
-"""Which part of the space around the surfaces was seen."""
+"""The observed space around surfaces."""
 
 import numpy as np
 
@@ -17,12 +17,12 @@ class ObservedSpace(BlockGrid):
     """A `BlockGrid` that remembers where depth was measured.
 
     Raises:
-        OutOfMemoryError: the voxel is too small for the memory there is.
+        OutOfMemoryError: memory does not suffice for such small voxels.
     """
 
     def __init__(self, bound: Bound, voxel_m: float = 0.03, block_cells: int = 32) -> None:
         super().__init__(bound, voxel_m, block_cells)
-        # A halo on every side spares all border cases. Memory is taken where marks are made.
+        # A halo on each side avoids border cases. Only marked pages take memory.
         vertices = np.multiply(self.block_count, block_cells) + 1
         try:
             self._surface = np.zeros(vertices + 2 * HALO, np.uint8)
@@ -37,8 +37,8 @@ class ObservedSpace(BlockGrid):
     ) -> None:
         """Mark the vertices nearest to every stride-th depth pixel, and their blocks.
 
-        Several threads may call it at once. Between neighbouring pixels on one surface the marks are
-        joined: a floor seen at a flat angle has pixels many voxels apart.
+        It also marks the lines between neighbouring pixels on one surface, as pixels of a floor at a grazing
+        angle lie many voxels apart. Several threads may call it in parallel.
 
         Args:
             depth_m: [H, W] float32 m, planar, 0 = no measurement.
@@ -62,7 +62,7 @@ class ObservedSpace(BlockGrid):
         )
 
     def occupied_blocks(self) -> list[tuple[int, int, int]]:
-        """All blocks that have been touched by an observation."""
+        """All blocks whose cells depend on a marked vertex."""
         return [(int(i), int(j), int(k)) for i, j, k in np.argwhere(self._occupied)]
 
     def cells(self, block: tuple[int, int, int]) -> np.ndarray:

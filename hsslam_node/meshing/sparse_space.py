@@ -1,4 +1,4 @@
-"""Observed space of the live mesh: marks in blocks of one lattice, memory only for blocks that hold some."""
+"""Observed space of the live mesh: marks in blocks of a lattice; only blocks with marks take memory."""
 
 import numpy as np
 
@@ -18,14 +18,14 @@ from hsslam_node.meshing.observed_space import (
 _FIRST_BLOCKS = 64
 _GROWTH = 1.5
 _NONE = -1
-_NEWS = 24  # new marks that make a block worth another look; fewer are noise at its edges
+_NEWS = 24  # new marks after which a block is checked again; fewer are noise at its edges
 
 
 class SparseSpace:
-    """As `ObservedSpace`, but its vertices are those of a lattice through the world's origin.
+    """Like `ObservedSpace`, but on a lattice through the world's origin.
 
     A larger bound keeps all blocks. Block b covers the vertices from `block_cells * b` to
-    `block_cells * (b + 1)`, both included; its own marks are those of all vertices but the last ones.
+    `block_cells * (b + 1)`, both included; it stores the marks of all but the last ones.
 
     Args:
         voxel_m: distance of two vertices, m.
@@ -54,7 +54,7 @@ class SparseSpace:
         return self._marks.nbytes + self._table.nbytes + self._news.nbytes
 
     def cover(self, bound: Bound) -> None:
-        """Take marks within the bound too, from now on; those there are stay."""
+        """Accept marks within the bound as well; existing marks stay."""
         low = np.floor(np.divide(bound.low, self.block_m)).astype(np.int64)
         high = np.ceil(np.divide(bound.high, self.block_m)).astype(np.int64)
         if self._table.size:
@@ -92,7 +92,7 @@ class SparseSpace:
             self._enlarge()
 
     def take_grown(self) -> list[Block]:
-        """Blocks whose cells have changed by enough new marks since they were taken last."""
+        """Take the blocks with enough new marks since they were last taken."""
         grown = self._news >= _NEWS
         self._news[grown] = 0
         return self._indices(grown)
@@ -118,7 +118,7 @@ class SparseSpace:
         return (grid * self.voxel_m).astype(np.float32)
 
     def differing_blocks(self, other: "SparseSpace") -> list[Block]:
-        """Blocks whose marks are not those of the other."""
+        """Blocks whose marks differ from those of the other space."""
         mine, others = self.blocks(), other.blocks()
         return [b for b in dict.fromkeys(mine + others) if not self._is_like(other, b)]
 
@@ -156,12 +156,12 @@ def _after(n: int) -> tuple[slice, slice]:
     return slice(HALO + n, n + 1 + 2 * HALO), slice(0, HALO + 1)
 
 
-_SHARE = (_before, _within, _after)  # of a neighbour in the marks around a block: there, here
+_SHARE = (_before, _within, _after)  # slices around a block, in its neighbour
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mark(depth, intrinsics, T_grid_cam, stride, marks, used, table, news):
-    """Mark as `ObservedSpace` does; True if there was no room for a block: call again with more."""
+    """Mark as `ObservedSpace` does; True if there is no room for a block: call it again with more."""
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
     p = np.empty(3)

@@ -25,9 +25,9 @@ class BlockMesh:
 def weld_blocks(
     blocks: Sequence[BlockMesh], space: BlockGrid, min_component_faces: int
 ) -> trimesh.Trimesh:
-    """One mesh in world metres; vertices on the same grid edge become one, small pieces go.
+    """Join blocks into one mesh, m, world: merge vertices on the same grid edge, drop small pieces.
 
-    Identity is by grid edge, not by distance, so blocks of two map versions still join.
+    Vertices match by grid edge, not by distance, so blocks of two map versions still join.
     """
     if not blocks:
         return trimesh.Trimesh(process=False)
@@ -48,7 +48,7 @@ def weld_blocks(
 def kept_faces(
     mesh: trimesh.Trimesh, keep: np.ndarray, min_component_faces: int
 ) -> trimesh.Trimesh:
-    """The mesh of the faces marked in `keep` [F] bool, less small connected pieces; colours stay."""
+    """The mesh of the faces marked in `keep` [F] bool, without small connected pieces; colours stay."""
     if not keep.any():
         return trimesh.Trimesh(process=False)
     faces = np.asarray(mesh.faces)[keep]
@@ -58,7 +58,7 @@ def kept_faces(
 
 
 def without_specks(mesh: BlockMesh, block_cells: int, min_faces: int) -> BlockMesh | None:
-    """The mesh of a block less small pieces within it; those that reach a neighbour stay; None: nothing."""
+    """The mesh of a block without small pieces, unless they reach a neighbour; None if nothing stays."""
     label = _components(mesh.faces.astype(np.int64), len(mesh.vertices))
     at_side = ((mesh.vertices <= 0) | (mesh.vertices >= block_cells)).any(axis=1)
     stays = np.bincount(label[mesh.faces[:, 0]], minlength=label.max() + 1) >= min_faces

@@ -1,4 +1,4 @@
-"""All of the space in a bound, seen or not, in blocks; apart, as only evaluations, which cull, want it."""
+"""The whole space of a bound, observed or not, in blocks; apart, as only evaluations use it."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from hsslam_node.meshing.block_surface import Block
 
 
 class WholeSpace(BlockGrid):
-    """A `BlockGrid` of which every cell counts; a `BlockSpace`, as `ObservedSpace` is."""
+    """A `BlockSpace` in which every cell of the bound counts."""
 
     def __init__(self, bound: Bound, voxel_m: float, block_cells: int = 32) -> None:
         super().__init__(bound, voxel_m, block_cells)
 
     def blocks(self) -> list[Block]:
-        """All of them."""
+        """All blocks."""
         return list(np.ndindex(self.block_count))  # type: ignore[arg-type]
 
     def cells(self, block: Block) -> np.ndarray:
