@@ -1,1 +1,1 @@
-"""What rays through the scene model show, and where to sample them; what rays to a mesh meet."""
+"""Sampling of rays, casting of rays onto the scene model's surface, and depth images of meshes."""

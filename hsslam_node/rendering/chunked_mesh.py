@@ -11,7 +11,7 @@ CHUNK = 64  # faces; neighbours in a mesh file are mostly neighbours in space
 
 
 class ChunkedMesh(NamedTuple):
-    """What kernels take."""
+    """The form that kernels take."""
 
     vertices: np.ndarray  # [N, 3] float64 m
     faces: np.ndarray  # [F, 3] int64
@@ -19,7 +19,7 @@ class ChunkedMesh(NamedTuple):
 
 
 def chunked_mesh(vertices: ArrayLike, faces: ArrayLike) -> ChunkedMesh:
-    """From vertices [N, 3] m and faces [F, 3]; the boxes are computed here, once for many views."""
+    """Divide vertices [N, 3] m and faces [F, 3] into chunks; compute the boxes, once for many views."""
     vertices = np.ascontiguousarray(vertices, np.float64).reshape(-1, 3)
     faces = np.ascontiguousarray(faces, np.int64).reshape(-1, 3)
     return ChunkedMesh(vertices, faces, _boxes(vertices, faces))

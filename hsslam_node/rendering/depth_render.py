@@ -1,4 +1,4 @@
-"""What a depth camera would see of a triangle mesh."""
+"""Renders depth images of triangle meshes."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def render_depth(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Planar depth [H, W] float32 m (0: nothing) and face number [H, W] int32 (-1: nothing).
 
-    Faces count from both sides. A pixel shows what its centre's ray meets first. Exact at the
+    Faces show from both sides. A pixel shows the first face on the ray through its centre. Exact at the
     image's border and for faces that reach behind the camera (homogeneous edge functions, Olano and
     Greer 1997).
 
@@ -64,7 +64,7 @@ def _rasterise(mesh, T, intrinsics, depth, face):
         last_v = min(np.floor(high_v + 1e-6), height - 1.0)
         if not (first_u <= last_u and first_v <= last_v):
             continue
-        # cross products of the corners: their signs along a ray tell its side of the edges
+        # cross products of the corners: their signs along a ray give its side of the edges
         p0, p1, p2 = by * cz - bz * dy, bz * dx - bx * cz, bx * dy - by * dx
         q0, q1, q2 = dy * az - cz * ay, cz * ax - dx * az, dx * ay - dy * ax
         r0, r1, r2 = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

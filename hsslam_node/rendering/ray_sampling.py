@@ -1,4 +1,4 @@
-"""Where along a ray the field is asked."""
+"""Places samples along rays."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Distances to a map's surface along rays, and depth images of it, found by walking along the rays."""
+"""Distances to a map's surface along rays, and depth images of the map, by marching along the rays."""
 
 from collections.abc import Callable
 
@@ -13,11 +13,11 @@ _MOST_CASTS = 8  # of a ray, each from behind a surface that does not count
 
 
 class SdfRayCaster:
-    """Where rays first come out of free space into a surface.
+    """Finds the first place at which a ray enters a surface from free space.
 
     Args:
         query_sdf: signed distances [N], in units of the truncation, at points [N, 3] m, world.
-        bound: the space of the map; nothing is asked outside.
+        bound: of the map; it queries nothing outside.
         truncation_m: of the map, m.
     """
 
@@ -37,7 +37,7 @@ class SdfRayCaster:
         rays = rays @ T_world_cam[:3, :3].T  # [R, 3], per metre of depth
         origins = np.broadcast_to(T_world_cam[:3, 3], rays.shape)
         near, far = self._reach(origins, rays)
-        depth = self._walk(origins, rays, np.maximum(near, _NEAREST_M), far)
+        depth = self._march(origins, rays, np.maximum(near, _NEAREST_M), far)
         return depth.astype(np.float32).reshape(camera.height_px, camera.width_px)
 
     def distances(
@@ -49,16 +49,15 @@ class SdfRayCaster:
     ) -> np.ndarray:
         """Distances [R] m from origins [R, 3] m along unit directions [R, 3] to the surface; 0: none.
 
-        `is_seen`: mask [N] of the places [N, 3] m at which a surface counts; a ray goes on behind others.
+        `is_seen`: mask [N] of the places [N, 3] m at which a surface counts; a ray passes through others.
         """
         near, far = self._reach(origins, directions)
-        far = np.minimum(
-            far, most_m + self._truncation_m
-        )  # one step more: it may end behind a surface
+        # one step more, as that may end behind a surface
+        far = np.minimum(far, most_m + self._truncation_m)
         distance_m = np.zeros(len(origins))
         left, start = np.arange(len(origins)), np.maximum(near, 0.0)
         for _ in range(_MOST_CASTS):
-            found = self._walk(origins[left], directions[left], start, far[left])
+            found = self._march(origins[left], directions[left], start, far[left])
             hit = (found > 0) & (found <= most_m)
             left, found = left[hit], found[hit]
             counts = is_seen(origins[left] + found[:, None] * directions[left])
@@ -75,16 +74,14 @@ class SdfRayCaster:
         last = np.fmax(low, high).min(axis=1)
         return first, last
 
-    def _walk(
+    def _march(
         self, origins: np.ndarray, rays: np.ndarray, z: np.ndarray, far: np.ndarray
     ) -> np.ndarray:
         """Depths [R] of the first change of sign from free space, refined once."""
         per_sdf = self._truncation_m / np.linalg.norm(rays, axis=1)  # depth per unit of distance
         found = np.zeros(len(rays))
-        last_z, last_sdf = (
-            z.copy(),
-            np.full(len(rays), -1.0),
-        )  # who starts inside looks for free space
+        # -1: a ray that starts inside a surface first looks for free space
+        last_z, last_sdf = z.copy(), np.full(len(rays), -1.0)
         active = np.flatnonzero(z < far)
         while len(active):
             sdf = self._ask(origins[active], rays[active], z[active])

@@ -1,1 +1,1 @@
-"""The mesh of a map with an image on it, made of the keyframes."""
+"""Textures a mesh with the images of keyframes."""

@@ -1,4 +1,4 @@
-"""Connected triangles that take their colours from the same keyframe, and where it shows them."""
+"""Charts: connected triangles that take their colours from the same keyframe, and their place in it."""
 
 from typing import NamedTuple
 
@@ -15,9 +15,9 @@ PADDING_PX = 2  # of the image around a chart, for bilinear viewers
 
 
 class Charts(NamedTuple):
-    """Rectangles of keyframes with all that they show of a mesh; every vertex is in one chart alone."""
+    """Rectangles of keyframes with the triangles that they show; each vertex is in exactly one chart."""
 
-    vertices: np.ndarray  # [N] int64: which vertex of the mesh each is
+    vertices: np.ndarray  # [N] int64: number of each in the mesh
     faces: np.ndarray  # [f, 3] int64, of these vertices
     chart: np.ndarray  # [N] int64 of each vertex
     uv_px: np.ndarray  # [N, 2] float64 of its keyframe's image, pixel centres at integers

@@ -1,4 +1,4 @@
-"""From which keyframe every triangle takes its colours."""
+"""Chooses the keyframe that each triangle takes its colours from."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,28 +11,28 @@ from hsslam_node.texture.view_levels import view_levels
 
 NO_VIEW = -1
 _SWEEPS = 6
-_TOGETHER = 0.4  # what one neighbour with the same keyframe counts: a third more pixels, about
-_EDGE = 3.0  # what a triangle beside a nearer surface counts less
-_BURNT = 0.7  # what a triangle of which a colour is at its end counts less
-_STRANGE, _MOST_STRANGE = 10.0, 4.0  # levels of colour, of 255, that count 1; the most that counts
-_DARKEST, _BRIGHTEST = 8.0, 247.0  # beyond them brightness says nothing of the exposure
-_LEAST_DETAIL = 2.0  # 1/px, in the sharpest image of a triangle: without it none says what is sharp
+_TOGETHER = 0.4  # score for each neighbour with the same keyframe: as 1.5 times the pixels
+_EDGE = 3.0  # penalty for a triangle next to a nearer surface
+_BURNT = 0.7  # penalty for a triangle with a saturated colour
+_STRANGE, _MOST_STRANGE = 10.0, 4.0  # levels, of 255, for a penalty of 1; largest penalty
+_DARKEST, _BRIGHTEST = 8.0, 247.0  # brightness outside does not show the exposure
+_LEAST_DETAIL = 2.0  # 1/px, in the sharpest image of a triangle: with less it shows no sharpness
 _NOISE = 0.5  # 1/px
-_MOST_GAIN = 0.7  # of a logarithm
+_MOST_GAIN = 0.7  # of its logarithm
 
 
 class ChosenViews(NamedTuple):
-    """A keyframe for each triangle, and what their exposures differ by."""
+    """A keyframe for each triangle, and gains that equalise the exposures."""
 
-    view: np.ndarray  # [F] int32, `NO_VIEW`: none sees it
-    gain: np.ndarray  # [views, 3] float64: times it, red, green and blue of all views are alike
+    view: np.ndarray  # [F] int32, `NO_VIEW`: no keyframe sees it
+    gain: np.ndarray  # [views, 3] float64: factor of red, green and blue that makes views alike
 
 
 def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
-    """The keyframe that shows most of each triangle of faces [F, 3], of those that see it.
+    """Choose the best keyframe for each triangle of faces [F, 3], among those that see it.
 
-    It counts how many pixels the triangle covers, which is nearness and angle, how sharp the image is beside
-    the others of the same triangles, and what the neighbours take: fewer borders are to be seen.
+    The score counts the pixels that the triangle covers, the sharpness of the image compared with others of
+    the same triangles, the penalties above, and neighbours with the same keyframe, for few visible borders.
     """
     view = np.repeat(np.arange(len(seen)), [len(one.faces) for one in seen])
     face, area_px, at_edge, color, detail = map(np.concatenate, zip(*seen, strict=True))
@@ -55,9 +55,9 @@ def choose_views(faces: np.ndarray, seen: Sequence[FaceViews]) -> ChosenViews:
 
 
 def _strangeness(face: np.ndarray, color: np.ndarray, faces: int) -> np.ndarray:
-    """What values [n] count less whose colour [n, 3] differs from the mean of their face.
+    """Penalty [n] for a colour [n, 3] that differs from the mean colour of its face.
 
-    A reflection, or something before the surface that depth did not show, is seen from few places.
+    Few keyframes show a reflection, or an object in front of the surface that depth missed.
     """
     count = np.maximum(np.bincount(face, minlength=faces), 1)
     mean = np.stack([np.bincount(face, color[:, k], faces) / count for k in range(3)], axis=1)

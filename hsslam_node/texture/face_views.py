@@ -1,4 +1,4 @@
-"""What one keyframe shows of the triangles of a mesh: how large, in which colours, with how much detail."""
+"""The triangles of a mesh that one keyframe shows: their size, colour and detail in its image."""
 
 from typing import NamedTuple
 
@@ -37,10 +37,10 @@ def views_of_faces(
     depth_m: np.ndarray,
     T_world_cam: np.ndarray,
 ) -> FaceViews:
-    """What a keyframe with `color` [H, W, 3] uint8 RGB at T_world_cam [4, 4] shows of a mesh.
+    """The triangles of a mesh that a keyframe with `color` [H, W, 3] uint8 RGB at T_world_cam [4, 4] shows.
 
-    A triangle is unoccluded if no other one is before it, and its measured depth [H, W] m, where there is
-    one, is its own: what moved away, or stood there for a while, gives no colour.
+    A triangle is unoccluded if no other one is in front of it, and if the measured depth [H, W] m is missing
+    or agrees with it. So objects that have moved give no colour.
     """
     drawn_m, _ = render_depth(mesh, camera, T_world_cam)
     grey = color.mean(axis=2, dtype=np.float32)
@@ -121,7 +121,7 @@ def _in_camera(vertices, T, intrinsics):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cosine(a, b, c, intrinsics):
-    """Between the front of a triangle, given by pixels and depths, and the ray from its middle back."""
+    """Cosine between the normal of a triangle, given by pixels and depths, and the ray to the camera."""
     corners = np.empty((3, 3))
     for k in range(3):
         p = a if k == 0 else b if k == 1 else c

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def pack(sizes: np.ndarray) -> tuple[np.ndarray, tuple[int, int]]:
-    """Where rectangles of sizes [n, 2] (width, height) px lie: corners [n, 2] int64, and the image's size.
+    """Place rectangles of sizes [n, 2] (width, height) px: corners [n, 2] int64, and the image's size.
 
     None overlap. The image is about as wide as high. The same sizes give the same places.
     """

@@ -1,6 +1,6 @@
-"""A mesh with a texture that is cut out of keyframes: a keyframe for each triangle, charts, one image.
+"""Textures a mesh from keyframes: one keyframe for each triangle, charts, one image.
 
-A chart is what one keyframe shows of connected triangles, so its pixels are copied and nothing is unwrapped.
+A chart is the part of a keyframe that shows connected triangles. Its pixels are copied, without unwrapping.
 Source: Waechter, Moehrle and Goesele, Let There Be Color! Large-Scale Texturing of 3D Reconstructions, 2014
 """
 
@@ -27,7 +27,7 @@ from hsslam_node.texture.tiles import IN_TILE_PX, TILE_PX, Tiles
 
 _SMALLER = 0.9
 _LEAST_SCALE = 0.1  # of charts: less is no texture
-_WITH_TILES = 1.5  # width of an image beside that of charts which take half of it, and some waste
+_WITH_TILES = 1.5  # width of an image, times that of charts that take half of it, with some waste
 ColorOf = Callable[[int], np.ndarray]
 
 
@@ -38,19 +38,19 @@ def textured_mesh(
     most_px: int,
     threads: int = 1,
 ) -> trimesh.Trimesh:
-    """The same triangles with a texture; vertices at the borders of charts are there twice.
+    """Returns the same triangles with a texture, and duplicates vertices at the borders of charts.
 
     Args:
-        mesh: with colours of vertices, which triangles have that no keyframe sees. Triangles should be
-            small beside their distance from the cameras, as those of marching cubes are.
-        keyframes: that the mesh was made of.
-        color_of: gives the colour [H, W, 3] uint8 RGB of the k-th of them; it is asked twice.
-        most_px: width and height of the texture at most; if it were larger, charts are made smaller, and
-            triangles of nearly the same colours that no keyframe sees share pixels.
-        threads: that look at keyframes at once; the texture is the same with any number.
+        mesh: with vertex colours, for triangles that no keyframe sees. Triangles should be small compared
+            with their distance from the cameras, as those of marching cubes are.
+        keyframes: of the mesh.
+        color_of: gives the colour [H, W, 3] uint8 RGB of keyframe k; called twice.
+        most_px: largest width and height of the texture. To fit, charts shrink, and triangles of nearly the
+            same colours that no keyframe sees share pixels.
+        threads: that process keyframes in parallel; the texture does not depend on it.
 
     Raises:
-        UserError: charts of a tenth of their size do not fit into the texture.
+        UserError: charts do not fit into the texture even at a tenth of their size.
     """
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     camera, poses = keyframes.camera, keyframes.T_world_cam
@@ -98,8 +98,7 @@ def _packed(
 ) -> tuple[np.ndarray, np.ndarray, tuple[int, int], Tiles]:
     """Sizes and places, [n, 2] int64 px, of charts [m, 2] and then of tiles, the image's size, and the tiles.
 
-    If all does not fit, triangles share tiles where those take more than half of the image, and charts are
-    made smaller.
+    If they do not fit, triangles share tiles if tiles take more than half of the image, and charts shrink.
     """
     most_tiles = most_px**2 // (2 * TILE_PX**2)
     scale, are_shared = 1.0, False
@@ -141,7 +140,7 @@ def _paste(
     place: np.ndarray,
     new_size: np.ndarray,
 ) -> None:
-    """Copy a rectangle of the image into the texture, smaller if its new size is."""
+    """Copy a rectangle of the image into the texture, resized to its new size."""
     part = image[low[1] : low[1] + size[1], low[0] : low[0] + size[0]]
     if (new_size != size).any():
         part = cv2.resize(part, (int(new_size[0]), int(new_size[1])), interpolation=cv2.INTER_AREA)

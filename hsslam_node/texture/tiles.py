@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 TILE_PX = 4  # 2 x 2 pixels, and one around them
-IN_TILE_PX = np.array(
-    [[1.5, 1.5], [2.5, 1.5], [1.5, 2.5]]
-)  # the corners of a triangle, at pixel centres
+# corners of a triangle, at pixel centres
+IN_TILE_PX = np.array([[1.5, 1.5], [2.5, 1.5], [1.5, 2.5]])
 
 
 class Tiles(NamedTuple):
@@ -39,7 +38,7 @@ class Tiles(NamedTuple):
         return Tiles(colors[first], kind[self.tile])
 
     def paint(self, texture: np.ndarray, places: np.ndarray) -> None:
-        """Paint them at places [m, 2] px: bilinear colours between corners are those of the triangles."""
+        """Paint the tiles at places [m, 2] px, with bilinear colours between the corners of triangles."""
         a, b, c = self.colors.astype(np.int64).swapaxes(0, 1)
         block = np.stack([np.stack([a, b], 1), np.stack([c, np.clip(b + c - a, 0, 255)], 1)], 1)
         whole = np.pad(block, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")  # [m, 4, 4, 3]

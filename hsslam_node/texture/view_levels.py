@@ -1,4 +1,4 @@
-"""What a keyframe adds to the logarithm of all it shows; alone, as exposure and sharpness are such."""
+"""Level of each keyframe in the logarithm of what it shows; alone, as exposure and sharpness use it."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ _ROUNDS = 20
 
 
 def view_levels(face: np.ndarray, view: np.ndarray, value: np.ndarray, views: int) -> np.ndarray:
-    """[views] float64: level of each view if its values are that of the face plus its own level.
+    """Levels [views] float64, if each value is the level of its face plus that of its view.
 
-    By turns the means of faces and the medians of views, which reflections do not move; the mean of the
+    It alternates between means of faces and medians of views, which reflections do not move; the mean of the
     levels is 0.
 
     Args:
         face: [n] int64, number of the face of each value.
         view: [n] int64.
         value: [n] float64.
-        views: how many there are.
+        views: number of views.
     """
     level = np.zeros(views)
     if len(face) == 0:
