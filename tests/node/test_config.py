@@ -144,7 +144,7 @@ def test_neighbours_lie_before_a_keyframe():
     "box", [(0.0,), (-1.0, 0.0, 1.0), (1.0, -1.0, -1.0, 1.0, 1.0, 1.0), (-math.inf, 0, 0, 1, 1, 1)]
 )
 def test_a_box_has_two_corners(box):
-    with pytest.raises(UserError, match=r"^bound\.box = \(.*\): expected six numbers, each of"):
+    with pytest.raises(UserError, match=r"^bound\.box = \(.*\): expected six numbers: lowest"):
         replace(SlamConfig().bound, box=box)
 
 
