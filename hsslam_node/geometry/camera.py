@@ -1,4 +1,4 @@
-"""The pinhole camera, and the lens models that OpenCV can take out of its images."""
+"""The pinhole camera, and the lens models that OpenCV can undistort."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from hsslam_node.errors import UserError
 
 FAR_OFF_CENTRE = 0.12  # of width or height: intrinsics of another image size or camera
 _SAME_PX = 1.0  # focal lengths and centres of one camera
-_SAME_SCALE = 1e-6  # share: some cameras tell a depth scale with seven digits
+_SAME_SCALE = 1e-6  # relative: some cameras report seven digits of a depth scale
 LensModel = Literal["opencv", "equidistant"]
 _LENSES: dict[str, tuple[tuple[int, ...], str]] = {  # numbers of coefficients, and their names
     "opencv": ((0, 4, 5, 8, 12, 14), "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty"),
@@ -31,8 +31,8 @@ def expect_lens(field: str, distortion: Sequence[float], model: str = "opencv") 
     if len(distortion) not in counts or not all(map(math.isfinite, distortion)):
         expected = " or ".join(map(str, counts))
         raise UserError(
-            f"{field} = {list(distortion)} ({len(distortion)} numbers): expected {expected} finite ones "
-            f"of a lens of model {model}, {names}"
+            f"{field} = {list(distortion)} ({len(distortion)} numbers): expected {expected} finite numbers "
+            f"of lens model {model}, {names}"
         )
 
 
@@ -76,7 +76,7 @@ class Camera:
 
     @property
     def off_centre(self) -> tuple[float, float]:
-        """How far the principal point is off the middle, as shares of width and height."""
+        """Offset of the principal point from the middle, as shares of width and height."""
         x, y = (self.cx + 0.5) / self.width_px, (self.cy + 0.5) / self.height_px
         return x - 0.5, y - 0.5
 
@@ -90,9 +90,9 @@ class Camera:
         return replace(self, distortion=(), distortion_model="opencv")
 
     def differs_in(self, other: "Camera") -> tuple[str, str, str] | None:
-        """What tells two cameras apart first: its name, the value here, the value there; None: nothing.
+        """The first difference of two cameras: name, value here, value there; None: they are the same.
 
-        The name is "size" or a field such as "camera.fx", whose values may differ by a pixel.
+        The name is "size" or a field such as "camera.fx". Fields may differ by a pixel.
         """
         here, there = (f"{c.width_px} x {c.height_px} px" for c in (self, other))
         if here != there:
@@ -127,12 +127,12 @@ class HasCamera(Protocol):
 
 
 def same_depth_scale(one: float, other: float) -> bool:
-    """Whether two depth scales, units per metre, are one and the same."""
+    """Whether two depth scales, units per metre, are the same."""
     return math.isclose(one, other, rel_tol=_SAME_SCALE)
 
 
 def camera_difference(here: HasCamera, expected: HasCamera) -> str:
-    """What tells their cameras or depth scales apart first, both values named; "": nothing."""
+    """The first difference of depth scales or cameras, with both values; "": none."""
     if not same_depth_scale(here.depth_units_per_m, expected.depth_units_per_m):
         return f"depth_units_per_m {here.depth_units_per_m}: expected {expected.depth_units_per_m}"
     if differs := here.camera.differs_in(expected.camera):

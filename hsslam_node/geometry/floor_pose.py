@@ -1,4 +1,4 @@
-"""Poses on a floor, x, y and yaw, as people and RViz give them, and those of cameras that go with them."""
+"""Poses on a floor, x, y and yaw, as RViz sends them, and the camera poses that belong to them."""
 
 from dataclasses import dataclass, field
 
@@ -11,26 +11,25 @@ from hsslam_node.geometry.view_distance import TURN_M_PER_RAD
 
 @dataclass(frozen=True)
 class FloorPose:
-    """Where a robot stands in a frame whose z is up, and the way that it looks: 0 along x, positive to the
-    left."""
+    """Position of a robot in a frame whose z is up, and its heading: 0 along x, positive to the left."""
 
     x_m: float
     y_m: float
     yaw_rad: float
 
     def distance_m(self, other: "FloorPose") -> float:
-        """How far apart two are."""
+        """Distance of two positions."""
         return float(np.hypot(self.x_m - other.x_m, self.y_m - other.y_m))
 
     def turn_rad(self, other: "FloorPose") -> float:
-        """The angle between the ways that two look, 0 to pi."""
+        """The angle between two headings, 0 to pi."""
         turn = self.yaw_rad - other.yaw_rad
         return float(abs(np.arctan2(np.sin(turn), np.cos(turn))))
 
 
 @dataclass(frozen=True)
 class FloorFrames:
-    """Between poses on the floor and poses of the camera in the world.
+    """Converts poses on the floor to camera poses in the world, and back.
 
     T_floor_world: world to a frame whose z is up, [4, 4].
     T_base_cam: the camera on the robot, [4, 4], as of `RobotFrames`; by default the robot is the camera.
@@ -50,8 +49,8 @@ class FloorFrames:
         return FloorPose(float(T[0, 3]), float(T[1, 3]), _yaw_rad(T[:3, :3]))
 
     def camera_at(self, at: FloorPose, known: np.ndarray) -> np.ndarray:
-        """T_world_cam [4, 4] of a robot that stands there, with height and tilt of the camera that, of the
-        `known` ones [n, 4, 4], stands and looks most like it."""
+        """T_world_cam [4, 4] of a robot at this floor pose; height and tilt are those of the nearest
+        `known` camera [n, 4, 4], by position and heading."""
         poses = [self.pose_of(T) for T in known]
         away = [at.distance_m(pose) + TURN_M_PER_RAD * at.turn_rad(pose) for pose in poses]
         nearest = int(np.argmin(away))
@@ -68,8 +67,8 @@ class FloorFrames:
 
 
 def _yaw_rad(R: np.ndarray) -> float:
-    """The way ahead of a robot R [3, 3] (x ahead, z up). One that looks straight down or up has the way that
-    its upper side, or lower side, points."""
+    """Heading of a robot R [3, 3] (x ahead, z up); if it looks straight down or up, that of its upper or
+    lower side."""
     ahead, up = R[:, 0], R[:, 2]
     level = ahead - ahead[2] * up
     return float(np.arctan2(level[1], level[0]))

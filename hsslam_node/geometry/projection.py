@@ -11,7 +11,7 @@ def camera_points(depth_m: np.ndarray, camera: Camera, stride_px: int = 1) -> np
 
     Args:
         depth_m: [H, W], planar, 0 = no measurement.
-        stride_px: only every so manieth pixel of a row and of a column.
+        stride_px: step between the pixels of a row and of a column.
     """
     z = depth_m[::stride_px, ::stride_px]
     v, u = np.nonzero(z)
@@ -24,7 +24,7 @@ def camera_points(depth_m: np.ndarray, camera: Camera, stride_px: int = 1) -> np
 def world_points(
     depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray, stride_px: int = 1
 ) -> np.ndarray:
-    """The same [N, 3] float64 m in the world, T_world_cam being [4, 4]."""
+    """`camera_points` [N, 3] float64 m in the world; T_world_cam [4, 4]."""
     points = camera_points(depth_m, camera, stride_px)
     return transformed(T_world_cam, points)
 
@@ -34,8 +34,8 @@ def project(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where a camera sees points [N, 3]: u and v [N] px, and planar depth [N] m.
 
-    T_cam_points [4, 4] maps the points to the camera's axes. Pixels tell nothing where the depth is less
-    than a millimetre, behind the camera too.
+    T_cam_points [4, 4] maps the points to the camera's axes. If the depth is less than a millimetre, as
+    behind the camera, u and v mean nothing.
     """
     x, y, z = transformed(T_cam_points, points).T
     ahead = np.maximum(z, 1e-3)

@@ -1,9 +1,9 @@
 """The robot's frames as ROS names them (REP 103, REP 105), from poses of its camera.
 
 `world`, the frame of poses and map, has the axes of the first camera: x right, y down, z forward. `map` is
-the same place with the axes of a robot, x forward, y left, z up: `base_link` of the robot with which the
-world began stands in its origin when that robot's camera stands in that of `world`. `odom` begins where the
-robot of now stands, at the height and with the tilt that it has in `map`, and has no jumps.
+fixed to it and has the axes of a robot: x forward, y left, z up. If the camera of the robot that began the
+world is at the origin of `world`, its `base_link` is at the origin of `map`. `odom` begins at the robot of
+this run, with the height and tilt that it has in `map`, and has no jumps.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,9 @@ from hsslam_node.errors import UserError
 from hsslam_node.geometry.pose_covariance import carried, turned
 from hsslam_node.geometry.se3 import inverse, se3_log, transform
 
-_TURN = np.array(
-    [-0.5, 0.5, -0.5, 0.5]
-)  # xyzw, base_link <- optical frame of a camera looking ahead
-_UNIT = 1e-3  # that the norm of a quaternion may be off
+# xyzw, base_link <- optical frame of a camera looking ahead
+_TURN = np.array([-0.5, 0.5, -0.5, 0.5])
+_UNIT = 1e-3  # largest error of a quaternion's norm
 
 
 def _camera_ahead() -> np.ndarray:
@@ -30,7 +29,7 @@ class RobotFrames:
     """Where the camera is on the robot, `T_base_cam` [4, 4]: its optical frame (x right, y down, z forward)
     in `base_link` (x forward, y left, z up); by default in its origin, looking ahead.
 
-    T_level_world: to the frame `map`, [4, 4], if another robot has begun the world; None: this one.
+    T_level_world: world to `map`, [4, 4], if another robot began the world; None: this one did.
     """
 
     T_base_cam: np.ndarray = field(default_factory=_camera_ahead)
@@ -51,12 +50,12 @@ class RobotFrames:
         return self.T_base_cam if self.T_level_world is None else self.T_level_world
 
     def base_pose(self, T_world_cam: np.ndarray) -> np.ndarray:
-        """`base_link` in `map` [4, 4]; in `odom`, which this robot begins, if the pose is of the odometry."""
+        """`base_link` in `map` [4, 4]; without T_level_world, T_odom_cam gives `base_link` in `odom`."""
         return self.T_map_world @ T_world_cam @ inverse(self.T_base_cam)
 
     def on_level(self, T_odom_cam: np.ndarray, T_world_cam: np.ndarray) -> np.ndarray:
-        """T_odom_cam [4, 4] with the height and tilt of `base_link` that `map` has; its x, y and heading in
-        `odom` stay."""
+        """T_odom_cam [4, 4] with the height and tilt that `base_link` has in `map`; its x, y and heading
+        in `odom` stay."""
         T_cam_base = inverse(self.T_base_cam)
         T_odom_base = self.T_base_cam @ T_odom_cam @ T_cam_base
         T_map_base = self.base_pose(T_world_cam)
@@ -100,13 +99,13 @@ def mounting(option: str, numbers: Sequence[float]) -> np.ndarray:
 
 
 def level_frame(base_T_camera: Sequence[float], *, in_ros: bool) -> np.ndarray | None:
-    """The frame `map` of the robot, [4, 4] from the world, if the camera's place on the robot is given or
-    ROS uses the frame; else None, and the floor that the camera sees says what is level."""
+    """World to `map` of the robot, [4, 4], if the camera's place on the robot is given or ROS uses `map`;
+    else None: the floor that the camera sees is level."""
     if not (base_T_camera or in_ros):
         return None
     return RobotFrames.mounted(base_T_camera).T_base_cam
 
 
 def velocity(T_then: np.ndarray, T_now: np.ndarray, seconds: float) -> np.ndarray:
-    """[6] m/s and rad/s between two poses [4, 4], in the axes of what moves."""
+    """[6] m/s and rad/s between two poses [4, 4], in the moving axes."""
     return se3_log(inverse(T_then) @ T_now) / seconds

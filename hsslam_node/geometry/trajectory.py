@@ -14,7 +14,7 @@ from hsslam_node.geometry.se3_batch import quaternions_from_rotations
 
 _TITLE = "# timestamp tx ty tz qx qy qz qw\n"
 _LINE = "%s" + 7 * " %.9f" + "\n"  # of the TUM format
-_LINES = 256  # that one operation writes: 2.5 x as fast as one by one
+_LINES = 256  # formatted at once: 2.5 x as fast as one by one
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def write_tum(path: Path | str, trajectory: Trajectory) -> None:
 
 
 def write_tum_pieces(path: Path | str, pieces: Iterable[Trajectory]) -> None:
-    """Writes one trajectory as `write_tum` does, piece by piece: only one of them is in memory."""
+    """Writes one trajectory as `write_tum` does, piece by piece: only one is in memory."""
     with durable_file(path) as partial, partial.open("w", encoding="ascii") as file:
         file.write(_TITLE)
         for piece in pieces:
@@ -67,7 +67,7 @@ def tum_text(trajectory: Trajectory) -> str:
 
 
 def _lines(trajectory: Trajectory) -> Iterator[str]:
-    """Some at a time."""
+    """Many lines a piece."""
     quaternions = quaternions_from_rotations(trajectory.T_world_cam[:, :3, :3])
     numbers = np.column_stack([trajectory.positions, quaternions])
     for start in range(0, len(trajectory), _LINES):
@@ -107,7 +107,7 @@ def read_tum(path: Path | str) -> Trajectory:
 
 
 def parse_stamp_ns(text: str) -> int:
-    """Decimal seconds to nanoseconds, exactly (a float64 of today's epoch is good to 240 ns only).
+    """Decimal seconds to nanoseconds, exactly (float64 seconds since 1970 have steps of 240 ns).
 
     Raises:
         ValueError: not a finite number, or more than int64 holds.
@@ -117,7 +117,7 @@ def parse_stamp_ns(text: str) -> int:
     except (InvalidOperation, OverflowError, ValueError):
         raise ValueError(f"{text!r} is not a time in seconds") from None
     if not -(2**63) <= stamp_ns < 2**63:
-        raise ValueError(f"{text!r} is no time in seconds that nanoseconds can hold")
+        raise ValueError(f"{text!r}: expected seconds that fit int64 nanoseconds")
     return stamp_ns
 
 

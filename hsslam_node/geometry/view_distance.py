@@ -1,10 +1,10 @@
-"""How far apart two cameras stand and look, and how far new poses move what cameras saw."""
+"""Distances between camera poses, and how far new poses move the surfaces that cameras saw."""
 
 import numpy as np
 
 from hsslam_node.geometry.se3 import inverse
 
-TURN_M_PER_RAD = 1.0  # what a turn counts beside a distance
+TURN_M_PER_RAD = 1.0  # weight of a turn beside a distance
 _FAR_M = 2.0  # a turn moves surfaces at this distance
 
 
@@ -16,13 +16,13 @@ def apart(T_world_cam: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def view_distance(T_world_cam: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """[n] m from one pose [4, 4] to others [n, 4, 4], with 1 m for each radian between them."""
+    """[n] m from one pose [4, 4] to others [n, 4, 4], plus 1 m for each radian between them."""
     away_m, turn_rad = apart(T_world_cam, others)
     return away_m + TURN_M_PER_RAD * turn_rad
 
 
 def surface_shift_m(before: np.ndarray, after: np.ndarray) -> float:
-    """The most that a surface 2 m away has been moved by new poses of its keyframes, m; as below."""
+    """The largest of `surface_shifts_m`, m; 0 without keyframes."""
     return float(surface_shifts_m(before, after).max(initial=0.0))
 
 

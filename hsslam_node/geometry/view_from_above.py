@@ -1,17 +1,16 @@
-"""A view of a whole scene from above; alone, as both pictures of a mesh share no more than this."""
+"""A view of a whole scene from above."""
 
 import numpy as np
 
 
 def mean_up(T_world_cam: np.ndarray) -> np.ndarray:
-    """The direction against gravity [3]: the mean of the image's up over poses [N, 4, 4], for a hand-held
-    camera."""
+    """The direction against gravity [3] for a hand-held camera: the mean image up of poses [N, 4, 4]."""
     up = -T_world_cam[:, :3, 1].mean(axis=0)
     return up / np.linalg.norm(up)
 
 
 def mean_ahead(T_world_cam: np.ndarray) -> np.ndarray:
-    """The direction [3] that cameras at poses [N, 4, 4] look in, in the mean; of any length."""
+    """The mean viewing direction [3] of camera poses [N, 4, 4]; not normalised."""
     ahead: np.ndarray = T_world_cam[:, :3, 2].mean(axis=0)
     return ahead
 
@@ -21,7 +20,7 @@ def looking_down(up: np.ndarray, ahead: np.ndarray, elevation_rad: float) -> np.
 
     Args:
         up: against gravity, [3], unit length.
-        ahead: [3], which the view looks along as far as it is horizontal; upright or 0: any direction.
+        ahead: [3]; the view looks along its horizontal part; upright or 0: any direction.
     """
     side = np.cross(ahead, up)
     if np.linalg.norm(side) < 1e-3:

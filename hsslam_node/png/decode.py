@@ -10,16 +10,16 @@ from hsslam_node.png.unfilter import unfilter
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _BYTES = {(3, 8): 3, (1, 16): 2}  # of a pixel, by channels and their bits
-_PLAIN = bytes(3)  # deflate, the usual filters, not interlaced
-# chunks that do not change pixels as they are stored; others do, as palettes, or are not known
+_PLAIN = bytes(3)  # deflate, standard filters, not interlaced
+# chunks that do not change the stored pixels; all others may, as palettes do
 _OF_NO_EFFECT = frozenset(b"tEXt zTXt iTXt tIME pHYs gAMA cHRM sRGB sBIT eXIf".split())
 
 
 def decode_png(data: bytes | memoryview | np.ndarray) -> np.ndarray | None:
     """RGB [H, W, 3] uint8 or grey [H, W] uint16 of a PNG.
 
-    None: it has other pixels, is interlaced or damaged, or has chunks that change its pixels. OpenCV's reader
-    decides about those.
+    None: it has other pixels, is interlaced or damaged, or has chunks that may change its pixels. OpenCV's
+    reader handles these.
 
     Source: PNG specification, third edition (W3C), sections 5, 9 and 11.
     """
@@ -41,7 +41,7 @@ def decode_png(data: bytes | memoryview | np.ndarray) -> np.ndarray | None:
 
 
 def _pixel_data(packed: memoryview) -> bytes | None:
-    """What all chunks of pixels hold; None if a chunk is damaged or may change the pixels."""
+    """The content of all IDAT chunks; None if a chunk is damaged or may change the pixels."""
     parts = []
     for kind, content, is_whole in _chunks(packed):
         if not is_whole:
@@ -70,7 +70,7 @@ def _chunks(packed: memoryview) -> Iterator[tuple[bytes, memoryview, bool]]:
 
 
 def _inflated(pixels: bytes, shape: tuple[int, int]) -> np.ndarray | None:
-    """Rows [H, 1 + N] uint8; None if it is not as much as that. Never takes more memory than these."""
+    """Rows [H, 1 + N] uint8; None if the data has another size. Allocates one byte more at most."""
     size = shape[0] * shape[1]
     inflate = isal_zlib.decompressobj()
     try:

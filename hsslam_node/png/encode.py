@@ -1,5 +1,5 @@
-"""PNG, fast: depth images in 1 / 4.7 of the time of OpenCV's writer at 0.97 of the size (a kitchen),
-or in 1 / 3.7 of the time at 0.64 of the size (a house)."""
+"""A fast PNG writer: depth images of a kitchen 4.7 times as fast as OpenCV's at 0.97 of the size,
+those of a house 3.7 times as fast at 0.64 of the size."""
 
 import struct
 import zlib
@@ -14,7 +14,7 @@ _LEVEL = 1
 
 
 def encode_png(image: np.ndarray) -> bytes:
-    """A PNG of grey [H, W] or RGB [H, W, 3], uint8 or uint16; every pixel minus its left neighbour.
+    """A PNG of grey [H, W] or RGB [H, W, 3], uint8 or uint16; all rows have the filter Sub.
 
     Raises:
         ValueError: another shape or type.
@@ -43,7 +43,7 @@ def encode_png(image: np.ndarray) -> bytes:
 
 
 def _filtered(image: np.ndarray) -> np.ndarray:
-    """Rows of the filter's number and the differences of bytes, [H, 1 + bytes of a row] uint8."""
+    """The filter's number and the differences of bytes, [H, 1 + bytes of a row] uint8."""
     step = image.itemsize * (3 if image.ndim == 3 else 1)  # bytes of a pixel
     big_endian = np.ascontiguousarray(image, image.dtype.newbyteorder(">"))
     rows = big_endian.view(np.uint8).reshape(len(image), -1)

@@ -1,4 +1,4 @@
-"""Rows of a PNG as they were before its filters.
+"""Undoes the filters of a PNG's rows.
 
 Source: PNG specification, third edition (W3C), section 9.
 """
@@ -12,7 +12,7 @@ _NONE, _SUB, _UP, _AVERAGE, _PAETH = range(5)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def unfilter(rows, step, out):
-    """Write the bytes of pixels; False: a row has a filter that there is not.
+    """Write the bytes of pixels; False: a row has an unknown filter.
 
     Args:
         rows: [H, 1 + N] uint8, each the number of its filter, then N bytes.
@@ -79,7 +79,7 @@ def _unfilter_paeth_of_two(row, above, here):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _plus_paeth(byte, left, up, corner):
-    """A byte plus the one of left, up and the corner between them that fits best, modulo 256."""
+    """A byte plus its Paeth predictor (left, up or the corner between them), modulo 256."""
     from_left, from_up = abs(up - corner), abs(left - corner)
     from_both = abs(left + up - 2 * corner)
     best = up if from_up < from_left else left
