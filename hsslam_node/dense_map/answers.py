@@ -1,4 +1,4 @@
-"""What a map answers; apart from what computes it, as clients of a service need no kernels."""
+"""Answers of a map; in a file without kernels, which clients of a service do not need."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ class MapAnswers(NamedTuple):
     """Answers for points [N, 3]."""
 
     distance_m: np.ndarray  # [N] float32 to the nearest surface, negative behind it; nan: unknown
-    gradient: np.ndarray  # [N, 3] float32, of the distance: of unit length, or 0 where it has none
+    gradient: np.ndarray  # [N, 3] float32, of the distance: unit length, or 0 if there is none
     known: np.ndarray  # [N] bool: a keyframe saw the place, as free or as surface
-    certainty: np.ndarray  # [N] float32, 0 to 1; `certainty_of` says how
+    certainty: np.ndarray  # [N] float32, 0 to 1; see `certainty_of`
 
 
 class RayHits(NamedTuple):
     """Where rays [N] end."""
 
     distance_m: np.ndarray  # [N] float64; inf without a hit
-    hit: np.ndarray  # [N] bool: a surface that a keyframe saw, within reach
+    hit: np.ndarray  # [N] bool: a surface within `max_m` that a keyframe saw

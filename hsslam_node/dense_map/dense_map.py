@@ -1,4 +1,4 @@
-"""A dense map that can be asked: distances, rays, free space, views, its mesh and its keyframes."""
+"""A dense map and its queries: distances, rays, free space, views, mesh and keyframes."""
 
 from collections.abc import Callable
 from functools import cached_property, partial
@@ -27,7 +27,7 @@ from hsslam_node.presets import REALTIME
 from hsslam_node.rendering.ray_sampling import SamplingPattern
 from hsslam_node.rendering.sdf_ray_caster import SdfRayCaster
 
-_BEYOND_M = 1e9  # farther than any map, and far from what overflows
+_BEYOND_M = 1e9  # farther than any map, and far below overflow
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -36,15 +36,15 @@ if TYPE_CHECKING:
 class DenseMap:
     """One version of a map. Points, poses and distances are metres in the world of the map.
 
-    `SavedMap` opens one from a file, `Slam.map` is what was mapped so far.
+    `SavedMap` opens one from a file, `Slam.map` is the map so far.
 
     Args:
         layout: of the parameters.
-        params: [P] float32, read in place: they must stay as they are.
-        keyframes: that the map is made of.
-        sampling: pattern of the rays that it was trained with; views need it.
-        device: where the field is asked.
-        seen: gives what the keyframes saw, once it is asked for; None: it is looked for in their depth.
+        params: [P] float32, not copied: they must not change.
+        keyframes: of the map.
+        sampling: pattern of the rays in training; views need it.
+        device: evaluates the field.
+        seen: returns what the keyframes saw, at the first query that needs it; None: from their depth.
         max_depth_m: farther depth counts as none, as in the mapping.
         far_m: without `seen`, surfaces and free space that keyframes saw only from farther do not count.
     """
@@ -89,8 +89,8 @@ class DenseMap:
     def query(self, points: ArrayLike) -> MapAnswers:
         """Distance, gradient, known and certainty at points [N, 3].
 
-        Near surfaces the field says the distance, else `distances` does, 2 m at most. The first call looks
-        through the depth of the keyframes (40 ms each).
+        Near surfaces the distance comes from the field, else from `distances`, 2 m at most. The first call
+        reads the depth of the keyframes (40 ms each).
 
         Raises:
             UserError: the points are not [N, 3], or not finite.
@@ -100,14 +100,14 @@ class DenseMap:
         return answers_at(rows, self._queries, self._truncation_m, self._seen)
 
     def distances(self) -> DistanceMap:
-        """What is free, occupied and unknown by the keyframes, and the distance to what is occupied."""
+        """Free, occupied and unknown voxels by the keyframes, and distances to occupied ones."""
         return self._seen.distances
 
     def raycast(self, origins: ArrayLike, directions: ArrayLike, max_m: float = 10.0) -> RayHits:
         """How far rays from `origins` [N, 3] along `directions` [N, 3], of any length, are free.
 
-        A ray that starts behind a surface first has to come out. A surface that no keyframe saw is no hit:
-        the ray goes on behind it.
+        A ray that starts behind a surface must come out before it can hit one. A surface that no keyframe
+        saw is no hit: the ray passes it.
 
         Raises:
             UserError: the arrays are not [N, 3], not finite, or a direction is 0; `max_m` is below 0.
@@ -131,7 +131,7 @@ class DenseMap:
     def is_free(self, shapes: Shapes) -> np.ndarray:
         """Mask [N] of the `Spheres` or `Boxes` whose space keyframes saw everywhere, without a surface in it.
 
-        What lies 1 cm outside may count as within.
+        Space up to 1 cm outside may count as inside.
         """
         seen = self._seen
         near_m, slack_m = TRUSTED * self._truncation_m, seen.grid.voxel_m
@@ -148,7 +148,7 @@ class DenseMap:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] float32 m as seen from T_world_cam [4, 4].
 
-        Where the camera (none: that of the keyframes) sees no surface: black, depth 0.
+        Pixels without a surface are black, with depth 0. camera: None: that of the keyframes.
 
         Raises:
             UserError: the pose is not [4, 4], or not finite; the camera has a lens.
@@ -157,7 +157,7 @@ class DenseMap:
         camera = camera or self.camera.undistorted()
         if camera.has_lens:
             raise UserError(
-                f"camera.distortion = {list(camera.distortion)}: expected a camera without a lens, as of "
+                f"camera.distortion = {list(camera.distortion)}: expected a camera without a lens, such as "
                 "Camera.undistorted()"
             )
         depth_m = self._rays.depth(camera, T)
@@ -165,9 +165,9 @@ class DenseMap:
         return (255 * color + 0.5).astype(np.uint8), depth_m
 
     def mesh(self, voxel_m: float = 0.02, *, everywhere: bool = False) -> "Trimesh":
-        """The coloured mesh of what the keyframes saw, by marching cubes of this voxel; maybe empty.
+        """The coloured mesh of what the keyframes saw, by marching cubes of this size; may be empty.
 
-        `everywhere`: of all that the map says in its bound, guesses included.
+        `everywhere`: all surfaces in the bound, also guessed ones.
 
         Raises:
             UserError: the voxel is not above 0, or not finite.

@@ -1,4 +1,4 @@
-"""Whether bodies fit: all of their space was seen, and holds no surface."""
+"""Whether bodies are free: keyframes saw all of their space, and no surface is in it."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from hsslam_node.dense_map.shapes import Shapes
 
-_FINEST_M = 0.004  # half side of cubes that are not cut further
+_FINEST_M = 0.004  # half side of cubes that are not split further
 _AT_ONCE = 256  # bodies
 _TO_CORNER = np.sqrt(3)  # of a cube, in half sides
 _CHILDREN = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
@@ -16,13 +16,13 @@ Ask = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 def are_free(shapes: Shapes, ask: Ask, known_m: float = 0.05) -> np.ndarray:
     """Mask [N] of the bodies whose space keyframes saw everywhere, and in which there is no surface.
 
-    What lies 1 cm outside a body may count as within; the other way round never.
+    Space up to 1 cm outside a body may count as inside, but never the reverse.
 
     Args:
         shapes: the bodies.
-        ask: gives of points [M, 3] m the distance [M] to the nearest surface, m, never too large, and a mask
-            [M] of those that keyframes saw.
-        known_m: side of the cubes that are asked whether they were seen, m.
+        ask: for points [M, 3] m, returns distances [M] m to the nearest surface, never too large, and a
+            mask [M] of the points that keyframes saw.
+        known_m: side of cubes that count as seen if their centre is, m.
     """
     free = np.ones(len(shapes), np.bool_)
     for first in range(0, len(shapes), _AT_ONCE):
@@ -34,12 +34,12 @@ def are_free(shapes: Shapes, ask: Ask, known_m: float = 0.05) -> np.ndarray:
 def _look_into(
     free: np.ndarray, of: np.ndarray, shapes: Shapes, ask: Ask, seen_half_m: float
 ) -> None:
-    """Clear `free` for bodies `of`: cut cubes around them into eight until each says yes or no."""
+    """Clear `free` for bodies `of` that are not: split cubes around them into eight until decided."""
     centres, half = (part[of] for part in shapes.around())
     half = seen_half_m * 2 ** np.ceil(np.log2(half / seen_half_m))
     while len(of):
         depth_m = shapes.distance_m(centres, of)
-        touches = ~(depth_m > _TO_CORNER * half) & free[of]  # nan: it may
+        touches = ~(depth_m > _TO_CORNER * half) & free[of]  # or nan
         centres, half, of, depth_m = (part[touches] for part in (centres, half, of, depth_m))
         is_finest = half <= _FINEST_M
         distance_m, known = ask(centres)

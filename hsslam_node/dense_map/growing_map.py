@@ -1,4 +1,4 @@
-"""The map of a run while it grows, as a `DenseMap` of each version that is asked."""
+"""The map of a run while it grows, as a `DenseMap` of each version."""
 
 from functools import partial
 
@@ -14,7 +14,7 @@ from hsslam_node.map.store import KeyframeStore
 
 
 class GrowingMap:
-    """Gives the newest map. The depth of each keyframe is looked through once, for all versions."""
+    """Makes a `DenseMap` of the newest version; reads the depth of each keyframe only once."""
 
     def __init__(self, config: SlamConfig, device: Device) -> None:
         self._config = config
@@ -23,7 +23,7 @@ class GrowingMap:
         self._newest: tuple[tuple[int, int, int], DenseMap] | None = None
 
     def newest(self, store: KeyframeStore | None, parameters: FieldParameters | None) -> DenseMap:
-        """The map as it is now, to be asked before more is mapped.
+        """The map now; query it before more is mapped.
 
         Raises:
             UserError: there is no map yet.
@@ -42,11 +42,11 @@ class GrowingMap:
         return self._newest[1]
 
     def held(self, store: KeyframeStore | None, parameters: FieldParameters | None) -> DenseMap:
-        """The map as it is now, whose answers stay as they are while more is mapped.
+        """The map now; its answers do not change while more is mapped.
 
         Raises:
             UserError: there is no map yet.
         """
         held = self.newest(store, parameters)
-        held.distances()  # looks through the depth of keyframes that may be retired soon
+        held.distances()  # reads the depth of keyframes that may be retired soon
         return held

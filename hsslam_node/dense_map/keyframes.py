@@ -1,4 +1,4 @@
-"""The keyframes of a map as it is asked: where they stood, and the depth that they measured."""
+"""The keyframes of a map for its queries: poses and measured depth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from hsslam_node.map.checkpoint import MapCheckpoint
 from hsslam_node.map.store import KeyframeStore, RetiredKeyframeError
 from hsslam_node.meshing.depth_views import DepthViews
 
-_WIDTH_PX, _HEIGHT_PX, _FOCAL_PX = 640, 480, 525.0  # where the map does not tell its camera
+_WIDTH_PX, _HEIGHT_PX, _FOCAL_PX = 640, 480, 525.0  # if the map stores no camera
 _VIEW_PX = 320  # width of the views of maps without images
 DepthOf = Callable[[int], np.ndarray]
 CastDepth = Callable[[Camera, np.ndarray], np.ndarray]
@@ -23,7 +23,7 @@ CastDepth = Callable[[Camera, np.ndarray], np.ndarray]
 class MapKeyframes:
     """The keyframes of a map, all of one camera.
 
-    `depth_m` gives the planar depth [H, W] float32 m of the k-th of them, 0 = no measurement.
+    `depth_m(k)` is the planar depth [H, W] float32 m of the k-th one, 0 = no measurement.
     """
 
     camera: Camera  # of the depth
@@ -42,7 +42,7 @@ class MapKeyframes:
 
 
 def keyframes_of_store(store: KeyframeStore) -> MapKeyframes:
-    """Those that are kept now; one that is retired meanwhile has no depth, as others show what it showed."""
+    """The keyframes kept now; one that is retired later has no depth, as others see its surfaces."""
     ids = store.kept()
 
     def depth_m(k: int) -> np.ndarray:
@@ -57,10 +57,10 @@ def keyframes_of_store(store: KeyframeStore) -> MapKeyframes:
 def keyframes_of_checkpoint(
     checkpoint: MapCheckpoint, path: Path, cast_depth: CastDepth
 ) -> MapKeyframes:
-    """Those of a saved map; `path` stands in errors.
+    """The keyframes of a saved map; `path`: for errors.
 
-    A map of before images were kept has no depth: its keyframes saw what the map shows them, by
-    `cast_depth` of a camera and T_world_cam [4, 4], each once.
+    An old map has no images. Then the depth is that of the map from each pose, by `cast_depth` of a camera
+    and T_world_cam [4, 4], once a keyframe.
     """
     camera, poses = camera_of(checkpoint), checkpoint.T_world_keyframe
     depth_m = _measured_depth(checkpoint, path, camera)
@@ -72,14 +72,14 @@ def keyframes_of_checkpoint(
 
 
 def camera_of(checkpoint: MapCheckpoint) -> Camera:
-    """The camera of the keyframes; of old maps, which do not tell it, a usual one."""
+    """The camera of the keyframes; a usual one for old maps, which store none."""
     center = (_WIDTH_PX - 1) / 2, (_HEIGHT_PX - 1) / 2
     usual = Camera(_WIDTH_PX, _HEIGHT_PX, _FOCAL_PX, _FOCAL_PX, *center)
     return checkpoint.camera or usual
 
 
 def _measured_depth(checkpoint: MapCheckpoint, path: Path, camera: Camera) -> DepthOf | None:
-    """Gives the depth of the images; None if the map has none."""
+    """Returns the depth of the images; None if the map has none."""
     images = checkpoint.images
     if images is None:
         return None
@@ -90,7 +90,7 @@ def _measured_depth(checkpoint: MapCheckpoint, path: Path, camera: Camera) -> De
         except ValueError as error:
             raise UserError(f"{path}: damaged map: {error}") from None
         if depth_raw.shape != (camera.height_px, camera.width_px):
-            raise UserError(f"{path}: damaged map: keyframe {k} is not of its camera's size")
+            raise UserError(f"{path}: damaged map: keyframe {k} has another size than its camera")
         return depth_raw * np.float32(1.0 / images.depth_units_per_m)  # as of a Frame
 
     return depth_m

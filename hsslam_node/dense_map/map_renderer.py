@@ -1,4 +1,4 @@
-"""Images that a map gives, on the CPU."""
+"""Renders images of a map, on the CPU."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class MapRenderer:
     ) -> tuple[np.ndarray, np.ndarray]:
         """RGB [H, W, 3] 0..1 and planar depth [H, W] m as `camera` sees them from T_world_cam [4, 4].
 
-        `depth_m` [H, W] places the samples; where it is 0, nothing is drawn: black, depth 0.
+        `depth_m` [H, W] places the samples; pixels with 0 are black, with depth 0.
         """
         pixels = np.flatnonzero(depth_m > 0)
         color = np.zeros((depth_m.size, 3), np.float32)

@@ -1,4 +1,4 @@
-"""Measures places: by the field near surfaces, by what keyframes saw away from them."""
+"""Answers at points: near surfaces from the field, else from what keyframes saw."""
 
 import numpy as np
 
@@ -7,24 +7,24 @@ from hsslam_node.dense_map.seen_space import PRIOR_INFORMATION, SeenCells
 from hsslam_node.kernels.compiled import njit
 from hsslam_node.meshing.map_queries import Queries
 
-_LEAST_SLOPE = 1.0  # m/m, of a distance: where the field is flatter it saturates
-_ALONE, TRUSTED, _FARTHEST = 0.3, 0.6, 0.95  # of the truncation; what they bound: see `answers_at`
-_SAME_M = 0.03  # distances that differ by less are of one surface
-_NEAR_M = 0.1  # beyond the truncation; the field is not asked farther from what keyframes measured
+_LEAST_SLOPE = 1.0  # m/m, of a distance: a flatter field saturates
+_ALONE, TRUSTED, _FARTHEST = 0.3, 0.6, 0.95  # of the truncation distance; see `answers_at`
+_SAME_M = 0.03  # distances that differ by less are to one surface
+_NEAR_M = 0.1  # beyond the truncation; farther from measured surfaces the field does not count
 
 
 def answers_at(
     points: np.ndarray, queries: Queries, truncation_m: float, seen: SeenCells
 ) -> MapAnswers:
-    """Answers at points [N, 3] float32 m; the field is asked of those near surfaces.
+    """Answers at points [N, 3] float32 m; the field is evaluated near surfaces.
 
-    The field's distance is the SDF over its slope, to first order the way to the surface; a slope below 1
-    counts as 1, or distances would be too large where the field saturates. Up to 0.3 truncations it counts
-    alone. To 0.6 it passes over to the distance to the surfaces that keyframes measured, unless that is
-    of a surface farther away. Where keyframes have none, as just behind a surface, it counts to 0.95.
+    The field's distance is the SDF over its slope, to first order the way to the surface. A slope below 1
+    counts as 1: a saturated field would give too large distances. Up to 0.3 truncations the field counts
+    alone. From there to 0.6 it blends into the distance to the surfaces that keyframes measured, unless
+    that surface is farther. Without a measured distance, as just behind a surface, it counts to 0.95.
 
-    Gradients are those of the distance to what keyframes measured, which are smoother than the field's.
-    They are the field's if the two distances are not of one surface.
+    Gradients are those of the distance to measured surfaces, which are smoother than the field's. If the
+    two distances are not to one surface, they are the field's.
     """
     n, found = len(points), seen.distances.query(points)
     certainty, is_near = np.empty(n, np.float32), np.empty(n, np.bool_)
@@ -39,10 +39,10 @@ def answers_at(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _judge(distance, gradient, known, certainty, near_m, is_near):
-    """Write which of N points are known, unknown, or for the field to say; gradients get unit length.
+    """Write which of N points are known and which need the field; gradients get unit length.
 
-    Known is what some keyframe saw, and has a distance to what they measured. Where it is seen without
-    one, as just behind a surface, or not farther than `near_m`, the field is asked.
+    A point is known if a keyframe saw it and it has a distance to a measured surface. A seen point needs
+    the field if it has none, as just behind a surface, or `near_m` at most.
     """
     for k in range(distance.shape[0]):
         known[k] = known[k] and certainty[k] > 0 and not np.isnan(distance[k])
@@ -59,7 +59,7 @@ def _judge(distance, gradient, known, certainty, near_m, is_near):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_field(sdf, slope, near, distance, gradient, known, certainty, truncation_m):
-    """Let the field say distance [N] m and gradient [N, 3] at points `near` [M], or a share of them.
+    """Write or blend in the field's distance [N] m and gradient [N, 3] at points `near` [M].
 
     Args:
         sdf: [M], in truncations.

@@ -1,4 +1,4 @@
-"""A saved map, ready to be asked; alone beside the map that it is, as that knows no file."""
+"""A `DenseMap` from a file."""
 
 from pathlib import Path
 
@@ -44,18 +44,18 @@ class SavedMap(DenseMap):
 
         Args:
             path: the file, or the folder of the run.
-            device: where the field is asked.
+            device: evaluates the field.
             far_m: surfaces and free space that keyframes saw only from farther do not count in `query` and
                 `is_free`.
 
         Raises:
-            UserError: no such file, another format or version, a damaged file; the device.
+            UserError: no such file, another format or version, a damaged file; device not usable.
         """
         return cls(Path(path), load_checkpoint(Path(path)), device, far_m)
 
     @property
     def camera(self) -> Camera:
-        """The camera that the map was made with; of old maps, which do not tell it, a usual one."""
+        """The camera that the map was made with; a usual one for old maps, which store none."""
         return camera_of(self.checkpoint)
 
     @property

@@ -20,18 +20,18 @@ from hsslam_node.geometry.view_distance import surface_shift_m
 from hsslam_node.kernels.compiled import njit
 from hsslam_node.presets import REALTIME
 
-_MARGIN_M = 0.5  # around what was seen: a map that grows does not need another grid each time
+_MARGIN_M = 0.5  # around seen space, so that a growing map seldom needs another grid
 _NEAREST_M = 0.1  # in front of a camera
-_EXTENT_PX = 8  # step between the pixels that say how far a keyframe sees
+_EXTENT_PX = 8  # step between the pixels that bound what a keyframe sees
 _NOISE = 1.8e-3  # 1/m, of a Kinect: deviation of its depth z is this times z^2
 PRIOR_INFORMATION = np.float32(0.01**-2)  # 1/m^2, of a place known to 1 cm, for the certainty
 
 
 class SeenCells(NamedTuple):
-    """What keyframes told of the cells of a grid.
+    """What keyframes saw of the cells of a grid.
 
-    `information` [X, Y, Z] float32 1/m^2, x fastest, is the sum over the keyframes that saw a cell of
-    1 / deviation^2, the deviation being that of a depth measured there; 0: no keyframe saw it.
+    `information` [X, Y, Z] float32 1/m^2, x fastest, sums 1 / deviation^2 over the keyframes that saw a
+    cell, with the deviation of a depth measured there; 0: no keyframe saw it.
     `distances`: to the surfaces that keyframes measured and did not see through later, of the same grid.
     """
 
@@ -48,10 +48,10 @@ class SeenCells(NamedTuple):
 
 
 def certainty_of(information: np.ndarray) -> np.ndarray:
-    """How sure a place is, 0 (no keyframe saw it) to 1, from its information, 1/m^2.
+    """Certainty of a place, 0 (no keyframe saw it) to 1, from its information, 1/m^2.
 
-    The share of the variance that measuring removes, of a place that was known to 1 cm before. One
-    look from 1, 2 and 4 m gives 0.97, 0.66 and 0.11; ten looks give 1.00, 0.95 and 0.55.
+    It is the share that measuring removes of a prior variance of (1 cm)^2. One look from 1, 2 and 4 m
+    gives 0.97, 0.66 and 0.11; ten looks give 1.00, 0.95 and 0.55.
     """
     return information / (information + PRIOR_INFORMATION)
 
@@ -63,7 +63,7 @@ class SeenSpace:
         reach_m: how far behind a surface still counts as seen, m.
         cell_m: side of a cell, m.
         max_depth_m: farther depth counts as none, as in the mapping.
-        far_m: depth from here on gives certainty, but neither free space beyond nor surfaces.
+        far_m: farther depth gives certainty and free space up to here, but no surface.
     """
 
     def __init__(
@@ -85,19 +85,19 @@ class SeenSpace:
         self._cells: SeenCells | None = None
 
     def follow(self, keyframes: MapKeyframes) -> SeenCells:
-        """Mark what is new; all anew if keyframes have moved by a cell.
+        """Mark new keyframes; mark all anew if corrections moved surfaces by a cell.
 
-        Keyframes that are retired stay marked.
+        Until then retired keyframes stay marked.
 
         Raises:
-            UserError: there are none, and there never were.
+            UserError: there was no keyframe yet.
         """
         for _ in self._mark_new(keyframes):
             pass
         return self._seen_cells()
 
     def follow_for(self, keyframes: MapKeyframes, seconds: float) -> SeenCells | int:
-        """The same, if it takes no longer than this; else how many keyframes are left, for the next call."""
+        """As `follow`, but stops after `seconds`: then the number of keyframes left for the next call."""
         deadline_s = time.monotonic() + seconds
         for left in self._mark_new(keyframes):
             if left and time.monotonic() >= deadline_s:
@@ -105,7 +105,7 @@ class SeenSpace:
         return self._seen_cells()
 
     def _mark_new(self, keyframes: MapKeyframes) -> Iterator[int]:
-        """Mark one after the other; gives how many are left after each."""
+        """Mark one after the other; yields the number left after each."""
         if self._moved(keyframes):
             self._occupancy, self._ids, self._marked_at = None, self._ids[:0], self._marked_at[:0]
         new = np.flatnonzero(~np.isin(keyframes.ids, self._ids)).tolist()
@@ -123,11 +123,9 @@ class SeenSpace:
     def _seen_cells(self) -> SeenCells:
         if self._cells is None:
             if self._occupancy is None:
-                raise UserError(
-                    "the map has no keyframes: expected one or more, to know what is seen"
-                )
+                raise UserError("the map has no keyframes: expected one or more")
             distances = self._meter.measure(self._occupancy)
-            # what was handed out stays as it is when more is marked
+            # a copy: earlier answers must not change
             information = self._information.copy(order="F")
             self._cells = SeenCells(self._occupancy.grid, information, distances)
         return self._cells
@@ -138,7 +136,7 @@ class SeenSpace:
         return shift_m > self._cell_m
 
     def _with_room(self, depth_m: np.ndarray, camera: Camera, T_world_cam: np.ndarray) -> Occupancy:
-        """The occupancy, of a grid that covers what a keyframe sees."""
+        """The occupancy, on a grid that covers what a keyframe sees."""
         low, high = _extent(depth_m, camera, T_world_cam)
         occupancy = self._occupancy
         if occupancy is None:
@@ -182,7 +180,7 @@ def _extent(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _see(depth, intrinsics, T_cam_index, reach_m, far_m, information):
-    """Add to each cell whose middle lies in front of the depth of its pixel, row by row along x."""
+    """Add to each cell whose centre is at most `reach_m` behind the depth of its pixel."""
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics
     inside = np.array(  # (x, y, z) is in view if a x + b y + c z + d >= 0 for each row
@@ -217,7 +215,7 @@ def _see(depth, intrinsics, T_cam_index, reach_m, far_m, information):
 def _in_view(inside, start, step, count):
     """First and last i below `count` for which start + i * step is in view; first > last: none.
 
-    Both are clipped while they are floats: along a plane they are as large as the rounding is small.
+    Both are clipped as floats: for a row along a plane they can be too large for an int.
     """
     first, last = 0.0, count - 1.0
     for p in range(inside.shape[0]):

@@ -1,4 +1,4 @@
-"""Spheres and boxes that a map is asked about: a robot, or parts of one, at many places."""
+"""Spheres and boxes for queries of free space: a robot, or parts of one, at many places."""
 
 import reprlib
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hsslam_node.errors import UserError
 
-_MOST_M = 1e6  # of a body; far larger than a map, and far from what overflows
+_MOST_M = 1e6  # of a body; far larger than a map, far below overflow
 
 
 class Shapes(Protocol):
@@ -18,7 +18,7 @@ class Shapes(Protocol):
     def __len__(self) -> int: ...
 
     def around(self) -> tuple[np.ndarray, np.ndarray]:
-        """Centres [N, 3] m, world, and half sides [N] m of cubes along the world's axes that hold them."""
+        """Centres [N, 3] m, world, and half sides [N] m of cubes along the world's axes around them."""
         ...
 
     def distance_m(self, points: np.ndarray, of: np.ndarray) -> np.ndarray:
@@ -31,7 +31,7 @@ class Spheres:
     """Spheres about `centres` [N, 3] m, world; `radius_m` [N] or one for all.
 
     Raises:
-        UserError: a shape is not as said, or a radius not above 0 and at most 1000 km.
+        UserError: wrong shape of an array, or a radius not above 0 and at most 1000 km.
     """
 
     centres: np.ndarray
@@ -62,7 +62,7 @@ class Boxes:
     """Boxes about the origins of their frames: `T_world_box` [N, 4, 4]; `size_m` [N, 3] or one [3] for all.
 
     Raises:
-        UserError: a shape is not as said, or a side not above 0 and at most 1000 km.
+        UserError: wrong shape of an array, or a side not above 0 and at most 1000 km.
     """
 
     T_world_box: np.ndarray
@@ -126,7 +126,7 @@ def finite_transform(name: str, values: ArrayLike) -> np.ndarray:
 
 
 def _numbers(name: str, values: ArrayLike, expected: str) -> np.ndarray:
-    """An array of float64; UserError where numpy makes none, as of words, ragged lists and some tensors."""
+    """An array of float64; UserError if numpy makes none, as of words, ragged lists, some tensors."""
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError, OverflowError, RuntimeError):

@@ -16,7 +16,7 @@ def map_snapshot(
     parameters: FieldParameters | None,
     config: SlamConfig,
 ) -> MapCheckpoint:
-    """The map as published last, and the keyframes of now, while everybody goes on working.
+    """The newest published map and the keyframes now; other processes may go on meanwhile.
 
     Raises:
         UserError: there is no map yet.
@@ -29,9 +29,9 @@ def map_snapshot(
 def published_params(
     parameters: FieldParameters, copy: np.ndarray | None = None
 ) -> tuple[int, np.ndarray]:
-    """The newest published version and a copy of its parameters [P], whole though others publish.
+    """The newest published version and a copy of its parameters [P], never torn by a publisher.
 
-    `copy`: an earlier copy, which is written again if it has the size.
+    `copy`: an earlier copy, reused if it has the right size.
     """
     while True:
         version, slot = parameters.published()
@@ -48,7 +48,7 @@ def _checkpoint(
     params: np.ndarray,
     config: SlamConfig,
 ) -> MapCheckpoint:
-    """Everything that going on in the map needs; `params` [P] lie as `parameters.layout` says."""
+    """Everything needed to continue the map; `params` [P] have the layout `parameters.layout`."""
     keyframes, images = KeyframeImages.of(store)
     return MapCheckpoint(
         layout=parameters.layout,

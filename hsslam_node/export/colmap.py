@@ -1,7 +1,7 @@
 """A scene as the text files of COLMAP: cameras.txt, images.txt, points3D.txt.
 
-Cameras have x right, y down, z forward, as here. The pixel in the corner has its middle at (0.5, 0.5), half a
-pixel more than here. Poses map the world to the camera, quaternions are wxyz. Ids count from 1.
+Cameras have x right, y down, z forward, as here. The first pixel's centre is at (0.5, 0.5), here at (0, 0).
+Poses map the world to the camera, quaternions are wxyz. Ids count from 1.
 Source: https://colmap.github.io/format.html
 """
 
@@ -31,7 +31,7 @@ def observe(
     """The first `most` of points [N, 3] m, world, that lie on the surface that a camera measured.
 
     Args:
-        points: in an order such that the first ones lie everywhere.
+        points: ordered so that the first ones cover the scene.
         camera: of the depth.
         T_world_cam: [4, 4].
         depth_m: [H, W], planar, 0 = no measurement.
@@ -76,7 +76,7 @@ def images_text(
 def points_text(
     points: np.ndarray, colors: np.ndarray, observations: Iterable[Observations]
 ) -> str:
-    """points3D.txt of points [N, 3] m, world, with colours [N, 3] uint8 RGB and who observes them.
+    """points3D.txt of points [N, 3] m, world, with colours [N, 3] uint8 RGB and observations.
 
     Their error is 0 px: the observations are where the points project to.
     """

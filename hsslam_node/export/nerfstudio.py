@@ -1,4 +1,4 @@
-"""Posed images as transforms.json, which nerfstudio, Brush and others train views from."""
+"""Posed images as transforms.json, the input of nerfstudio, Brush and others."""
 
 import json
 from collections.abc import Sequence
@@ -16,9 +16,9 @@ def transforms_json(
 ) -> str:
     """The text of transforms.json for images of one camera without a lens, with poses [n, 4, 4].
 
-    Image k is images/NAME.jpg, its depth depth/NAME.png. Poses become camera to world with the axes of
-    OpenGL; their world stays, which is that of the points in `points_file`. The pixel in the corner has
-    its middle at (0.5, 0.5), so cx and cy are half a pixel more than those of `camera`.
+    Image k is images/NAME.jpg, its depth depth/NAME.png. Poses are camera to world, with OpenGL's camera
+    axes, in the world of the points in `points_file`. The first pixel's centre is at (0.5, 0.5), so cx
+    and cy are half a pixel more than those of `camera`.
     Source: https://docs.nerf.studio/quickstart/data_conventions.html
     """
     intrinsics = {

@@ -1,4 +1,4 @@
-"""OpenGL's axes; alone, as meshes and cameras of several formats have them."""
+"""OpenGL's axes, which meshes and cameras of several formats use."""
 
 import numpy as np
 

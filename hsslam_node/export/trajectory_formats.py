@@ -12,7 +12,7 @@ from hsslam_node.geometry.trajectory import Trajectory, format_stamp, tum_text
 TrajectoryFormat = Literal["tum", "kitti", "euroc", "csv"]
 
 KITTI_TIMES = ".kitti.times.txt"
-"""The end of the name of the file with `stamps_text`, beside the one in the format kitti."""
+"""Suffix of the file with `stamps_text`, beside the one in the format kitti."""
 
 _EUROC_HEAD = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
 _CSV_HEAD = "timestamp_s,tx_m,ty_m,tz_m,qx,qy,qz,qw"
@@ -60,7 +60,7 @@ TRAJECTORY_FORMATS: Mapping[TrajectoryFormat, tuple[str, Callable[[Trajectory], 
         }
     )
 )
-"""By format: the end of a file's name, and what makes its text."""
+"""By format: suffix of the file, and the function that makes its text."""
 
 
 def _quaternions(trajectory: Trajectory) -> np.ndarray:

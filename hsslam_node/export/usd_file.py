@@ -14,7 +14,7 @@ _SCENE, _MESH = "/hsslam", "/hsslam/mesh"
 
 
 def expect_usd() -> None:
-    """Raises UserError if the package is not there."""
+    """Raises UserError if the package is missing."""
     try:
         import pxr  # noqa: F401
     except ImportError:
@@ -33,7 +33,7 @@ def write_usd(path: Path, vertices: np.ndarray, faces: np.ndarray, colors: np.nd
         colors: [V, 3] uint8 sRGB; the file has linear ones.
 
     Raises:
-        UserError: the package is not there.
+        UserError: the package is missing.
         OSError: the file cannot be written.
 
     Source: https://openusd.org/release/api/class_usd_geom_mesh.html
