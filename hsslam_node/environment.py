@@ -1,6 +1,6 @@
 """The environment variables that HS-SLAM reads, with their documentation; no other module reads any.
 
-(Except `kernels/cache_folder.py`: a change there makes every machine compile its kernels anew.)
+Except `kernels/cache_folder.py`: a change there makes all machines compile their kernels anew.
 """
 
 import os
@@ -15,17 +15,17 @@ class Variable:
     meaning: str
 
     def value(self) -> str:
-        """What it is set to now; empty if it is not set."""
+        """The value now; empty if it is not set."""
         return os.environ.get(self.name, "")
 
     def set(self, value: str) -> None:
-        """For this process and those that it starts."""
+        """Set it for this process and its children."""
         os.environ[self.name] = value
 
 
 DATA = Variable(
     "HSSLAM_DATA",
-    "Folder where sources are looked for that are not here; published sequences are downloaded to it.",
+    "Folder of data sets: sources that are not here are looked up in it; downloads go to it.",
 )
 TUM_URL = Variable(
     "HSSLAM_TUM_URL",

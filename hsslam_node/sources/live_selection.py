@@ -1,4 +1,4 @@
-"""Which frames of a live camera are used; a file of its own as ROS 2 and RealSense share it."""
+"""Selects frames of a live camera; ROS 2 and the cameras' drivers share it."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

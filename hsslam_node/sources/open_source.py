@@ -1,4 +1,4 @@
-"""From the text after `--source` to a source."""
+"""Opens the source that `--source` names."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -27,10 +27,10 @@ def open_source(
 ) -> Source:
     """The source that `spec` names, of one of the `rows`: `synth:room`, `tum:FOLDER`, `realsense`, ...
 
-    The frames of a live camera end when `should_stop`.
+    The frames of a live camera end when `should_stop()`.
 
     Raises:
-        UserError: no such source, its files are not there, or its camera makes no sense.
+        UserError: no such source, its files are missing, or its camera is invalid.
     """
     options = options or SourceOptions()
     try:
@@ -43,8 +43,7 @@ def open_source(
     has_masks = bool(options.mask) and user_path(options.mask).is_dir()
     if has_masks and not (isinstance(source, ReadsInTime) and source.reads_masks):
         raise UserError(
-            f"--mask {options.mask}: source {spec} has no image files that masks of frames could be "
-            "named after: expected one image"
+            f"--mask {options.mask}: source {spec} has no image files: expected one mask, not a folder"
         )
     return _with_effects(source, replace(options, mask="") if has_masks else options)
 
@@ -52,7 +51,7 @@ def open_source(
 def _plain_source(
     spec: str, options: SourceOptions, should_stop: Callable[[], bool], rows: Sequence[SourceRow]
 ) -> Source:
-    """Imports what this one source needs: the supervisor opens it, too, to see that it is there."""
+    """Imports only what this source needs: the supervisor also opens it, to check it."""
     row = find_row(spec, rows)
     if row is None:
         raise unknown_source(spec, rows)

@@ -1,4 +1,4 @@
-"""Plain folders of images, `record:FOLDER`; a source is a file of its own."""
+"""Plain folders of images, `record:FOLDER`."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ class RecordSource(ImagePairSource):
 
 
 def _size_px(source: str, pairs: Sequence[ImagePair]) -> tuple[int, int]:
-    """Width and height of the first pair that can be used; raises what is wrong with the first of all."""
+    """Width and height of the first usable pair; without one, raises the fault of the first pair."""
     problem: UserError | None = None
     for _, color_file, depth_file in pairs[:_MOST_BROKEN]:
         try:

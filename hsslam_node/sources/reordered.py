@@ -11,11 +11,11 @@ from hsslam_node.sources.source import BadFrame, Source
 class Reordered:
     """A source whose n-th frame is frame `order[n]` of another, with stamps that run on.
 
-    Indices and stamps are those of a camera that never stopped. Frames that come out of turn are
-    kept in memory from when they are first read until they are last needed.
+    Indices and stamps are those of a camera that never stopped. Frames out of turn stay in memory
+    until their last use.
 
     Raises:
-        UserError: the other source has not as many frames.
+        UserError: the other source has fewer frames.
     """
 
     def __init__(self, source: Source, order: Sequence[int]) -> None:
@@ -32,7 +32,7 @@ class Reordered:
         self.depth_units_per_m = source.depth_units_per_m
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """The frames in the new order; what could not be read stays a `BadFrame`."""
+        """The frames in the new order; an unreadable one stays a `BadFrame`."""
         order = self._order[first:]
         last_use = {k: n for n, k in enumerate(order, first)}
         earliest = min(order, default=0)

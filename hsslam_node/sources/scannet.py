@@ -34,8 +34,8 @@ _CROP_PX = 10  # colour has a black border
 
 
 class ScanNetSource(ReadsInTime):
-    """A ScanNet scene. Depth lies on colour; the colour is brought onto the pixels of depth, and ten
-    pixels are cropped on every side. Frame n is stamped n / 30 s.
+    """A ScanNet scene. Depth is registered to colour; colour is resampled to the pixels of depth, and
+    ten pixels are cropped on every side. Frame n is stamped n / 30 s.
 
     Raises:
         UserError: the scene or its calibration is missing or damaged.
@@ -47,7 +47,7 @@ class ScanNetSource(ReadsInTime):
         self._rows = list(options.selected(len(stamps)))
         self._stamps_ns = [int(stamps[row]) for row in self._rows]
         if not self._rows:
-            raise UserError(f"source scannet:{name}: holds no frame: expected some")
+            raise UserError(f"source scannet:{name}: no frames: expected 1 or more")
         self._whole, self.depth_units_per_m, K_color = _calibration(self._scene)
         self._K_color = K_color
         folder = self._scene.folder
@@ -61,7 +61,7 @@ class ScanNetSource(ReadsInTime):
         self.frame_count: int | None = len(self._rows)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Every frame that is not late; one that cannot be read comes as a `BadFrame`."""
+        """Every frame; an unreadable one is a `BadFrame`, a late one a `LateFrame`."""
         with ExitStack() as stack:
             read = self._reader(stack)
             for index in range(first, len(self._rows)):
@@ -86,7 +86,7 @@ class ScanNetSource(ReadsInTime):
                 )
 
     def _reader(self, stack: ExitStack) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
-        """From the row of a frame to colour [H, W, 3] RGB, of any size, and depth [H, W]."""
+        """Maps the row of a frame to colour [H, W, 3] RGB, of any size, and depth [H, W]."""
         sens, folder = self._scene.sens, self._scene.folder
         if sens is not None:
             file = stack.enter_context(sens.path.open("rb"))
@@ -114,7 +114,7 @@ class ScanNetSource(ReadsInTime):
 def on_depth(color: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarray:
     """The colour image [h, w, 3] as the camera of the depth sees it, [H, W, 3]; same centre and axes.
 
-    Shrunk by area first, so that nothing is left out, then shifted by the rest (pixel centres at
+    First shrunk by area, so that every pixel counts, then moved by the rest (pixel centres at
     integers).
     """
     h, w = color.shape[:2]
@@ -128,8 +128,7 @@ def on_depth(color: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarr
 
 
 def hidden_on_depth(hidden: np.ndarray, K_color: np.ndarray, camera: Camera) -> np.ndarray:
-    """Which pixels of the depth are hidden, [H, W] bool: those whose nearest pixel of the colour is hidden in
-    its mask [h, w] bool."""
+    """Mask [H, W] of the depth pixels whose nearest colour pixel is hidden by the mask [h, w] of colour."""
     return _moved(hidden.astype(np.uint8), K_color, camera, cv2.INTER_NEAREST) > 0
 
 
@@ -210,8 +209,8 @@ def _size(files: Iterable[Path], read: Callable[[Path], np.ndarray]) -> tuple[in
 
 
 def scannet_truth(name: str, options: SourceOptions) -> Truth | None:
-    """Poses and mesh. A frame whose pose the scene's authors do not know (-inf) has no truth; None if no
-    frame has. For the evaluator only.
+    """Poses and mesh, without frames of unknown pose (-inf in the scene); None if no pose is known. For
+    the evaluator only.
     """
     scene = ScanNetScene.find(name)
     rows = np.array(options.selected(len(scene.numbers())), np.int64)

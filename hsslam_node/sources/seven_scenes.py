@@ -19,7 +19,7 @@ from hsslam_node.sources.source import BadFrame, IsLate
 
 RATE_HZ = 30.0  # of a Kinect v1; the layout has no stamps
 _SIZE_PX = (640, 480)
-# Of the depth camera, as the data set's page has them: those of KinectFusion, which made the poses.
+# Of the depth camera, from the data set's page: those of KinectFusion, which made the poses.
 _DEPTH_CAMERA = {"fx": 585.0, "fy": 585.0, "cx": 320.0, "cy": 240.0, "depth_scale": 1000.0}
 _NO_DEPTH = 65535
 
@@ -29,7 +29,7 @@ class SevenScenesSource(ImagePairSource):
 
     Depth keeps its own pixels and intrinsics. The published colour images are not registered to it, and the
     data set has no calibration to do so: shape and poses are right, colour is off by some pixels. For
-    images that were registered since, a `camera.json` in the folder or `--camera` replaces the intrinsics.
+    registered images, a `camera.json` in the folder or `--camera` replaces the intrinsics.
 
     Raises:
         UserError: the folder or its images are missing, or the camera is wrong.
@@ -46,7 +46,7 @@ class SevenScenesSource(ImagePairSource):
         super().__init__(f"7scenes:{name}", _pairs(folder), camera, units_per_m, options)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Every frame that is not late; a pixel of 65535, which means no depth here, becomes 0."""
+        """As `ImagePairSource`; a depth of 65535, which means no measurement, becomes 0."""
         for item in super().frames_in_time(first, is_late):
             if isinstance(item, Frame):
                 depth = np.where(item.depth_raw == _NO_DEPTH, np.uint16(0), item.depth_raw)
@@ -73,8 +73,8 @@ def _find(name: str) -> Path:
         if path.is_dir():
             return path
     raise UserError(
-        f"source 7scenes:{name}: no such folder here or in $HSSLAM_DATA: expected a sequence, as "
-        "redkitchen/seq-01"
+        f"source 7scenes:{name}: no such folder here or in $HSSLAM_DATA: expected a sequence such "
+        "as redkitchen/seq-01"
     )
 
 

@@ -1,4 +1,4 @@
-"""What every source looks like to the rest of the system; alone, as all sources import it."""
+"""The interface of all sources."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ from hsslam_node.geometry.camera import Camera, camera_difference
 
 
 class Source(Protocol):
-    """A sequence of RGB-D frames, without ground truth: that is `evaluation.open_ground_truth`."""
+    """A sequence of RGB-D frames; `evaluation.open_ground_truth` has the ground truth."""
 
     name: str
     camera: Camera  # without distortion
@@ -19,23 +19,23 @@ class Source(Protocol):
     depth_units_per_m: float
 
     def frames(self, first: int = 0) -> "Iterator[Frame | BadFrame]":
-        """Frames in order of their stamps; what cannot be read comes as a `BadFrame`.
+        """Frames in order of their stamps; an unreadable one comes as a `BadFrame`.
 
-        `first`: how many are left out, without being decoded; a live camera takes no notice.
+        `first`: number of frames to skip without decoding them; live cameras ignore it.
         """
         ...
 
 
-IsLate = Callable[[int, int], bool]  # of index and stamp (ns): is the next frame due, too?
+IsLate = Callable[[int, int], bool]  # index, stamp (ns): is the next frame due, too?
 
 
 def never_late(index: int, stamp_ns: int) -> bool:
-    """All frames are wanted, however long they take."""
+    """No frame is late: the source reads all."""
     return False
 
 
 class ReadsInTime(ABC):
-    """A recording that leaves out frames before it decodes them, if it is slower than the sensor was."""
+    """A recording that can skip late frames before it decodes them."""
 
     reads_masks = False
     """Whether it applies masks of frames, from the folder that `--mask` names."""
@@ -55,7 +55,7 @@ class SourceLostError(Exception):
 
 @dataclass(frozen=True)
 class BadFrame:
-    """A frame that could not be read: counted and told, and the run goes on."""
+    """An unreadable frame: the run counts and reports it, and goes on."""
 
     index: int
     stamp_ns: int
@@ -64,20 +64,20 @@ class BadFrame:
 
 @dataclass(frozen=True)
 class LateFrame(BadFrame):
-    """A frame that was not read, since it was late: counted, and the run goes on."""
+    """A frame that was skipped as late: the run counts it, and goes on."""
 
     reason: str = "late"
 
 
 def frames_in_time(source: Source, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-    """The frames of any source from `first` on; late ones are left out if the source can do that."""
+    """The frames of any source from `first` on; late ones are skipped if the source can do that."""
     if isinstance(source, ReadsInTime):
         return source.frames_in_time(first, is_late)
     return source.frames(first)
 
 
 def of_one_camera(source: Source, frame: Frame) -> Frame | BadFrame:
-    """The frame; a `BadFrame` if its camera or depth scale is not the source's, as a log may have."""
+    """The frame, or a `BadFrame` if its camera or depth scale is not the source's, as in some logs."""
     if difference := camera_difference(frame, source):
         reason = f"{difference} as in the first frame"
         return BadFrame(frame.index, frame.stamp_ns, reason)

@@ -1,4 +1,4 @@
-"""One kind of source as a row of a table, and what is read from such a table: find, guess, suggest."""
+"""One kind of source as a row of a table, and look-ups in such a table: find, guess, suggest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,17 +30,17 @@ class SourceRow:
     """Import path of `(name, options) -> Source`, of a live camera `(name, options, should_stop)`. None:
     frames come over the bus, there is nothing to open."""
     only_examples: bool = False
-    """True: nothing but the examples; False: any name after the colon."""
+    """True: only the examples exist; False: any name after the colon."""
     is_live: bool = False
-    """True: frames come on the camera's own clock, and a frame that is not taken is gone."""
+    """True: frames come on the camera's own clock, and a frame that is not read is lost."""
     needs_port: bool = False
     """True: programs outside the run send the frames, so its router listens on a port."""
     only_forwards: bool = False
-    """True: its frames cannot be played backwards or held; so it is with every live camera."""
+    """True: its frames cannot be played backwards or held. Those of live cameras never can."""
     camera_options: tuple[str, ...] | None = None
-    """Fields of `CameraOptions` that it reads; others are refused. None: all, or a plugin sees to it."""
+    """Fields of `CameraOptions` that it reads; others are refused. None: all, or a plugin checks them."""
     check: str | None = None
-    """Import path of `(name, options)`; raises UserError if a live camera cannot be there. Opens nothing."""
+    """Import path of `(name, options)`; raises UserError if a live camera is missing. Opens nothing."""
     looks_like: Callable[[Path], bool] = lambda path: False
     """Whether a file or folder is of this kind, to suggest it in errors."""
     ground_truth: str | None = None
@@ -51,7 +51,7 @@ class SourceRow:
     package: str = ""
     """The installed package that it comes from; empty: this one."""
     fault: str = ""
-    """Why no source of it can be opened; empty: they can."""
+    """Why its sources cannot be opened; empty: they can."""
 
     def matches(self, spec: str) -> bool:
         """Whether `spec` is a source of this kind."""
@@ -60,12 +60,12 @@ class SourceRow:
             return kind == self.kind
         if self.only_examples:
             return spec in self.examples
-        # `orbbec` alone is an example, too: the first camera that there is
+        # `orbbec` alone is an example, too: the first camera found
         return kind == self.kind and (bool(name) or spec in self.examples)
 
 
 def refuse_unread_options(row: SourceRow, spec: str, options: SourceOptions) -> None:
-    """Raises UserError if an option is set that sources of this kind cannot heed."""
+    """Raises UserError if an option is set that sources of this kind do not read."""
     if options.reorders and (row.only_forwards or row.is_live):
         raise UserError(
             f"--to-and-fro, --hold-frames: source {spec} plays forwards only: expected image files or synth:"
@@ -79,7 +79,7 @@ def refuse_unread_options(row: SourceRow, spec: str, options: SourceOptions) -> 
             others = ", ".join(f"--camera.{read.replace('_', '-')}" for read in reads)
             expected = f"only {others}" if others else "no --camera option"
             raise UserError(
-                f"--camera.{name.replace('_', '-')} {number}: source {spec} brings its camera along: "
+                f"--camera.{name.replace('_', '-')} {number}: source {spec} has its own camera: "
                 f"expected {expected}"
             )
 
@@ -95,7 +95,7 @@ def source_name(spec: str) -> str:
 
 
 def imported(path: str) -> Callable[..., Any]:
-    """What an import path `module:name` of a row names."""
+    """The object of an import path `module:name` of a row."""
     module, _, name = path.partition(":")
     return getattr(import_module(module), name)
 
@@ -114,7 +114,7 @@ def guess_source(place: str, rows: Sequence[SourceRow]) -> str:
 
 
 def source_examples(rows: Sequence[SourceRow]) -> tuple[str, ...]:
-    """What a user may type, of all kinds."""
+    """The examples of all kinds."""
     return tuple(example for row in rows for example in row.examples)
 
 
@@ -137,7 +137,7 @@ def has_files(pattern: str) -> Callable[[Path], bool]:
 
 
 def has_suffix(suffix: str) -> Callable[[Path], bool]:
-    """For `looks_like`: a file whose name ends so."""
+    """For `looks_like`: a file with this suffix."""
     return lambda path: path.is_file() and path.suffix == suffix
 
 

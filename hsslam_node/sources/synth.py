@@ -50,8 +50,7 @@ class SynthSource(ReadsInTime):
         self.depth_units_per_m = _UNITS_PER_M
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Every frame that is not late; the first call builds the textures (seconds), unless they are in the
-        cache."""
+        """Every frame, a late one as a `LateFrame`; first builds textures that are not cached (seconds)."""
         from hsslam_node.synth.rendering.renderer import Renderer  # imports numba and OpenCV
 
         renderer = Renderer(self._scene, self.camera, _UNITS_PER_M, self._seed)
@@ -68,7 +67,7 @@ class SynthSource(ReadsInTime):
 def synth_truth(
     name: str, options: SourceOptions
 ) -> tuple[Trajectory, "Callable[[], trimesh.Trimesh]"]:
-    """Exact trajectory of the frames of `SynthSource(name, options)`, and the mesh of what stands still."""
+    """Exact trajectory of the frames of `SynthSource(name, options)`, and the mesh of static parts."""
     from hsslam_node.synth.rendering.scene_mesh import scene_mesh  # imports trimesh
 
     trajectory, _ = _trajectory(name, options)
@@ -76,7 +75,7 @@ def synth_truth(
 
 
 def _trajectory(name: str, options: SourceOptions) -> tuple[Trajectory, Sequence[int]]:
-    """Of the frames that are used, and which those are."""
+    """Trajectory of the frames in use, and their rows."""
     poses = SCENES[name].poses(options.synth)
     rows = options.selected(len(poses))
     stamps_ns = np.round(np.arange(len(poses)) * (1e9 / options.synth.rate_hz)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Sequences in TUM layout: where one lies, its camera, which depth image belongs to which colour image."""
+"""Sequences in TUM layout: folder, camera, and pairs of colour and depth images."""
 
 import re
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class TumFolder:
         $HSSLAM_DATA). A published sequence that is not on disk is fetched: `TumArchive.fetch`.
 
         Raises:
-            UserError: not on disk and not to be had.
+            UserError: not on disk, and the download fails.
         """
         archive = TumArchive.named(name)
         names = [name] if archive is None else [archive.folder_name, name]
@@ -155,7 +155,7 @@ def tum_truth(name: str, options: SourceOptions) -> Truth | None:
     truth = Trajectory(truth.stamps_ns[order], truth.T_world_cam[order])
     rows = options.selected(len(folder.pairs))
     frames = np.array([stamp_ns for stamp_ns, _, _ in folder.pairs], np.int64)
-    played = sorted(set(rows))  # one that comes again has its pose again
+    played = sorted(set(rows))  # repeated frames have one pose
     pairs = associate(frames[played], truth.stamps_ns, MAX_DT_NS)
     if not pairs:
         raise UserError(f"{path}: no pose within 20 ms of a frame of rgb.txt")

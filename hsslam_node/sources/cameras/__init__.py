@@ -1,1 +1,1 @@
-"""Cameras on this machine: drivers, imported late, the loop that they share, and rows of plugins."""
+"""Cameras on this machine: drivers (imported on use), their common loop, rows of plugins."""

@@ -16,7 +16,7 @@ from hsslam_node.sources.source import BadFrame
 
 _WAIT = timedelta(milliseconds=200)
 _SIZE_PX, _STEREO_PX, _RATE_HZ = (640, 480), (640, 400), 30.0
-_SAME = timedelta(milliseconds=10)  # stamps of colour and depth of one frame
+_SAME = timedelta(milliseconds=10)  # between colour and depth of one frame
 _DEPTH_UNITS_PER_M = 1000.0
 
 
@@ -52,7 +52,7 @@ class OakSource:
         self.frame_count: int | None = options.frames
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        """Frames as they come; a `BadFrame` after each 5 s without."""
         yield from self._watched.selected(self._options, self._stop)
 
     def _stop(self) -> None:
@@ -106,8 +106,8 @@ def oak_frame(color: Any, depth: Any) -> Frame | BadFrame:
 
 
 def _pairs(dai: Any, pipeline: Any, platform: Any) -> Any:
-    """A queue of colour and depth of one time; depth is aligned by the stereo node, or by one of its own on
-    RVC4, whose stereo node cannot."""
+    """A queue of synchronous colour and depth. The stereo node aligns depth; on RVC4, where it cannot, the
+    node ImageAlign does."""
     sockets, node = dai.CameraBoardSocket, dai.node
     color = pipeline.create(node.Camera).build(sockets.CAM_A)
     left, right = (
@@ -118,7 +118,7 @@ def _pairs(dai: Any, pipeline: Any, platform: Any) -> Any:
     )  # fmt: skip
     image = color.requestOutput(
         _SIZE_PX, dai.ImgFrame.Type.RGB888i, dai.ImgResizeMode.CROP, _RATE_HZ, True
-    )  # the last: without lens distortion
+    )  # True: undistorted
     stereo = pipeline.create(node.StereoDepth).build(
         left, right, presetMode=node.StereoDepth.PresetMode.DEFAULT
     )

@@ -17,7 +17,7 @@ from hsslam_node.sources.options.source import SourceOptions
 from hsslam_node.sources.source import BadFrame
 
 _WAIT_MS = 200
-_WIDTH_PX, _RATE_HZ = 640, 30  # that are asked for; a camera without them sends its default
+_WIDTH_PX, _RATE_HZ = 640, 30  # requested; a camera without this mode sends its default
 _FROM_YUV = {
     "YUYV": cv2.COLOR_YUV2RGB_YUYV,
     "YUY2": cv2.COLOR_YUV2RGB_YUYV,
@@ -62,7 +62,7 @@ class OrbbecSource:
         self.frame_count: int | None = options.frames
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        """Frames as they come; a `BadFrame` after each 5 s without."""
         yield from self._watched.selected(self._options, self._pipeline.stop)
 
     def _next(self) -> Frame | BadFrame | None:
@@ -151,7 +151,7 @@ def rgb_image(data: np.ndarray, form: str, width: int, height: int) -> np.ndarra
     """Colour [H, W, 3] uint8 RGB from the bytes of a frame whose `OBFormat` has this name.
 
     Raises:
-        UserError: the format is another, or the bytes are not of this size.
+        UserError: another format, or the bytes do not fit the size.
     """
     data = np.frombuffer(np.ascontiguousarray(data), np.uint8)
     try:
@@ -177,7 +177,7 @@ def depth_image(data: np.ndarray, width: int, height: int) -> np.ndarray:
     """Depth [H, W] uint16 from the bytes of a frame.
 
     Raises:
-        UserError: they are not of the size of the colour, which depth was aligned to.
+        UserError: not the size of colour, to which depth is aligned.
     """
     data = np.frombuffer(np.ascontiguousarray(data), np.uint8)
     if len(data) != 2 * width * height:

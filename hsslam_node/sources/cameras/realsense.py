@@ -18,7 +18,7 @@ _WAIT_MS = 200
 
 
 class RealsenseSource:
-    """Colour, and depth aligned to it by the camera's own software, as they come.
+    """Colour, and depth aligned to it by Intel's software, as they come.
 
     Stamps are the camera's. `should_stop` ends the frames.
 
@@ -62,7 +62,7 @@ class RealsenseSource:
         self.depth_units_per_m = 1.0 / float(scale_m)
 
     def frames(self, first: int = 0) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        """Frames as they come; a `BadFrame` after each 5 s without."""
         yield from self._watched.selected(self._options, self._pipeline.stop)
 
     def _next(self) -> Frame | BadFrame | None:
@@ -100,7 +100,7 @@ def check_realsense(name: str, options: SourceOptions) -> None:
 
 
 def expect_realsense(serial: str) -> Any:
-    """The module pyrealsense2, if it and a camera (of this serial number) are there.
+    """The module pyrealsense2; checks that a camera (of this serial number) exists.
 
     Raises:
         UserError: which of them is missing.
@@ -113,7 +113,7 @@ def expect_realsense(serial: str) -> Any:
 
 
 def realsense_camera(intrinsics: Any) -> Camera:
-    """Camera of `rs.intrinsics`; like ROS, takes its five coefficients for those of OpenCV."""
+    """Camera of `rs.intrinsics`; its five coefficients count as OpenCV's, as in ROS."""
     lens = tuple(float(value) for value in intrinsics.coeffs)
     return Camera(
         width_px=int(intrinsics.width),

@@ -1,4 +1,4 @@
-"""Rows of the plugins of this package; apart from their drivers, which are loaded with the source."""
+"""Rows of the plugins of this package; opening a source imports its driver."""
 
 from hsslam_node.sources.source_row import SourceRow
 

@@ -1,4 +1,4 @@
-"""The loop of a camera that a driver on this machine reads: frames, silence, and a camera that is gone."""
+"""The loop that reads a camera on this machine: frames, silence, and a camera that is unplugged."""
 
 import contextlib
 import time
@@ -17,7 +17,7 @@ _MOST_SILENCES = 3  # in a row: then the camera is opened again
 
 @dataclass(frozen=True)
 class WatchedCamera:
-    """Raises `SourceLostError` if the camera is gone or says nothing for 15 s, so that it is opened again.
+    """Raises `SourceLostError`, to be opened again, if the camera is gone or sends nothing for 15 s.
 
     `next_frame` waits a fraction of a second for a frame; None: there was none. `expect_there` raises
     `UserError` if the camera is not plugged in.
@@ -34,15 +34,15 @@ class WatchedCamera:
     def selected(
         self, options: SourceOptions, stop: Callable[[], None]
     ) -> Iterator[Frame | BadFrame]:
-        """The frames that the options select; `stop` ends the driver, also of a camera that is gone."""
+        """The frames that the options select; at the end `stop` ends the driver."""
         try:
             yield from selected_live(self.frames(), options)
         finally:
-            with contextlib.suppress(Exception):  # of a camera that is unplugged
+            with contextlib.suppress(Exception):  # if the camera is unplugged
                 stop()
 
     def frames(self) -> Iterator[Frame | BadFrame]:
-        """Frames as they come; every 5 s without one as a `BadFrame`."""
+        """Frames as they come; a `BadFrame` after each 5 s without."""
         heard_s, silences = time.monotonic(), 0
         while not self.should_stop():
             try:
@@ -54,12 +54,12 @@ class WatchedCamera:
                 yield frame
             elif time.monotonic() - heard_s > _SILENCE_S:
                 heard_s, silences = time.monotonic(), silences + 1
-                text = f"nothing for {_SILENCE_S:g} s: see the {self.cable}"
+                text = f"nothing for {_SILENCE_S:g} s: check the {self.cable}"
                 yield BadFrame(0, time.time_ns(), text)
                 self._expect_to_hear(silences)
 
     def first(self, within_s: float = 10.0) -> Frame:
-        """The first frame, which tells size and lens.
+        """The first frame, which gives size and lens.
 
         Raises:
             UserError: there is none.

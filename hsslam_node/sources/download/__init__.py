@@ -1,1 +1,1 @@
-"""Files and archives from the network: resumed where they broke off, checked, put in place at once."""
+"""Downloads of files and archives: resumed, checked, and moved into place when complete."""

@@ -1,4 +1,4 @@
-"""The folder of data sets, $HSSLAM_DATA; apart, as sources and downloads share it."""
+"""The folder of data sets, $HSSLAM_DATA; sources and downloads share it."""
 
 from pathlib import Path
 
@@ -13,6 +13,6 @@ def data_folder() -> Path | None:
 
 
 def possible_places(name: str) -> list[Path]:
-    """Where a source may lie: the path itself (absolute, or from here), then the one in $HSSLAM_DATA."""
+    """Paths of a source, in order: the path itself (absolute, or from here), then in $HSSLAM_DATA."""
     data = data_folder()
     return [user_path(name), *([data / name] if data else [])]

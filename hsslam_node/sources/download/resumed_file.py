@@ -1,4 +1,4 @@
-"""One file over HTTP, resumed where it broke off."""
+"""Downloads one file over HTTP, or resumes it."""
 
 import fcntl
 import http.client
@@ -17,23 +17,23 @@ from hsslam_node.progress import Report
 
 _CHUNK_BYTES = 1 << 18
 _SILENCE_S = 30.0
-_PAUSES_S = (0.5, 2.0, 5.0)  # before another try; anew after each that brought something
+_PAUSES_S = (0.5, 2.0, 5.0)  # before each retry; a try that brought bytes starts over
 _BROKEN = (OSError, http.client.HTTPException)  # URLError and time-outs are OSErrors
 
 
 class _CannotFetchError(Exception):
-    """No use in trying again; the text says why."""
+    """A retry is of no use; the text is the reason."""
 
 
 def download(url: str, target: Path, report: Report, room_factor: float = 1.0) -> None:
-    """Put the file at `url` to `target`, whose folder is there; what a broken download has left in
-    `target.part` is kept and gone on from (HTTP Range).
+    """Download the file at `url` to `target`, whose folder exists; resumes a broken download in
+    `target.part` (HTTP Range).
 
-    The size is that which the server tells; `target` appears when it is all there. At least
-    `room_factor` times the size must be free on the disk.
+    The server reports the size; `target` appears when it is complete. At least `room_factor` times the
+    size must be free on the disk.
 
     Raises:
-        UserError: no answer, refused, broken off again and again, no room, or another process fetches it.
+        UserError: no answer, refused, broken again and again, no room, or another process fetches it.
     """
     if not re.match(r"https?://", url):
         raise UserError(f"{url}: expected an address that begins with https:// or http://")
@@ -42,7 +42,7 @@ def download(url: str, target: Path, report: Report, room_factor: float = 1.0) -
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise UserError(f"{part}: another process is fetching it: wait for that one") from None
+            raise UserError(f"{part}: another process is downloading it: wait for it") from None
         try:
             _fetch(url, file, report, room_factor)
         except _CannotFetchError as error:
@@ -54,14 +54,14 @@ def download(url: str, target: Path, report: Report, room_factor: float = 1.0) -
 
 
 def _fetch(url: str, file: BinaryIO, report: Report, room_factor: float) -> None:
-    """Try until everything is there; gives up when the first try, or some in a row, bring nothing."""
+    """Try until the file is complete; give up if the first try, or several in a row, bring no bytes."""
     start = furthest = file.tell()
     failures = 0
     while True:
         try:
             if _fetch_once(url, file, report, room_factor):
                 return
-            reason = "broken off"
+            reason = "connection lost"
         except urllib.error.HTTPError as error:
             reason = f"{error.code} {error.reason}"
             if error.code < 500:
@@ -77,7 +77,7 @@ def _fetch(url: str, file: BinaryIO, report: Report, room_factor: float) -> None
 
 
 def _fetch_once(url: str, file: BinaryIO, report: Report, room_factor: float) -> bool:
-    """One request for what is missing; whether everything is there now."""
+    """Request the missing bytes once; whether the file is complete now."""
     have = file.tell()
     headers = {"User-Agent": f"hsslam/{__version__}"}
     if have:
@@ -105,7 +105,7 @@ def _fetch_once(url: str, file: BinaryIO, report: Report, room_factor: float) ->
 
 
 def _accept(response: http.client.HTTPResponse, file: BinaryIO) -> int | None:
-    """The size of the whole file; one that is sent from its beginning replaces what is there."""
+    """The size of the whole file; empties ours if the server sends it from the beginning."""
     if response.status == 206:
         content_range = response.headers.get("Content-Range", "")
         if not content_range.startswith(f"bytes {file.tell()}-"):
@@ -142,7 +142,7 @@ def _write(file: BinaryIO, chunk: bytes) -> None:
     try:
         file.write(chunk)
         file.flush()
-    except OSError as error:  # a full disk is no broken line
+    except OSError as error:  # a full disk needs no retry
         raise _CannotFetchError(f"{file.name}: {error.strerror}") from None
 
 

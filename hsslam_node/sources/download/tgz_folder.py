@@ -1,4 +1,4 @@
-"""A folder out of a .tgz archive: checked to the last byte, and there at once or not at all."""
+"""Unpacks a folder of a .tgz archive: checked to the last byte, and complete or not there."""
 
 import gzip
 import shutil
@@ -18,8 +18,8 @@ _MOST_MEMBERS, _MOST_BYTES = 1_000_000, 64 << 30  # a sequence has 10 000 files 
 def unpack_tgz(archive: Path, folder: Path, report: Report) -> None:
     """Unpack the folder `folder.name` of the archive to `folder`, which must not exist.
 
-    Everything is unpacked beside it first. Members that would lie elsewhere, links that lead elsewhere
-    and devices are refused. A damaged archive is removed, so that it is fetched again.
+    Everything is unpacked beside it first. Files and links outside the folder, and devices, are
+    refused. A damaged archive is removed, so that it is fetched again.
 
     Raises:
         UserError: damaged, not safe to unpack, without that folder, or the disk is full.

@@ -1,4 +1,4 @@
-"""The published TUM RGB-D sequences: their names, and how they come onto the disk."""
+"""The published TUM RGB-D sequences: their names and their download."""
 
 import re
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from hsslam_node.sources.download.tgz_folder import unpack_tgz
 
 _SITE = "https://cvg.cit.tum.de/rgbd/dataset"
 _NICKNAMES = {"fr3/office": "fr3/long_office_household"}
-_ROOM_FACTOR = 2.1  # the archive and what is in it: images that do not get smaller by packing
+_ROOM_FACTOR = 2.1  # the archive and its images, which compression does not make smaller
 _KNOWN = {
     "1": "xyz rpy 360 floor desk desk2 room plant teddy",
     "2": "xyz rpy 360_hemisphere 360_kidnap desk large_no_loop large_with_loop pioneer_360 pioneer_slam "
@@ -40,7 +40,7 @@ class TumArchive:
     def named(cls, name: str) -> "TumArchive | None":
         """The archive of a name `fr1/...`, `fr2/...` or `fr3/...`; None of anything else.
 
-        `$HSSLAM_TUM_URL` stands for the folder of the site in which `freiburg1` lies: a mirror.
+        `$HSSLAM_TUM_URL`: a mirror, instead of the folder of the site that contains `freiburg1`.
         """
         match = re.fullmatch(r"fr([123])/([\w-]+)", _NICKNAMES.get(name, name))
         if match is None:
@@ -52,13 +52,13 @@ class TumArchive:
 
     @property
     def path(self) -> Path:
-        """Where its folder is fetched to."""
+        """The folder that `fetch` makes."""
         return data_folders()[0] / self.folder_name
 
     def fetch(self) -> Path:
         """The folder of the sequence in the first of `data_folders()`, fetched and unpacked.
 
-        An archive that the user has put there is taken as it is.
+        An archive that the user has put there is not fetched.
 
         Raises:
             UserError: what went wrong, the address, and what to do by hand.
@@ -78,8 +78,8 @@ class TumArchive:
             raise UserError(f"source tum:{self.name}: {error}{self._advice(folder)}") from None
         except OSError as error:
             raise UserError(
-                f"source tum:{self.name}: {folder.parent}: {error.strerror}: expected a folder to "
-                "write to (HSSLAM_DATA names it)"
+                f"source tum:{self.name}: {folder.parent}: {error.strerror}: expected a writable "
+                "folder (set HSSLAM_DATA)"
             ) from None
         return folder
 
@@ -90,11 +90,11 @@ class TumArchive:
             names = [f"fr{number}/{name}" for name in known]
             every = f"; expected fr{number}/ with one of {', '.join(known)}"
             return did_you_mean(self.name, names, cutoff=0.7) or every
-        return f"; by hand: put that file to {folder.parent}, or unpack it there"
+        return f"; by hand: put that file in {folder.parent}, or unpack it there"
 
 
 def data_folders() -> list[Path]:
-    """Where sequences lie: $HSSLAM_DATA if that is set, and a folder of the user's cache. They are fetched
-    to the first."""
+    """Folders of sequences: $HSSLAM_DATA if it is set, and one of the user's cache. Downloads go to the
+    first."""
     data = data_folder()
     return [*([data] if data else []), cache_root() / "sequences"]

@@ -1,4 +1,4 @@
-"""A source whose frames are those of another, changed; apart, as every effect is one."""
+"""A source that changes the frames of another; the base of all effects."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -16,9 +16,9 @@ from hsslam_node.sources.source import (
 
 
 class ChangedSource(ReadsInTime):
-    """The frames of another source, each put through `changed`; what cannot be read stays a `BadFrame`.
+    """The frames of another source, each put through `changed`; an unreadable one stays a `BadFrame`.
 
-    A frame of another camera than the source's becomes one.
+    A frame of another camera than the source's becomes one, too.
     `suffix` is added to the name of the other source.
     """
 
@@ -32,11 +32,11 @@ class ChangedSource(ReadsInTime):
         self.reports = reports_of(source)
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """The frames of the other source, changed; late ones are left out if it can do that."""
+        """The frames of the other source, changed; late ones are skipped if it can do that."""
         for item in frames_in_time(self._source, first, is_late):
             frame = item if isinstance(item, BadFrame) else of_one_camera(self._source, item)
             yield frame if isinstance(frame, BadFrame) else self.changed(frame)
 
     @abstractmethod
     def changed(self, frame: Frame) -> Frame:
-        """This frame as the source delivers it."""
+        """The frame after the change."""

@@ -17,9 +17,9 @@ class Downscaled(ChangedSource):
     """A source whose images are `factor` times smaller along each side.
 
     Colour is averaged over the area of a pixel. Depth is not, since a mean across an edge lies on
-    neither surface: a pixel has the measurement at its centre. If the factor is even, the centre lies
-    between four measurements: of one surface their mean inverse depth, which is linear on a plane, else
-    that of the upper left one.
+    neither surface: a pixel has the measurement at its centre. If the factor is even, the centre is
+    between four measurements: those of one surface give their mean inverse depth, which is linear on
+    a plane, others the upper left one.
 
     Raises:
         UserError: the size of the images is not a multiple of the factor.

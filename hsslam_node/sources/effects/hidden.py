@@ -1,4 +1,4 @@
-"""Frames of which a mask hides a part, or a covered lens all."""
+"""Frames that a mask hides in part, or a covered lens as a whole."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from hsslam_node.user_path import user_path
 
 
 class Masked(ChangedSource):
-    """A source without depth in the pixels that are black in a mask, as of the robot itself in its view.
+    """A source without depth where a mask is black, such as at parts of the robot in view.
 
     `mask`: an image file of the size of the frames, which have no lens distortion; of a colour image
     the brightest channel counts.
@@ -43,7 +43,7 @@ class Covered(ChangedSource):
         self._covered = range(first, first + count)
 
     def changed(self, frame: Frame) -> Frame:
-        """The frame, without anything to be seen if it is one of these."""
+        """The frame, black and without depth if it is covered."""
         if frame.index not in self._covered:
             return frame
         color, depth_raw = np.zeros_like(frame.color), np.zeros_like(frame.depth_raw)

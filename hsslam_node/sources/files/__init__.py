@@ -1,1 +1,1 @@
-"""What lies on disk: images, cameras, time stamps, and the folders and files that readers share."""
+"""Files on disk: images, cameras, time stamps, and the layouts that sources share."""

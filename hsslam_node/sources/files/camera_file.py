@@ -64,11 +64,11 @@ def read_record_camera(
 ) -> tuple[Camera, float]:
     """The same for a plain folder of images (width, height in pixels), whose `camera.json` may be missing.
 
-    `given`, of options, goes before the file. Without fy it is fx, without cx, cy they are the middle of the
-    image.
+    `given`: values of options, which override the file. Default of fy is fx; default of cx, cy is the middle
+    of the image.
 
     Raises:
-        UserError: as `read_tum_camera`; names all that is missing; names the option of a value that is given;
+        UserError: as `read_tum_camera`, naming the options of `given`; fx or depth_scale is missing;
             the file is for another size.
     """
     fields = (_read_object(path) if path.exists() else {}) | given

@@ -16,7 +16,7 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 class FrameMasks:
     """Which pixels of each frame have no depth: those that are black in its mask.
 
-    A mask lies on the image as it is in its file, with the lens distortion that it has.
+    A mask has the pixels of the image file, with its lens distortion.
 
     Raises:
         UserError: a colour image has no mask.
@@ -36,8 +36,8 @@ class FrameMasks:
     def found(
         cls, mask: str, beside: Path | None, color_files: Sequence[Path]
     ) -> "FrameMasks | None":
-        """Those of the folder that `--mask` names, else of the folder `beside` the images if it exists; None:
-        there are none."""
+        """Masks of the folder that `--mask` names, else of the folder `beside` the images; None if there is
+        none."""
         if mask and user_path(mask).is_dir():
             return cls(user_path(mask), color_files)
         return cls(beside, color_files) if beside is not None and beside.is_dir() else None

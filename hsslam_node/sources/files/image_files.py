@@ -14,7 +14,7 @@ _TAIL_BYTES = 256  # some writers pad after the end marker
 
 
 class BadImageError(Exception):
-    """An image file that is missing, truncated or not what was promised; the text is one line."""
+    """An image file that is missing, truncated or not as expected; the text is one line."""
 
 
 def read_color(path: Path, camera: Camera) -> np.ndarray:
@@ -47,7 +47,7 @@ def read_mask(path: Path, camera: Camera) -> np.ndarray:
 
 
 def decode_color(data: bytes | np.ndarray, name: str, camera: Camera | None = None) -> np.ndarray:
-    """The same from memory; `name` is what messages call it."""
+    """As `read_color`, from memory; `name`: for errors."""
     _expect_whole(data, name, camera)
     return _expect_decoded(decoded_rgb(data), name)
 
@@ -69,7 +69,7 @@ def read_any_depth(path: Path) -> np.ndarray:
 
 
 def decode_depth(data: bytes | np.ndarray, name: str, camera: Camera | None = None) -> np.ndarray:
-    """The same from memory; `name` is what messages call it."""
+    """As `read_depth`, from memory; `name`: for errors."""
     _expect_whole(data, name, camera)
     image = _expect_decoded(decoded_as_stored(data), name)
     if image.dtype != np.uint16 or image.ndim != 2:
@@ -81,10 +81,10 @@ def decode_depth(data: bytes | np.ndarray, name: str, camera: Camera | None = No
 
 
 def expect_header(data: bytes | memoryview, name: str, camera: Camera | None = None) -> None:
-    """Look at the header of a PNG or JPEG before it is decoded; of other formats there is none to see.
+    """Check the header of a PNG or JPEG before it is decoded; other formats pass.
 
     Raises:
-        BadImageError: too many pixels for any image, or of another size than the camera, either way round.
+        BadImageError: too many pixels for any image, or neither the camera's size nor that size turned.
     """
     header = image_header(data)
     if header is None:

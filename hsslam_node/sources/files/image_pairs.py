@@ -19,8 +19,8 @@ ImagePair = tuple[int, Path, Path]  # stamp in ns, colour file, depth file
 class ImagePairSource(ReadsInTime):
     """Files of colour and of the depth registered to it, both undistorted.
 
-    `camera` is that of the files, with its distortion; `pairs` come in order of their stamps. `masks`: the
-    folder that masks of frames lie in, if it exists and `--mask` names no other.
+    `camera`: of the files, with its distortion. `pairs`: in order of their stamps. `masks`: folder of masks,
+    if it exists and `--mask` names no other.
     """
 
     reads_masks = True
@@ -51,7 +51,7 @@ class ImagePairSource(ReadsInTime):
         )
 
     def frames_in_time(self, first: int, is_late: IsLate) -> Iterator[Frame | BadFrame]:
-        """Every pair of images that is not late; one that cannot be read comes as a `BadFrame`."""
+        """Every pair of images; an unreadable one is a `BadFrame`, a late one a `LateFrame`."""
         for index in range(first, len(self._pairs)):
             stamp_ns, color_file, depth_file = self._pairs[index]
             if is_late(index, stamp_ns):

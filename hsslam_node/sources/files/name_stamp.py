@@ -1,4 +1,4 @@
-"""The time stamp or number in the name of an image; a file of its own as three layouts share it."""
+"""The time stamp or number in the name of an image."""
 
 import re
 from datetime import UTC, datetime
@@ -43,12 +43,12 @@ def name_stamp_ns(stem: str) -> int | None:
         return None
     try:
         return parse_stamp_ns(number)
-    except ValueError:  # more than nanoseconds can hold
+    except ValueError:  # too large for nanoseconds
         return None
 
 
 def long_stamp_ns(number: str) -> int | None:
-    """A number as a time since 1970, its unit told by its digits before the point; None of other lengths."""
+    """A number as a time since 1970, with the unit by its digits before the point; None: no such length."""
     digits, _, fraction = number.partition(".")
     unit_ns = None if digits[0] == "0" else _NS_BY_DIGITS.get(len(digits))
     if unit_ns is None:

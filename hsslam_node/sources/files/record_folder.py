@@ -24,7 +24,7 @@ _DEPTH_SUFFIXES = (".png", ".tif", ".tiff")
 
 @dataclass(frozen=True)
 class RecordFolder:
-    """A folder with `color/` (or `rgb/`) and `depth/`, nothing promised about the names in them."""
+    """A folder with `color/` (or `rgb/`) and `depth/`, and any file names in them."""
 
     path: Path
     options: RecordOptions
@@ -48,10 +48,10 @@ class RecordFolder:
         """(stamp of the colour image in ns, colour file, depth file), in order of the stamps.
 
         Stamps come from a list of times, else from the names, else from the rate. Depth is found by stamps
-        in the names of both, else by numbers in the names, else by order where there are as many.
+        in the names of both, else by numbers in the names, else by order if there are as many.
 
         Raises:
-            UserError: there are no images, or what belongs together cannot be told.
+            UserError: there are no images, or no way to pair them.
         """
         color = self._images(_COLOR_FOLDERS, _COLOR_SUFFIXES, "colour")
         depth = self._images(("depth",), _DEPTH_SUFFIXES, "depth")
@@ -110,7 +110,7 @@ class RecordFolder:
 
 
 def _all(of_name: Callable[[str], int | None], files: list[Path]) -> list[int] | None:
-    """What all of these names tell, each something else; None where one does not."""
+    """The values of all names; None if one has none, or two have the same."""
     found = [of_name(path.stem) for path in files]
     known = [value for value in found if value is not None]
     return known if len(set(known)) == len(files) else None

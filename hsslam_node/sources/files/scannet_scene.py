@@ -21,14 +21,14 @@ class ScanNetFolder:
     """An exported scene.
 
     Raises:
-        UserError: on use, where a file is missing or malformed.
+        UserError: on use, if a file is missing or malformed.
     """
 
     path: Path
 
     @cached_property
     def files(self) -> list[tuple[int, Path, Path]]:
-        """(number, colour file, depth file) of every frame of which there is one; the other may lack."""
+        """(number, colour file, depth file) of every frame with one of them; the other may be missing."""
         color, depth = self._numbered("color", "jpe?g|png"), self._numbered("depth", "png")
         numbers = sorted(color | depth)
         if not numbers:
@@ -54,7 +54,7 @@ class ScanNetFolder:
         return color[:3, :3], depth[:3, :3]
 
     def poses(self) -> np.ndarray:
-        """Camera to world of every frame, [N, 4, 4]; not finite where it is not known or not there."""
+        """Camera to world of every frame, [N, 4, 4]; not finite if it is not known or missing."""
         unknown = np.full((4, 4), -np.inf)
         found = self._numbered("pose", "txt")
         return np.array(
@@ -76,7 +76,7 @@ RATE_HZ = 30.0  # exported frames have no stamps: frame n is stamped n / 30 s, i
 
 @dataclass(frozen=True)
 class ScanNetScene:
-    """What a scene is read from: one of the two is set."""
+    """The files of a scene: one of the two is set."""
 
     path: Path
     folder: ScanNetFolder | None = None
@@ -111,7 +111,7 @@ class ScanNetScene:
         return np.array([round(n * 1e9 / RATE_HZ) for n in self.numbers()], np.int64)
 
     def T_world_cam(self) -> np.ndarray:
-        """[N, 4, 4]; not finite where the scene's authors could not tell. For the evaluator only."""
+        """[N, 4, 4]; not finite if the scene's authors do not know it. For the evaluator only."""
         if self.sens is not None:
             return self.sens.T_world_cam
         assert self.folder is not None

@@ -31,7 +31,7 @@ _LONGEST_NAME, _LARGEST_SIDE_PX = 4096, 16384
 
 @dataclass(frozen=True)
 class SensFrame:
-    """Where the images of a frame lie in the file; both follow each other."""
+    """Place of a frame's images in the file: colour, then depth."""
 
     offset: int  # bytes
     color_bytes: int
@@ -49,7 +49,7 @@ class SensFile:
     depth_size_px: tuple[int, int]
     depth_units_per_m: float
     frames: tuple[SensFrame, ...]
-    T_world_cam: np.ndarray  # [N, 4, 4] float64; not finite where it is not known
+    T_world_cam: np.ndarray  # [N, 4, 4] float64; not finite if it is not known
 
     @classmethod
     def open(cls, path: Path) -> "SensFile":
@@ -68,7 +68,7 @@ class SensFile:
         """The JPEG of a frame and its depth, [H, W] uint16, from the open file.
 
         Raises:
-            BadImageError: the depth cannot be decompressed, or the file has been cut meanwhile.
+            BadImageError: the depth cannot be decompressed, or the file was cut short meanwhile.
         """
         frame = self.frames[index]
         file.seek(frame.offset)
@@ -81,7 +81,7 @@ class SensFile:
         if len(raw) != 2 * width * height:
             raise BadImageError(
                 f"{self.path}: depth of frame {index}: {len(raw)} bytes: expected {width}x{height} "
-                "pixels of two"
+                "pixels of 2"
             )
         depth = np.frombuffer(raw, "<u2").reshape(height, width)
         return data[: frame.color_bytes], depth.astype(np.uint16)

@@ -18,7 +18,7 @@ Truth = tuple[Trajectory, MeshLoader | None]
 
 
 def mesh_loader(path: Path | None) -> MeshLoader | None:
-    """Reads the mesh when called, and raises UserError if it holds no triangles; None without a file."""
+    """Returns a function that reads the mesh; UserError if it has no triangles. None without a file."""
     return None if path is None else lambda: _load_mesh(path)
 
 

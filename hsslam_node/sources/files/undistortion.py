@@ -14,9 +14,9 @@ _WINDOW = np.ones((2, 2), np.uint8)
 class Undistortion:
     """Maps images of a distorted camera to the pinhole camera with the same K.
 
-    Colour is interpolated bilinearly, depth as in `resampled_depth`. Where no source pixel is, depth is 0 and
-    colour that of the border: a black border that stands still holds poses back. A camera without
-    distortion gets its images back untouched.
+    Colour is interpolated bilinearly, depth as in `resampled_depth`. Outside of the source image, depth is 0
+    and colour that of the border: a black border, which does not move, holds poses back. Images of a
+    camera without distortion stay as they are.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -66,7 +66,7 @@ def _take(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _inverse(depth: np.ndarray) -> np.ndarray:
-    """1 / depth, float32; 0 of 0."""
+    """1 / depth, float32; 0 for 0."""
     depth = depth.astype(np.float32)
     return np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
 

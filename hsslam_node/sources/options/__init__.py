@@ -1,1 +1,1 @@
-"""What a user can ask of a source, a class for each group of options."""
+"""Options of sources, a class for each group."""

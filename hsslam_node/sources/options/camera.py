@@ -1,4 +1,4 @@
-"""What a user can say of a camera: its lens and depth, and which RealSense it is."""
+"""Options of cameras: lens, depth scale, and which RealSense to open."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from hsslam_node.sources.options.limits import expect_range
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """Camera of record: and 7scenes:, before their camera.json; bag: and ros2: take depth_scale alone."""
+    """Camera of record: and 7scenes:, overrides their camera.json; bag: and ros2: read only depth_scale."""
 
     fx: float | None = None
     """Focal length along x, pixels."""

@@ -1,4 +1,4 @@
-"""Limits of the numbers in options; alone because all groups of options use it."""
+"""Checks the limits of numbers in options."""
 
 import math
 

@@ -35,13 +35,13 @@ class SourceOptions:
     noise: Literal["none", "kinect"] = "none"
     """Depth noise added to an exact source."""
     exposure: Literal["none", "drift"] = "none"
-    """Gain and bias added to the images, as of a camera that sets its own exposure."""
+    """Gain and bias of the images that change as with automatic exposure."""
     seed: int = 0
     """Seed of noise and exposure."""
     start: int = 0
     """Leave out this many frames at the beginning."""
     stride: int = 1
-    """Use every n-th frame of the others."""
+    """Use every n-th of the other frames."""
     frames: int | None = None
     """Use at most this many frames."""
     to_and_fro: int = 1
@@ -51,19 +51,19 @@ class SourceOptions:
     hold_frames: int = 0
     """Repeat that frame this many times, like a camera that stands still."""
     cover_at: int = 0
-    """Number of the first frame of which the lens is covered."""
+    """Number of the first frame with a covered lens."""
     cover_frames: int = 0
     """Cover the lens for this many frames: black, and without depth."""
     base_T_camera: tuple[float, ...] = ()
-    """Camera in base_link, whose motion odometry tells: x y z qx qy qz qw, m (none: looking ahead)."""
+    """Camera in base_link, the frame of odometry: x y z qx qy qz qw, m (none: looking ahead)."""
     odometry_noise: float = USUAL_NOISE
-    """Standard deviation of odometry after 1 m, m, and after 1 rad, rad."""
+    """Standard deviation of odometry after 1 m (in m) and 1 rad (in rad)."""
     camera_T_imu: tuple[float, ...] = ()
-    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: by /tf_static of ROS, else the IMU is in
-    the camera's centre and has its axes)."""
+    """IMU in the camera's optical frame: x y z qx qy qz qw, m (none: from /tf_static of ROS, else the IMU
+    has the camera's centre and axes)."""
     mask: str = ""
-    """Image file, or folder of images named as those of colour; where it is black, frames have no depth
-    (empty: none)."""
+    """Image file, or folder of images named like the colour images; black pixels get no depth (empty:
+    none)."""
     downscale: int = 1
     """Make images smaller by this factor along each side."""
     synth: SynthOptions = field(default_factory=SynthOptions)
@@ -99,11 +99,11 @@ class SourceOptions:
 
     @property
     def reorders(self) -> bool:
-        """Whether frames come more than once: stamps then run on, see `Restamped`."""
+        """Whether frames come more than once; then `Restamped` sets the stamps."""
         return self.to_and_fro > 1 or self.hold_frames > 0
 
     def recorded(self, count: int) -> range:
-        """What `--start` and `--stride` leave of `count` frames: each once, however many are used."""
+        """The frames that `--start` and `--stride` select of `count`, before all other options."""
         return range(self.start, count, self.stride)
 
     def selected(self, count: int) -> Sequence[int]:
@@ -119,7 +119,7 @@ class SourceOptions:
 
 
 def _to_and_fro(rows: Sequence[int], times: int) -> list[int]:
-    """The rows forwards, backwards, forwards ...; those at the turns come once."""
+    """The rows forwards, backwards, forwards ...; rows at the turns come once."""
     order = list(rows)
     back, forth = order[-2::-1], order[1:]
     for turn in range(1, times):

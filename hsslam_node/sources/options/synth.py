@@ -1,4 +1,4 @@
-"""The built-in scenes, as a user wants them."""
+"""Options of the built-in scenes."""
 
 from dataclasses import dataclass
 

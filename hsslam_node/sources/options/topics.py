@@ -22,11 +22,11 @@ class Ros2Options:
     domain: int = 0
     """ROS_DOMAIN_ID of the ROS nodes."""
     connect: str = ""
-    """Router of ROS nodes (empty: that on port 7447 here, our own or rmw_zenohd)."""
+    """Router of ROS nodes (empty: on port 7447 here, our own or rmw_zenohd)."""
     odometry: str = ""
-    """Odometry of the robot, nav_msgs/Odometry, as /odom (empty: none)."""
+    """Odometry of the robot, nav_msgs/Odometry, e.g. /odom (empty: none)."""
     imu: str = ""
-    """IMU of the camera, sensor_msgs/Imu, as /camera/imu (empty: none)."""
+    """IMU of the camera, sensor_msgs/Imu, e.g. /camera/imu (empty: none)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
     timeout_s: float = 10.0
@@ -39,7 +39,7 @@ class Ros2Options:
                 _expect_topic(f"--ros2.{name}", topic)
         expect_range("ros2.domain", self.domain, 0, 232)
         if self.connect and not re.fullmatch(r"[a-z-]+/\S+", self.connect):
-            raise UserError(f"--ros2.connect {self.connect!r}: expected as tcp/127.0.0.1:7447")
+            raise UserError(f"--ros2.connect {self.connect!r}: expected e.g. tcp/127.0.0.1:7447")
         expect_range("ros2.max-dt-ms", self.max_dt_ms, 0, 1000)
         if not 0 < self.timeout_s <= 3600:
             raise UserError(f"--ros2.timeout-s {self.timeout_s}: expected above 0, up to 3600")
@@ -48,10 +48,10 @@ class Ros2Options:
         """Topics of colour, depth and intrinsics of the camera of this name (`/camera`).
 
         Raises:
-            UserError: no name of a ROS 2 namespace.
+            UserError: not a ROS 2 namespace.
         """
         if not re.fullmatch(r"/|(/\w+)+", name):
-            raise UserError(f"source ros2:{name}: expected the camera's namespace, as ros2:/camera")
+            raise UserError(f"source ros2:{name}: expected a namespace, e.g. ros2:/camera")
         color, depth = (_below(name, topic) for topic in (self.color, self.depth))
         beside = f"{color.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
         return color, depth, _below(name, self.info) if self.info else beside
@@ -70,15 +70,15 @@ class BagOptions:
     """Topics of bag:FOLDER and bag:FILE; without them the bag must have one of each."""
 
     color: str = ""
-    """Colour images (empty: the only topic with some)."""
+    """Colour images (empty: the only topic of colour)."""
     depth: str = ""
-    """Depth images, registered to colour (empty: the only topic with some)."""
+    """Depth images, registered to colour (empty: the only topic of depth)."""
     info: str = ""
     """Intrinsics (empty: camera_info beside the colour images)."""
     odometry: str = ""
     """Odometry of the robot, nav_msgs/Odometry (empty: none is used)."""
     imu: str = ""
-    """IMU, sensor_msgs/Imu (empty: with --camera-T-imu the only topic with some, else none is used)."""
+    """IMU, sensor_msgs/Imu (empty: the only topic of an IMU if --camera-T-imu is set, else none)."""
     max_dt_ms: float = 15.0
     """Largest time between a colour image and its depth image, ms."""
 

@@ -1,1 +1,1 @@
-"""What comes from ROS 2 cameras, once it is decoded: images and which of them belong together."""
+"""Images of ROS 2 cameras: from messages to colour and depth, and pairs of the two."""

@@ -1,4 +1,4 @@
-"""An image as ROS sends it, raw or compressed, into colour or depth."""
+"""Converts an image of ROS, raw or compressed, to colour or depth."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -31,7 +31,7 @@ _CHANNELS = {"rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4, "8UC4": 4}
 _GREY = ("mono8", "8UC1")
 _DEPTH = ("16UC1", "32FC1", "mono16")
 _PNG_START = b"\x89PNG"
-_PNG_BITS = 24  # where a PNG has the bits of a value, then its kind of colour
+_PNG_BITS = 24  # offset of the bit depth in a PNG; the colour type follows
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class RawImage:
     step_bytes: int = 0
     is_big_endian: bool = False
     is_compressed: bool = False
-    frame_id: str = ""  # that ROS names the camera's optical frame by
+    frame_id: str = ""  # ROS name of the camera's optical frame
 
     @property
     def content(self) -> Literal["color", "grey", "depth", "unknown"]:
@@ -101,10 +101,10 @@ class RawImage:
         )
 
     def expect_size(self, camera: Camera) -> None:
-        """Look at the header of a compressed image, before it is decoded, and at the size of a raw one.
+        """Check the size of a raw image, or of a compressed one by its header, before it is decoded.
 
         Raises:
-            BadImageError: it is not of the camera's size.
+            BadImageError: it has not the camera's size.
         """
         if self.is_compressed:
             start = self._image_start()
@@ -130,14 +130,14 @@ class RawImage:
         return 12 if self.data[12:16].tobytes() == _PNG_START else 0
 
     def _compressed_depth(self) -> np.ndarray:
-        """A PNG of 16 bit, behind the 12 bytes that image_transport's compressedDepth puts before it."""
+        """Depth of a 16-bit PNG, without the 12 bytes that compressedDepth puts before it."""
         data = self.data.tobytes()
         if not self.encoding.startswith(("16UC1", "png")):
             raise BadImageError(f"depth in format {self.encoding!r}: expected a PNG of 16UC1")
         return decode_depth(data[self._image_start() :], f"depth in format {self.encoding!r}")
 
     def _pixels(self, dtype: np.dtype, channels: int) -> np.ndarray:
-        """Pixels [H, W] or [H, W, channels], without what pads the rows."""
+        """Pixels [H, W] or [H, W, channels], without padding of the rows."""
         row = self.width_px * channels * dtype.itemsize
         size = self.height_px * self.step_bytes
         if row == 0 or self.step_bytes < row or size == 0 or self.data.size < size:

@@ -1,4 +1,4 @@
-"""Colour and depth that come one by one, put together by their stamps."""
+"""Pairs colour and depth that come one by one, by their stamps."""
 
 import math
 from collections import deque
@@ -20,9 +20,9 @@ T = TypeVar("T", bound=Stamped)
 
 
 class StampPairs(Generic[T]):
-    """Gives a pair as soon as an image has a counterpart within `max_dt_ns` and no nearer one can come: at
-    most half the time between two images away. What is older than a pair that was given is forgotten, so
-    pairs come in order.
+    """Returns a pair as soon as an image has a counterpart within `max_dt_ns` that is at most half the
+    time between two images away: no nearer one can come. Images older than a returned pair are dropped,
+    so pairs come in order.
     """
 
     def __init__(self, max_dt_ns: int) -> None:
@@ -30,16 +30,16 @@ class StampPairs(Generic[T]):
         self._color: deque[T] = deque(maxlen=_KEPT)
         self._depth: deque[T] = deque(maxlen=_KEPT)
         self._color_steps, self._depth_steps = _Steps(), _Steps()
-        self.nearest_ns: int | None = None  # of two that were too far apart, for the operator
+        self.nearest_ns: int | None = None  # of two images too far apart, for the operator
 
     def add_color(self, image: T) -> tuple[T, T] | None:
-        """(this colour image, its depth image), if that is there."""
+        """(this colour image, its depth image), if it has come."""
         self._color_steps.add(image.stamp_ns)
         depth = self._counterpart(image, self._color, self._depth, self._depth_steps)
         return None if depth is None else (image, depth)
 
     def add_depth(self, image: T) -> tuple[T, T] | None:
-        """(its colour image, this depth image), if that is there."""
+        """(its colour image, this depth image), if it has come."""
         self._depth_steps.add(image.stamp_ns)
         color = self._counterpart(image, self._depth, self._color, self._color_steps)
         return None if color is None else (color, image)
@@ -76,6 +76,6 @@ class _Steps:
 
     @property
     def usual_ns(self) -> float:
-        """Their median: some images may be missing, others late; infinite before two have come."""
+        """The median time, as images may be missing or late; infinite before two have come."""
         steps = [abs(b - a) for a, b in pairwise(self._stamps_ns) if a != b]
         return median(steps) if steps else math.inf

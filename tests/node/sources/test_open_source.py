@@ -33,7 +33,7 @@ def test_options_of_the_camera_are_refused_where_the_source_does_not_read_them(
     tum_folder, replica_folder, camera, option
 ):
     for spec in (f"tum:{tum_folder}", f"replica:{replica_folder}", "synth:room"):
-        expected = f"{option}: source {spec} brings its camera along: expected no --camera option"
+        expected = f"{option}: source {spec} has its own camera: expected no --camera option"
         with pytest.raises(UserError, match=re.escape(expected)):
             open_source(spec, SourceOptions(camera=camera))
 

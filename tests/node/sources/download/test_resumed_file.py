@@ -65,7 +65,7 @@ def test_a_server_that_cannot_go_on_sends_it_anew(serve_files, tmp_path):
 
 def test_one_that_always_breaks_off_at_the_same_place_is_given_up(serve_files, tmp_path):
     server = serve_files({"/file": DATA}, breaks=[1000] + 9 * [0])
-    with pytest.raises(UserError, match="broken off at 1000 bytes, which are kept"):
+    with pytest.raises(UserError, match="connection lost at 1000 bytes, which are kept"):
         fetch(server, tmp_path)
     assert (tmp_path / "file.tgz.part").read_bytes() == DATA[:1000]
     server.breaks.clear()
@@ -98,5 +98,5 @@ def test_two_at_once_are_told(serve_files, tmp_path):
     server = serve_files({"/file": DATA})
     with (tmp_path / "file.tgz.part").open("ab") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        with pytest.raises(UserError, match="another process is fetching it"):
+        with pytest.raises(UserError, match="another process is downloading it"):
             fetch(server, tmp_path)

@@ -71,7 +71,7 @@ def test_without_a_network_it_says_what_to_do_by_hand(monkeypatch, tmp_path):
     name = "rgbd_dataset_freiburg3_long_office_household"
     url = f"{os.environ['HSSLAM_TUM_URL']}/freiburg3/{name}.tgz"
     assert str(error.value) == (
-        f"source tum:fr3/office: {url}: Connection refused; by hand: put that file to {tmp_path}, "
+        f"source tum:fr3/office: {url}: Connection refused; by hand: put that file in {tmp_path}, "
         "or unpack it there"
     )
     assert list(tmp_path.iterdir()) == []
