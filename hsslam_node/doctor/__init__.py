@@ -1,1 +1,1 @@
-"""Looks at a source before a run: a check is a function, arrays in, a `Finding` out."""
+"""Checks a source before a run: each check is a function from arrays to a `Finding`."""

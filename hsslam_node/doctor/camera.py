@@ -14,10 +14,8 @@ from hsslam_node.tracking.odometry import rgbd_odometry
 
 _NOTE_CENTRE = 0.06  # of the image's width or height
 _FAULT_ASPECT, _NOTE_ASPECT = 0.10, 0.03
-_VIEW_DEG = (
-    35.0,
-    125.0,
-)  # horizontal field of view of RGB-D cameras; Kinect 57 to 63, T265-like 110
+# horizontal field of view of RGB-D cameras; Kinect 57 to 63, T265-like 110
+_VIEW_DEG = (35.0, 125.0)
 _INTRINSICS = Check(
     "intrinsics",
     "degrees",
@@ -26,7 +24,7 @@ _INTRINSICS = Check(
 
 
 def check_intrinsics(camera: Camera) -> Finding:
-    """Field of view across, degrees; also the place of the principal point, and fx against fy."""
+    """Horizontal field of view, degrees; also checks the principal point, and fx against fy."""
     view_deg = math.degrees(2 * math.atan(camera.width_px / (2 * camera.fx)))
     off_x, off_y = camera.off_centre
     off = max(abs(off_x), abs(off_y))
@@ -52,7 +50,7 @@ _FAULT_PX, _NOTE_PX = 4.0, 2.0  # of an image 640 pixels wide
 
 
 def check_registration(images: Sequence[tuple[np.ndarray, np.ndarray]]) -> Finding:
-    """How far colour lies from depth, pixels; pairs of colour [H, W, 3] uint8 and depth [H, W] m (0 = none).
+    """Offset of colour from depth, pixels; pairs of colour [H, W, 3] uint8 and depth [H, W] m (0 = none).
 
     Shifts of up to 24 pixels (of 640) are found; a depth image of another focal length is not.
     """
@@ -63,8 +61,8 @@ def check_registration(images: Sequence[tuple[np.ndarray, np.ndarray]]) -> Findi
     shifts = edge_shifts(images)
     clear = [s for s in shifts or () if s.clear]
     if shifts is None or not clear:
-        seen = "too few edges that both images have to tell whether depth lies on colour"
-        return check.note(None, seen, "look at it in the viewer")
+        seen = "colour and depth share too few edges to check their registration"
+        return check.note(None, seen, "check it in the viewer")
     words = [
         f"{abs(s.shift_px):.1f} px {after if s.shift_px > 0 else before}"
         if s.clear
@@ -89,14 +87,14 @@ def check_registration(images: Sequence[tuple[np.ndarray, np.ndarray]]) -> Findi
     return check.ok(off, seen)
 
 
-REACH_PX = 24  # of an image 640 pixels wide; also how far is searched
+REACH_PX = 24  # largest shift, in an image 640 pixels wide
 _WIDTH_PX = 640
-# a jump of depth is looked for across twice that, so that a seam without depth is bridged
+# a jump of depth spans twice that, to bridge a seam without depth
 _STEP_PX = 3
 _JUMP = 0.10  # of the depth
-_BRIGHTEST = 97.0  # percentile at which gradients are cut: no single edge rules
-_AROUND_PX = 41  # a gradient counts by what it has over its surroundings
-_PEAK_PX = 9  # around the peak; what lies outside is what chance gives
+_BRIGHTEST = 97.0  # percentile that clips gradients: no single edge rules
+_AROUND_PX = 41  # size of the surroundings whose mean gradients lose
+_PEAK_PX = 9  # around the peak; values outside come by chance
 _LEAST_PEAK = 1.8  # of the largest value outside
 _LEAST_EDGES = 2000  # pixels
 
@@ -115,8 +113,8 @@ def edge_shifts(
 ) -> tuple[EdgeShift, EdgeShift] | None:
     """Shifts in x and y over pairs of colour [H, W, 3] uint8 and depth [H, W] m (0 = none).
 
-    The gradient of the image across each jump of depth, summed over all frames for each shift; its
-    peak, to a fraction of a pixel. None where there is no image.
+    For each shift, sums the image gradient at the jumps of depth over all frames; the shift of the peak
+    counts, to a fraction of a pixel. None if depth has no jump.
     """
     sums, counts, factor = np.zeros((2, 2 * REACH_PX + 1)), np.zeros(2), 1.0
     for color, depth_m in images:
@@ -138,7 +136,7 @@ def edge_shifts(
 
 
 def _gradient(grey: np.ndarray, axis: int) -> np.ndarray:
-    """|gradient| along an axis, cut at the top and less its surroundings, [H, W] float32."""
+    """|gradient| along an axis, clipped, minus the mean around it, [H, W] float32."""
     size = np.abs(cv2.Scharr(grey, cv2.CV_32F, 1 - axis, axis))
     size = np.minimum(size, np.percentile(size[::2, ::2], _BRIGHTEST))
     return size - cv2.blur(size, (_AROUND_PX, _AROUND_PX))

@@ -25,8 +25,8 @@ def check_coverage(depths_raw: Sequence[np.ndarray]) -> Finding:
         f"{100 * empty:.0f} % of the frames have none"
     )
     advice = (
-        "keep 0.5 to 4 m from surfaces; sunlight, glass, mirrors and black things give no depth; see "
-        "that the emitter is on, and that nothing covers it"
+        "keep 0.5 to 4 m from surfaces; sunlight, glass, mirrors and black things give no depth; check "
+        "that the emitter is on and not covered"
     )
     if median < _FAULT_BELOW or empty > _FAULT_EMPTY:
         return _COVERAGE.fault(100 * median, seen, advice)
@@ -44,7 +44,7 @@ _DEPTH_RANGE = Check("depth range", "m", "median of 0.6 to 5 m")
 def check_depth_range(depths_raw: Sequence[np.ndarray], units_per_m: float) -> Finding:
     """Median depth, m, of images [H, W] uint16 (0 = none) of `units_per_m`.
 
-    Plausibility alone: a scale that is wrong but leaves the room between a box and a hall is not found.
+    Checks plausibility only: a wrong scale passes if the depth looks like that of a room.
     """
     values = [depth[::4, ::4] for depth in depths_raw]
     raw = np.concatenate([v[v > 0] for v in values]) if values else np.zeros(0, np.uint16)
@@ -52,7 +52,7 @@ def check_depth_range(depths_raw: Sequence[np.ndarray], units_per_m: float) -> F
         return _DEPTH_RANGE.note(None, "no pixel has depth")
     full = float((raw == _FULL).mean())
     if full > _FULL_SHARE:
-        seen = f"{100 * full:.0f} % of the depth pixels hold 65535, the largest number there is"
+        seen = f"{100 * full:.0f} % of the depth pixels hold 65535, the largest of 16 bits"
         advice = "write 0, not 65535, where nothing was measured; or use fewer units per metre"
         return _DEPTH_RANGE.fault(_FULL / units_per_m, seen, advice)
     near_m, median_m, far_m = np.percentile(raw, (1, 50, 99)) / units_per_m
@@ -69,13 +69,13 @@ def check_depth_range(depths_raw: Sequence[np.ndarray], units_per_m: float) -> F
         return _DEPTH_RANGE.fault(value, seen, advice)
     if value < _NOTE_BELOW_M or value > _NOTE_ABOVE_M:
         advice = (
-            f"measure something known: is the depth scale of {units_per_m:g} units per metre right?"
+            f"measure a known length: is the depth scale of {units_per_m:g} units per metre right?"
         )
         return _DEPTH_RANGE.note(value, seen, advice)
     return _DEPTH_RANGE.ok(value, seen)
 
 
-# Kinect, Xtion and their kin: eighths of a pixel, 580 pixels focal length, 7.5 cm between projector and
+# Kinect, Xtion and the like: eighths of a pixel, 580 pixels focal length, 7.5 cm between projector and
 # camera: 1 / (8 * 580 * 0.075 m) (Khoshelham and Elberink, Sensors 2012).
 _KINECT_STEP_PER_M = 0.00287
 _TOLERANCE = 1.3  # the Structure sensor has 1.17 of that
@@ -92,16 +92,14 @@ def check_depth_scale(
 ) -> Finding:
     """Factor by which depth is too large; depths [H, W] uint16 (0 = none) of `units_per_m`.
 
-    Without truth a scale can be told only by something of known size. Sensors of the Kinect's kind have
-    one: inverse depth comes in steps that are the same in all of them. Found are factors from 1.3 to 12
-    either way, of raw or registered depth that was not smoothed; other sensors and rendered depth have
-    no such steps, and then only `depth_range` has a say.
+    Without ground truth, only something of known size gives the scale. Kinect-like sensors have it: the
+    steps of their inverse depth are all the same. This finds factors from 1.3 to 12 either way, in raw
+    or registered depth that was not smoothed. Other sensors and rendered depth have no such steps; then
+    only `check_depth_range` helps.
     """
     step = find_depth_step(depths_raw, units_per_m)
     if step is None:
-        seen = (
-            "depth shows no steps of a Kinect-like sensor: its scale cannot be told from the images"
-        )
+        seen = "depth has no steps of a Kinect-like sensor: its scale cannot be checked"
         return _DEPTH_SCALE.ok(None, seen)
     factor = _KINECT_STEP_PER_M / step.step_per_m
     seen = f"inverse depth comes in steps of {step.step_per_m:.5f} per metre"
@@ -115,7 +113,7 @@ def check_depth_scale(
     if _like_a_kinect(camera):
         seen += f": for a Kinect-like sensor depth is {size}"
         return _DEPTH_SCALE.fault(factor, seen, advice)
-    seen += f": depth is {size} if this is a Kinect-like sensor, but its lens is another"
+    seen += f": depth is {size} if this is a Kinect-like sensor, but its lens differs"
     return _DEPTH_SCALE.note(factor, seen, f"if it is: {advice}")
 
 
@@ -133,28 +131,28 @@ def _usual(units_per_m: float) -> float:
 
 _STEPS = np.geomspace(0.00024, 0.035, 320)  # 1/m
 _BINS_PER_STEP = 12  # of the smallest step
-_REACH = (0.5, 3.5)  # second differences that tell, in steps
+_REACH = (0.5, 3.5)  # second differences that count, in steps
 _LEAST_SCORE, _LEAST_SHARE, _LEAST_HALF_SCORE = 0.65, 0.15, 0.55
 _SAME_STEP = 0.10  # near and far
 _LEAST_DEPTH_RATIO = 1.2  # of the far half to the near half: below, any grid looks like one of 1/z
-# a grid of p is one of p / 2, too: the coarsest with this much of the best score
+# a grid of p also fits p / 2: the coarsest with this share of the best score
 _SAME_SCORE = 0.85
 
 
 @dataclass(frozen=True)
 class DepthStep:
-    """Inverse depth comes in steps of `step_per_m` (1/m); `score` is 1 where it does so exactly."""
+    """Inverse depth comes in steps of `step_per_m` (1/m); `score` is 1 if the steps are exact."""
 
     step_per_m: float
     score: float
 
 
 def find_depth_step(depths_raw: Sequence[np.ndarray], units_per_m: float) -> DepthStep | None:
-    """The step in depth images [H, W] uint16 of `units_per_m`, or None where there is none to see.
+    """The step in depth images [H, W] uint16 of `units_per_m`, or None if there is none.
 
-    Second differences of 1/z along rows and columns are 0 on planes, whatever their slope, but for the
-    steps: there they are whole multiples of one step, near and far alike. A grid of z (depth in mm) is
-    not one of 1/z: its step would differ between near and far.
+    Second differences of 1/z along rows and columns are 0 on planes of any slope. Steps make them whole
+    multiples of one step, near and far alike. A grid of z (depth in mm) is not one of 1/z: its step
+    differs between near and far.
     """
     parts = [_second_differences(depth, units_per_m) for depth in depths_raw]
     if not parts:

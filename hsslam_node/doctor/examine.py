@@ -25,11 +25,11 @@ from hsslam_node.doctor.stamps import (
 )
 
 _ALIGNED_PAIRS = 20
-_SENSORS = Check("sensors", "messages", "messages that can be used, of a clock that runs on")
+_SENSORS = Check("sensors", "messages", "usable messages, and a clock that never goes back")
 
 
 def examine(sample: Sample, stamps: RecordedStamps | None) -> Iterator[Finding]:
-    """One finding a check, as they come; `stamps` of all images, where the source has them."""
+    """One finding a check, one by one; `stamps`: of all images, if the source has them."""
     yield from _of_stamps(sample, stamps)
     yield check_readable(len(sample.frames), [bad.reason for bad in sample.bad])
     if sample.reports:

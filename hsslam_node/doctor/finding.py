@@ -11,11 +11,11 @@ Severity = Literal["ok", "note", "fault"]
 class Finding:
     """The outcome of one check: what was measured, what was expected, and what to do about it.
 
-    *fault*: a run on this source goes wrong or gives wrong metres. *note*: worth knowing, or it could
-    not be told.
+    *fault*: a run on this source fails or has a wrong scale. *note*: worth knowing, or it could not be
+    measured.
 
     Raises:
-        ValueError: a measurement is not finite, or a fault says neither what was expected nor what to do.
+        ValueError: a measurement is not finite, or a fault lacks what was expected or what to do.
     """
 
     name: str
@@ -24,7 +24,7 @@ class Finding:
     unit: str
     seen: str  # in plain words, figures with units
     expected: str
-    advice: str = ""  # empty only where nothing has to be done
+    advice: str = ""  # empty only if there is nothing to do
 
     def __post_init__(self) -> None:
         if self.severity not in ("ok", "note", "fault"):

@@ -1,4 +1,4 @@
-"""Checks of images: readable, well exposed, sharp, none twice, not too far from one to the next."""
+"""Checks of images: readable, well exposed, sharp, no repeats, not too much motion."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ def check_readable(read: int, reasons: Sequence[str]) -> Finding:
     share = len(reasons) / looked_at
     seen = f"{len(reasons)} of {looked_at} frames cannot be read; the first: {reasons[0]}"
     advice = (
-        "frames that cannot be read are skipped: copy or export them again; where all are of another "
+        "frames that cannot be read are skipped: copy or export them again; if all have another "
         "size, correct width, height and the intrinsics in the camera file"
     )
     finding = _READABLE.fault if share > _UNREADABLE_SHARE else _READABLE.note
@@ -56,7 +56,7 @@ def check_exposure(
     )
     if flat > _FAULT_FLAT:
         advice = (
-            "there is no picture: see that the lens is free, the light on, the exposure automatic"
+            "images are blank: check that the lens is free, the light on, the exposure automatic"
         )
         return _EXPOSURE.fault(100 * flat, seen, advice)
     if flat > _NOTE_FLAT or mean < _DARK_MEAN or jump > _NOTE_JUMP:
@@ -73,7 +73,7 @@ _SHARPNESS = Check("sharpness", "%", "below 40 % of the images blurred")
 def check_sharpness(images: Sequence[np.ndarray]) -> Finding:
     """Share of images [H, W, 3] uint8, %, with much weaker edges than the sharpest tenth.
 
-    Blur and a bare wall look alike to it: never more than a note.
+    A bare wall looks like blur, so this reports a note at most.
     """
     if not images:
         return _SHARPNESS.note(None, "no frame could be read")
@@ -101,11 +101,11 @@ _REPEATED_IMAGES = Check("repeated images", "%", "no image twice")
 def check_repeated_images(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Finding:
     """Share of consecutive images, %, that are the same to the last bit; pairs of arrays of one shape."""
     if not pairs:
-        return _REPEATED_IMAGES.note(None, "no two frames that follow each other")
+        return _REPEATED_IMAGES.note(None, "no two consecutive frames")
     share = float(np.mean([np.array_equal(a, b) for a, b in pairs]))
     seen = f"{100 * share:.0f} % of the images are copies of the one before"
     if share > _REPEATED_FAULT_ABOVE:
-        advice = "the camera or recorder repeats frames to keep its rate: record at the rate it has"
+        advice = "the camera or recorder repeats frames to keep its rate: record at its true rate"
         return _REPEATED_IMAGES.fault(100 * share, seen, advice)
     if share > 0:
         return _REPEATED_IMAGES.note(100 * share, seen)
@@ -120,7 +120,7 @@ _VIEW_MOTION = Check("motion of the view", "%", "below 4 % of the width a frame"
 def check_view_motion(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Finding:
     """95th percentile of the median optical flow, % of the width; pairs of colour [H, W, 3] uint8 RGB."""
     if not pairs:
-        return _VIEW_MOTION.note(None, "no two frames that follow each other")
+        return _VIEW_MOTION.note(None, "no two consecutive frames")
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     moved = []
     for first, second in pairs:

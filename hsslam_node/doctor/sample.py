@@ -17,14 +17,14 @@ RUN_FRAMES = 3
 
 @dataclass(frozen=True)
 class Sample:
-    """What was looked at; `frames[i]` and `bad[i]` are told apart by their index among `rows`."""
+    """The sampled frames; the `index` of a good or bad frame is its place in `rows`."""
 
     name: str
     frame_count: int | None
     rows: tuple[int, ...]  # numbers within the source
     frames: tuple[Frame, ...]
     bad: tuple[BadFrame, ...]
-    reports: tuple[Report, ...] = ()  # of what is wrong beside the frames
+    reports: tuple[Report, ...] = ()  # of other faults of the source
 
     @property
     def spread(self) -> list[Frame]:
@@ -45,7 +45,7 @@ class Sample:
 
     @property
     def intervals_ns(self) -> np.ndarray:
-        """Between consecutive frames, readable or not, [N] int64 ns."""
+        """Times between consecutive frames, readable or not, [N] int64 ns."""
         stamps = {item.index: item.stamp_ns for item in (*self.frames, *self.bad)}
         found = [
             stamps[i + 1] - stamps[i]
@@ -63,7 +63,7 @@ def take_sample(
 ) -> Sample:
     """At most `frames` frames of the source that `open_it` makes of `spec`.
 
-    A source that does not know its length, a live one, gives its first frames.
+    A live source, whose length is unknown, gives its first frames.
 
     Raises:
         UserError: as `open_source`.
@@ -87,7 +87,7 @@ def _read(source: Source, count: int | None, rows: tuple[int, ...]) -> Sample:
 
 
 def _sample_rows(count: int, frames: int) -> tuple[int, ...]:
-    """Numbers of the frames that are looked at, of `count`: runs spread over all, or all."""
+    """Numbers of the frames to sample, of `count`: all, or runs spread over all."""
     if count <= frames:
         return tuple(range(count))
     runs = max(frames // RUN_FRAMES, 1)
@@ -98,9 +98,9 @@ def _sample_rows(count: int, frames: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class _SpreadRows(SourceOptions):
-    """Options that select `most` frames, of those that the options would select.
+    """Options that sample `most` of the frames that the plain options select.
 
-    `found`: how many those are, once a source has asked; a live one does not ask.
+    `found`: number of these, once a source calls `selected`; live ones do not.
     """
 
     most: int = 0

@@ -13,11 +13,11 @@ from hsslam_node.sources.tum import MAX_DT_NS
 
 @dataclass(frozen=True)
 class RecordedStamps:
-    """Stamps [N], [M] int64 ns in the order of the recording; `depth_ns` is None where both share one."""
+    """Stamps [N], [M] int64 ns in the order of the recording; `depth_ns` is None if both share them."""
 
     color_ns: np.ndarray
     depth_ns: np.ndarray | None = None
-    max_dt_ns: int = MAX_DT_NS  # further apart, colour and depth are not put together
+    max_dt_ns: int = MAX_DT_NS  # colour and depth further apart are not paired
 
 
 def recorded_stamps(spec: str, rows: Sequence[SourceRow] = SOURCES) -> RecordedStamps | None:
@@ -42,13 +42,13 @@ def check_rate(intervals_ns: np.ndarray) -> Finding:
     """Median rate, Hz, from the intervals [N] int64 ns between consecutive frames."""
     forward = intervals_ns[intervals_ns > 0]
     if len(forward) == 0:
-        return _RATE.note(None, "no two stamps that follow each other")
+        return _RATE.note(None, "no two consecutive stamps")
     rate_hz = 1e9 / float(np.median(forward))
     seen = f"{rate_hz:.4g} frames a second"
     if rate_hz < _FAULT_BELOW_HZ or rate_hz > _FAULT_ABOVE_HZ:
         advice = (
-            "check that the stamps are in seconds; if they are, record faster: between two frames "
-            "the view moves too far to be followed"
+            "check that the stamps are in seconds; if they are, record faster: the view moves too far "
+            "between two frames"
             if rate_hz < _FAULT_BELOW_HZ
             else "check that the stamps are in seconds, and that no stamp is written twice"
         )
@@ -65,10 +65,10 @@ def check_stamp_order(intervals_ns: np.ndarray, of: str) -> Finding:
     back, same = int((intervals_ns < 0).sum()), int((intervals_ns == 0).sum())
     if back + same == 0:
         return check.ok(0.0, "every stamp is later than the last")
-    seen = f"{back} of {len(intervals_ns) + 1} stamps go back in time, {same} are there twice"
+    seen = f"{back} of {len(intervals_ns) + 1} stamps go back in time, {same} are repeated"
     advice = (
         "stamp images with the time of their exposure, from one clock that never steps, and write them "
-        "in that order; twice the same stamp is mostly one image written twice"
+        "in that order; a repeated stamp is mostly an image written twice"
     )
     return check.fault(float(back + same), seen, advice)
 
@@ -80,10 +80,10 @@ _STAMP_GAPS = Check("stamp gaps", "%", "less than 2 % of the frames missing, no 
 
 
 def check_stamp_gaps(intervals_ns: np.ndarray) -> Finding:
-    """Share of frames, %, that the intervals [N] int64 ns say were dropped."""
+    """Share of dropped frames, %, by the intervals [N] int64 ns."""
     forward = intervals_ns[intervals_ns > 0]
     if len(forward) == 0:
-        return _STAMP_GAPS.note(None, "no two stamps that follow each other")
+        return _STAMP_GAPS.note(None, "no two consecutive stamps")
     period_ns = float(np.median(forward))
     periods = np.round(forward / period_ns)
     missing = float(np.maximum(periods - 1, 0).sum())
@@ -92,7 +92,7 @@ def check_stamp_gaps(intervals_ns: np.ndarray) -> Finding:
     seen = f"{100 * share:.1f} % of the frames are missing; the longest gap is {longest_s:.3g} s"
     advice = (
         "the recorder drops frames: write to a faster disk, record smaller images, or give the camera "
-        "a USB port of its own; after a long gap the camera has to be found again"
+        "a USB port of its own; after a long gap the tracker must relocalise"
     )
     if share > _FAULT_MISSING or (longest_s > _LONG_GAP_S and longest_s > 5e-9 * period_ns):
         return _STAMP_GAPS.fault(100 * share, seen, advice)
@@ -115,7 +115,7 @@ def check_stamp_jitter(intervals_ns: np.ndarray, of: str) -> Finding:
     check = Check(f"stamp jitter, {of}", "ms", "below 10 % of the period")
     forward = intervals_ns[intervals_ns > 0].astype(np.float64)
     if len(forward) < _LEAST_INTERVALS:
-        return check.note(None, "too few stamps to tell")
+        return check.note(None, "too few stamps to measure")
     period_ns = float(np.median(forward))
     single = forward[forward < _DROPPED * period_ns]
     if len(single) > 1:
@@ -129,8 +129,8 @@ def check_stamp_jitter(intervals_ns: np.ndarray, of: str) -> Finding:
         f"{period_ns / 1e6:.1f} ms)"
     )
     advice = (
-        "use the sensor's own stamps instead of the time of arrival; where there are none, frame n of "
-        "a camera with a steady clock is at n / rate"
+        "use the sensor's own stamps instead of the time of arrival; without them, stamp frame n of "
+        "a camera with a steady clock n / rate"
     )
     if share > _JITTER_FAULT:
         return check.fault(jitter_ms, seen, advice)
@@ -141,7 +141,7 @@ def check_stamp_jitter(intervals_ns: np.ndarray, of: str) -> Finding:
 
 _FAULT_ALONE = 0.10
 _NOTE_ALONE = 0.02
-# as far as two cameras of 30 Hz that are not triggered together get: up to 17
+# two cameras of 30 Hz without a common trigger are up to 17 apart
 _NOTE_APART_MS = 10.0
 _ASSOCIATION = Check(
     "association", "%", "a depth image within 20 ms of every colour image, 10 ms at the median"
@@ -159,7 +159,7 @@ def check_association(color_ns: np.ndarray, depth_ns: np.ndarray, max_dt_ns: int
         f"depth is {apart_ms:.1f} ms away at the median"
     )
     if alone > _FAULT_ALONE:
-        advice = "record colour and depth together; images without a partner are left out of a run"
+        advice = "record colour and depth together; a run skips images without a partner"
         if abs(offset_ms) > max_dt_ns / 2e6:
             advice = (
                 f"depth stamps lie {offset_ms:+.1f} ms from colour throughout: if both share a clock, "
@@ -167,7 +167,7 @@ def check_association(color_ns: np.ndarray, depth_ns: np.ndarray, max_dt_ns: int
             )
         return _ASSOCIATION.fault(100 * alone, seen, advice)
     if alone > _NOTE_ALONE or apart_ms > _NOTE_APART_MS:
-        advice = "let the sensor trigger colour and depth together where it can; move slowly if not"
+        advice = "trigger colour and depth together if the sensor can; else move slowly"
         return _ASSOCIATION.note(100 * alone, seen, advice)
     return _ASSOCIATION.ok(100 * alone, seen)
 

@@ -1,1 +1,1 @@
-"""Measures a run against ground truth; nothing else in the package may see the truth."""
+"""Measures a run against ground truth; no other folder may read ground truth."""

@@ -1,4 +1,4 @@
-"""Whether the frames of a trajectory agree with each other, where there is no truth worth the name."""
+"""Consistency of frames under a trajectory, for sources without good ground truth."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ _Pair = tuple[float, float]  # median depth difference, m, and correlation of gr
 
 @dataclass(frozen=True)
 class Consistency:
-    """How well frames `gap_frames` apart agree when the poses carry one into the other.
+    """How well frames `gap_frames` apart agree if the poses warp one into the other.
 
     `depth_median_m`: median over the pairs of the median depth difference of a pair.
     `one_minus_ncc`: mean over the pairs of 1 - normalised cross-correlation of the grey values.
@@ -41,12 +41,12 @@ def consistency(
     gaps_frames: Sequence[int] = GAPS_FRAMES,
 ) -> dict[str, list[Consistency]]:
     """Consistency of `frames`, every tenth of a sequence, with poses of the same stamps: for each
-    trajectory, by its name, one for each gap. `frames` is read once, and no more of them are kept than
-    the largest gap needs.
+    trajectory, by its name, one for each gap. `frames` is read once; only those that the largest gap
+    needs are kept.
 
-    A pair starts at each frame. Every pixel with depth of the first is carried into the second; its
-    depth there is compared with that measured at the nearest pixel, its grey value with that between
-    the pixels. Pixels that differ by 10 cm or more in depth are left out.
+    A pair starts at each frame. Every pixel with depth of the first is warped into the second; its
+    depth is compared with that of the nearest pixel, its grey value with the interpolated one. Pixels
+    that differ by 10 cm or more in depth are left out.
     """
     poses_of = {
         name: dict(zip(trajectory.stamps_ns.tolist(), trajectory.T_world_cam, strict=True))
@@ -67,7 +67,7 @@ def consistency(
 
 
 def _summary(gap_frames: int, found: Sequence[_Pair | None]) -> Consistency:
-    """Of what `_pair` found for one gap."""
+    """Summary of the pairs of one gap."""
     possible = len(found)
     pairs = np.array([pair for pair in found if pair is not None]).reshape(-1, 2)
     if len(pairs) == 0:
@@ -114,7 +114,7 @@ def _between_pixels(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarr
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    """Normalised cross-correlation, -1 to 1; 0 where one of them is constant."""
+    """Normalised cross-correlation, -1 to 1; 0 if one of them is constant."""
     a, b = a - a.mean(), b - b.mean()
     size = np.sqrt((a @ a) * (b @ b))
     return float(a @ b / size) if size > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Everything that can be measured of a trajectory, a mesh and a map, against the truth of a source."""
+"""All measures of a trajectory, a mesh and a map against the ground truth of a source."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -32,7 +32,7 @@ from hsslam_node.sources.source import Source
 
 @dataclass(frozen=True)
 class Subject:
-    """What is judged. The mesh lies in the world of the trajectory "final" (without: the truth's)."""
+    """What is evaluated. The mesh is in the world of the trajectory "final", or else of the truth."""
 
     source: str
     options: SourceOptions
@@ -43,7 +43,7 @@ class Subject:
     open_it: Callable[[str, SourceOptions], Source] = open_source
 
     def without_mesh(self) -> "Subject":
-        """The same without its mesh, which takes its time to be judged."""
+        """The same without its mesh, which is slow to score."""
         return replace(self, mesh=None)
 
 
@@ -55,13 +55,13 @@ class Wanted:
     cull_views: int = CULL_VIRTUAL  # virtual views that cull meshes in the literature's protocol
     rendering: bool = True
     consistency: bool = True
-    tsdfs: tuple[TsdfOptions, ...] = ()  # settings of the TSDFs beside
+    tsdfs: tuple[TsdfOptions, ...] = ()  # TSDFs to compare with
     seed: int = 0  # of samples and virtual views
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The figures, and what pictures are drawn from."""
+    """The figures, and the data of the plots."""
 
     figures: dict[str, Any]
     truth: GroundTruth | None
@@ -71,7 +71,7 @@ class Evaluation:
 
 
 class Evaluator:
-    """Measures one subject; what has no truth is left out, as are meshes that too few poses align with it.
+    """Measures one subject; leaves out what has no truth, and meshes that too few poses align with it.
 
     Raises:
         UserError: the source or a file is missing or malformed, or there is nothing to judge.
@@ -82,7 +82,7 @@ class Evaluator:
         self._truth = open_ground_truth(subject.source, subject.options)
 
     def expect_pairs(self, name: str) -> None:
-        """UserError, which begins with `name`, if the final trajectory has poses, but none of a true one."""
+        """UserError, which begins with `name`, if the final trajectory has poses, but none has a true one."""
         final, truth = self._final, self._truth
         if final is None or truth is None or self._ates["final"].scored or len(final) == 0:
             return
@@ -92,7 +92,7 @@ class Evaluator:
         )
 
     def evaluate(self) -> Evaluation:
-        """All figures that are wanted and possible."""
+        """All wanted figures that the subject allows."""
         figures: dict[str, Any] = {"protocol": protocol()}
         if self._truth is not None and self._ates:
             figures |= {"ate": self._ates, "rpe": self._rpes}
@@ -150,7 +150,7 @@ class Evaluator:
         return f"{final.scored} of {poses} poses have a true one: expected 3 or more to align the mesh by"
 
     def _meshes(self) -> dict[str, trimesh.Trimesh]:
-        """In the truth's world where there is one; none if they cannot be brought there."""
+        """Meshes in the truth's world if there is one; none if too few poses align them."""
         final = self._ates.get("final")
         T = final.T_truth_estimate if final is not None else np.eye(4)
         found = {}
@@ -176,7 +176,7 @@ class Evaluator:
         return found
 
     def _image_quality(self) -> ImageQuality | None:
-        """Of every fifth frame that was no keyframe; of frames between these where all were keyframes."""
+        """Of every fifth frame that is no keyframe; of frames between these if all are keyframes."""
         s = self._subject
         if s.map is None or s.slam is None or not s.map.exists() or self._final is None:
             return None
@@ -193,7 +193,7 @@ class Evaluator:
     def _frames_but(
         self, keyframes: set[int], first: int = 0
     ) -> Iterator[tuple[Frame, np.ndarray]]:
-        """Every fifth frame from `first` on, with its pose, that has none of these stamps, ns."""
+        """Every fifth frame from `first` on and its pose, without these stamps, ns."""
         for frame, T_world_cam in self._posed_frames(EVERY, "rendering", first):
             if frame.stamp_ns not in keyframes:
                 yield frame, T_world_cam
@@ -231,7 +231,7 @@ class Evaluator:
 
 
 def _span(trajectory: Trajectory) -> str:
-    """From when to when it has poses, for people."""
+    """First and last stamp, for errors."""
     if len(trajectory) == 0:
         return "no poses"
     first, last = (format_stamp(stamp) for stamp in np.sort(trajectory.stamps_ns)[[0, -1]])

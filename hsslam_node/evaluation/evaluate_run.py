@@ -21,19 +21,19 @@ _TRAJECTORIES = {
 def evaluate_run(
     run_dir: Path | str, spec: str, options: SourceOptions | None = None
 ) -> dict[str, Any] | None:
-    """ATE and RPE of the three trajectories of a run and, where the true mesh is known, its mesh.
+    """ATE and RPE of the three trajectories of a run, and scores of its mesh if the true one is known.
 
-    The estimate's world is its first camera frame, the truth's is its own: the mesh is brought into
-    the truth's frame by the rigid alignment of the final trajectory (`T_truth_estimate`), and by
-    nothing else; an ICP of the mesh would hide drift. Files that are not there are left out; None
-    where the source has no truth. `hsslam-eval` measures more, by the same protocol.
+    The estimate's world is its first camera frame, the truth's is its own. Only the rigid alignment of
+    the final trajectory (`T_truth_estimate`) moves the mesh into the truth's frame: an ICP would hide
+    drift (only "mesh_literature" adds one). Missing files are left out. None: the source has no truth.
+    `hsslam-eval` measures more, by the same protocol.
 
     Returns:
         {"protocol": ..., "ate": {"online" | "final" | "keyframes": {...}}, "rpe": {...},
-        "mesh": {...}, "mesh_literature": {...}}; NaN comes as None.
+        "mesh": {...}, "mesh_literature": {...}}; NaN is None.
 
     Raises:
-        UserError: the source is not there any more, or a file of the run is malformed.
+        UserError: the source is missing, or a file of the run is malformed.
     """
     options = options or SourceOptions()
     truth = open_ground_truth(spec, options)

@@ -11,8 +11,8 @@ from hsslam_node.sources.source import BadFrame, Source, frames_in_time
 
 @dataclass(frozen=True)
 class EveryNth:
-    """Every n-th frame of a source from `first` on; the others are left out, if it can do that before they
-    are decoded."""
+    """Every n-th frame of a source from `first` on; the source does not decode the others if it can skip
+    frames."""
 
     source: Source
     every: int = 1
@@ -28,8 +28,8 @@ class EveryNth:
     ) -> "EveryNth":
         """Every n-th of the frames that a run with these options reads, with the stamps that they have there.
 
-        Frames that come again, and the cover of a lens, are counted along all frames of the run. Noise is
-        drawn by the number of a frame among those that are chosen.
+        Repeated frames and a covered lens are counted over all frames of the run. Noise depends on the
+        number of a frame among the chosen ones.
         """
         if options.reorders or options.cover_frames or first:
             return cls(open_it(options), every, first)
@@ -43,6 +43,6 @@ class EveryNth:
 
     @property
     def count(self) -> int | None:
-        """How many there are; None: not known."""
+        """Number of these frames; None: unknown."""
         frames = self.source.frame_count
         return None if frames is None else -(-max(frames - self.first, 0) // self.every)

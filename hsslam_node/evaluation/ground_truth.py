@@ -36,14 +36,14 @@ class GroundTruth:
         return self.trajectory.T_world_cam  # [N, 4, 4] float64
 
     def mesh(self) -> "Trimesh | None":
-        """The true surface in the truth's world frame, None where it is not known."""
+        """The true surface in the truth's world frame, None if it is not known."""
         return self.load_mesh() if self.load_mesh else None
 
 
 def open_ground_truth(spec: str, options: SourceOptions | None = None) -> GroundTruth | None:
-    """The truth of what `open_source(spec, options)` delivers; None where there is none.
+    """The truth of the frames of `open_source(spec, options)`; None if there is none.
 
-    Of frames that are played again it is known only if every frame has a true pose.
+    For repeated frames it is known only if every frame has a true pose.
 
     Raises:
         UserError: the source's files are missing, or the truth is malformed.

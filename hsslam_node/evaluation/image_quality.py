@@ -1,4 +1,4 @@
-"""How well the map draws frames that it was not made of."""
+"""How well the map renders frames that it did not learn from."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from hsslam_node.dense_map.map_renderer import MapRenderer
 from hsslam_node.frame import Frame
 from hsslam_node.map.checkpoint import MapCheckpoint
 
-EVERY = 5  # of the frames are drawn, but for keyframes
+EVERY = 5  # each 5th frame is drawn if it is no keyframe
 _WINDOW_PX = 7
 
 
@@ -30,8 +30,8 @@ def image_quality(
 ) -> ImageQuality:
     """PSNR, SSIM (grey, 7 x 7 windows) of frames drawn from their T_world_cam [4, 4].
 
-    Samples of a ray are placed by the pixel's measured depth, as in the mapping; pixels without are
-    left out (for the windows of the SSIM they are taken from the frame).
+    Samples of a ray are placed by the pixel's measured depth, as in the mapping. Pixels without depth
+    do not count (windows of the SSIM have the frame's own).
     """
     renderer = MapRenderer(checkpoint.layout, checkpoint.params, config.sampling)
     rows = []
@@ -56,7 +56,7 @@ def image_quality(
 
 
 def psnr_db(image: np.ndarray, true: np.ndarray) -> float:
-    """Peak signal-to-noise ratio of values 0..1, dB; infinite where they are equal."""
+    """Peak signal-to-noise ratio of values 0..1, dB; infinite if they are equal."""
     from skimage.metrics import peak_signal_noise_ratio  # takes a second, as it brings scipy.stats
 
     with np.errstate(divide="ignore"):

@@ -25,7 +25,7 @@ _COLORS = {"online": "#ff7f0e", "final": "#1f77b4", "keyframes": "#2ca02c"}
 def draw_plots(
     evaluation: Evaluation, trajectories: Mapping[str, Trajectory], folder: Path
 ) -> list[Path]:
-    """Write trajectory.png, error.png and, where the true surface is known, mesh.png.
+    """Write trajectory.png, error.png and, if the true surface is known, mesh.png.
 
     Raises:
         UserError: the folder cannot be written.

@@ -15,7 +15,7 @@ _NOT_WRITTEN = ("stamps_ns", "errors_m")  # one value a frame: for plots
 
 
 def protocol() -> dict[str, Any]:
-    """How the figures come about, for whoever wants to repeat them."""
+    """How the figures are computed, to reproduce them."""
     return {
         "association_s": 0.02,
         "alignment": "SE(3) without scale over all scored poses",

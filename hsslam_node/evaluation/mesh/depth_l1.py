@@ -31,7 +31,7 @@ def depth_l1(
 ) -> DepthL1:
     """Error over `virtual` views (T_world_cam [4, 4], true depth [H, W] m) as `camera` sees them.
 
-    Only pixels whose true surface the given `views` observed count: what no view saw does not count.
+    A pixel counts only if the given `views` observed its true surface.
     """
     mesh = chunked_mesh(reconstruction.vertices, reconstruction.faces)
     means, total_m, holes, pixels = [], 0.0, 0, 0

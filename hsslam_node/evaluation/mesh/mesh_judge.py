@@ -36,13 +36,13 @@ CULL_VIRTUAL = 100
 DEPTH_VIEWS = 1000
 _Y_UP = (".glb", ".gltf")
 _READABLE = ".glb, .gltf, .obj, .off, .ply or .stl"  # kinds that need no further package
-_SAME_SURFACE = 0.1  # noise moves depth by a smaller share; more: the sensor saw something else
+_SAME_SURFACE = 0.1  # noise moves depth by a smaller share; beyond, it is another surface
 _DEPTH_WIDTH_PX = 160  # of the virtual views of the depth error
 
 
 @dataclass(frozen=True)
 class MeshJudge:
-    """The true surface and what is asked of a reconstruction: what was seen, and little more.
+    """The true surface, and the views that say which parts of a mesh count.
 
     `given` are the source's own cameras at their true poses; `virtual` has T_world_cam [4, 4] and true
     depth [h, w] float32 m of views from places where no camera was.
@@ -66,7 +66,7 @@ class MeshJudge:
         seed: int = 0,
         track: Track = silently,
     ) -> "MeshJudge | None":
-        """None where the true surface is not known. `virtual`: how many virtual views to draw."""
+        """None if the true surface is not known. `virtual`: number of virtual views."""
         surface = truth.mesh()
         if surface is None:
             return None
@@ -77,7 +77,7 @@ class MeshJudge:
         return cls(surface, given, views, camera, cull_views)
 
     def score(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
-        """By our exact protocol: of what the given cameras saw, from points to triangles."""
+        """By our exact protocol: points to triangles, of what the given cameras saw."""
         return compare_meshes(mesh, self.surface, self.given, seed=seed)
 
     def score_as_published(self, mesh: trimesh.Trimesh, seed: int = 0) -> MeshMetrics:
@@ -102,9 +102,9 @@ class MeshJudge:
 
 
 def given_views(truth: GroundTruth, spec: str, options: SourceOptions) -> Views:
-    """Every tenth frame at its true pose: its depth without added noise, where noise left a measurement.
+    """Every tenth frame at its true pose: its depth without added noise, if noise left a measurement.
 
-    Of more than 3000 frames it is every n-th, so that there are at most 300.
+    Of more than 3000 frames, every n-th frame, so that there are at most 300.
     """
     row_of = {int(stamp): row for row, stamp in enumerate(truth.stamps_ns)}
     open_it = partial(open_source, spec)

@@ -11,7 +11,7 @@ from hsslam_node.evaluation.mesh.visibility import Observer, Views
 
 SAMPLES = 200_000
 WITHIN_M = 0.05  # of the ratios
-_MOST_DRAWS = 10  # times `samples`: gives up on a surface of which the views saw less than a tenth
+_MOST_DRAWS = 10  # times `samples`: gives up if the views saw less than a tenth of a surface
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ def compare_meshes(
 ) -> MeshMetrics:
     """Distances of `samples` area-uniform, observed points on each surface to the other surface, m.
 
-    Both meshes in one frame; nothing is aligned here. What `views` did not see is culled from both
-    (by point, so large triangles are no matter). A distance is exact: to the nearest point of the other
+    Both meshes are in one frame; this aligns nothing. Points that `views` did not see are culled from
+    both (points, so triangles may be large). A distance is exact: to the nearest point of the other
     surface if that was observed, else to the nearest of its triangles with an observed sample or centroid.
     """
     ours = sample_surface(reconstruction, samples, seed, views)

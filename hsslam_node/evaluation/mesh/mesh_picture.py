@@ -16,14 +16,14 @@ from hsslam_node.rendering.chunked_mesh import chunked_mesh
 from hsslam_node.rendering.depth_render import render_depth
 
 _ABOVE = Camera(720, 560, 620.0, 620.0, 359.5, 279.5)
-_AT = 0.35  # of the given views: which one looks inside
+_AT = 0.35  # place of the inside view among the given ones
 _UNSEEN = np.array([0.72, 0.72, 0.72])
 _WHITE = np.array([1.0, 1.0, 1.0])
 _ELEVATION_RAD = np.deg2rad(62.0)
 
 
 class MeshPicture:
-    """Draws one mesh in the truth's world, coloured by its distance to the truth if so wished."""
+    """Draws one mesh in the truth's world, with its colours, its shape or its error."""
 
     def __init__(self, mesh: trimesh.Trimesh, judge: MeshJudge) -> None:
         self._judge = judge
@@ -44,7 +44,7 @@ class MeshPicture:
         return self._shaded(face, pose, self._colors, light=False)
 
     def from_above(self, worst_m: float) -> np.ndarray:
-        """Into the open room from above at an angle, by error, RGB [H, W, 3] 0..1."""
+        """View into the open room at an angle from above, by error, RGB [H, W, 3] 0..1."""
         pose = _pose_above(self._judge.given.T_world_cam, self._vertices)
         towards = self._normals @ pose[:3, 2]
         facing = self._faces[towards < 0.05]  # the ceiling and the near walls look away
@@ -66,7 +66,7 @@ class MeshPicture:
         return np.clip(image, 0, 1)
 
     def _by_error(self, worst_m: float) -> np.ndarray:
-        """Colours [N, 3] of the vertices; grey where no camera saw."""
+        """Colours [N, 3] of the vertices; grey if no camera saw them."""
         scale = matplotlib.colormaps["turbo"]
         colors = np.asarray(scale(np.clip(self._errors_m / worst_m, 0, 1)))[:, :3]
         return np.where(self._seen[:, None], colors, _UNSEEN)
@@ -82,11 +82,11 @@ class MeshPicture:
 
 
 def _vertex_colors(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Colours [N, 3] 0..1 of the vertices, of a texture those at their places; grey if there are none."""
+    """Colours [N, 3] 0..1 of the vertices, or of the texture there; grey if there are none."""
     visual: Any = mesh.visual
     if isinstance(visual, TextureVisuals):
         visual = visual.to_color()
-        visual.mesh = mesh  # which has the number of vertices, if there is one colour or none
+        visual.mesh = mesh  # for the number of vertices, if there is one colour or none
     colors = np.asarray(visual.vertex_colors)[..., :3] / 255.0
     return np.broadcast_to(colors, (len(mesh.vertices), 3))
 

@@ -31,7 +31,7 @@ class MeshView:
             self._values = np.asarray(visual.vertex_colors)[:, :3] / 255.0
 
     def draw(self, camera: Camera, T_world_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """RGB [H, W, 3] 0..1 and planar depth [H, W] float32 m; without a mesh there, black and 0."""
+        """RGB [H, W, 3] 0..1 and planar depth [H, W] float32 m; black and 0 beside the mesh."""
         depth_m, face = render_depth(self._mesh, camera, T_world_cam)
         row, column = np.nonzero(face >= 0)
         corners = self._mesh.faces[face[row, column]]  # [n, 3]

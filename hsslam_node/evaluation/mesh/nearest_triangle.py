@@ -1,7 +1,7 @@
 """The nearest point on a mesh, exact, in memory that does not grow with the mesh.
 
-A tree over all triangles takes 0.3 kB for each. Here a tree is over a part of them, and only points that
-may be nearer to that part than to the parts before are asked.
+A tree over all triangles takes 0.3 kB for each. Here a tree holds a part of them; only points that may be
+nearer to it than to the parts before query it.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""The mesh scores of the literature: each mesh culled by what cameras see of itself, samples to samples.
+"""The mesh scores of the literature: culls each mesh by views of itself; samples to samples.
 
 Source: Co-SLAM (Wang et al., CVPR 2023), supplement and `neural_slam_eval`; HS-SLAM's tables follow it.
 """
@@ -36,7 +36,7 @@ class CullingCameras:
 
 
 class OwnDepth:
-    """What of a mesh counts: in the frustum of a given camera, and in the image that any has of the mesh."""
+    """Points of a mesh count that are in a given camera's frustum and in any camera's image of the mesh."""
 
     def __init__(self, mesh: trimesh.Trimesh, cameras: CullingCameras) -> None:
         surface = chunked_mesh(mesh.vertices, mesh.faces)
@@ -63,9 +63,9 @@ def compare_as_published(
 ) -> MeshMetrics:
     """Distances of `samples` area-uniform points on each mesh to the nearest point on the other, m.
 
-    A mesh hides its own points and no others, so what lies behind the true surface counts if it can be
-    seen. As in the original, ICP (point to point) first moves the reconstruction onto the truth. Points
-    on one surface are as far apart as they are dense: two draws of the truth score 0.5 to 2 cm, not 0.
+    A mesh hides only its own points, so points behind the true surface count if a view of the mesh shows
+    them. As in the original, ICP (point to point) first moves the reconstruction onto the truth. Samples
+    have gaps between them: two draws of the truth score 0.5 to 2 cm, not 0.
     """
     ours = sample_surface(reconstruction, samples, seed, OwnDepth(reconstruction, cameras)).points
     theirs = sample_surface(truth, samples, seed + 1, OwnDepth(truth, cameras)).points

@@ -1,4 +1,4 @@
-"""A truncated signed distance volume fused from a trajectory and its depth: what the map is compared with."""
+"""A truncated signed distance volume fused from a trajectory and its depth: the baseline of the map."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from hsslam_node.frame import Frame
 from hsslam_node.geometry.camera import Camera
 
 _BLOCK = 8  # voxels along a side of an Open3D block
-_BLOCKS = 8_000  # taken at the start, 80 MB; it grows
-_LEAST_COMPONENT_FACES = 50  # as the mesher leaves out
+_BLOCKS = 8_000  # at the start, 80 MB; it grows
+_LEAST_COMPONENT_FACES = 50  # as in the mesher
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class TsdfOptions:
 
     @property
     def name(self) -> str:
-        """What tables call it: voxel size and truncation distance."""
+        """Name in tables: voxel size and truncation distance."""
         return f"TSDF {100 * self.voxel_m:g} / {100 * self.truncation_m:g} cm"
 
 
@@ -46,10 +46,10 @@ TSDF_SETTINGS = (TsdfOptions(), TsdfOptions(voxel_m=0.03, truncation_m=0.12))
 
 
 class TsdfVolume:
-    """A volume that takes frames one by one.
+    """A volume that integrates frames one by one.
 
     Raises:
-        UserError: Open3D is not installed, or finds a library of the system missing.
+        UserError: Open3D is not installed, or misses a library of the system.
 
     Source: Curless and Levoy (1996); Open3D's VoxelBlockGrid.
     """
@@ -71,7 +71,7 @@ class TsdfVolume:
         self.truncation_m = self._options.truncation_m
 
     def integrate(self, frame: Frame, T_world_cam: np.ndarray) -> None:
-        """Take a frame, its pose being [4, 4]."""
+        """Integrate a frame with its pose [4, 4]."""
         options, o3d = self._options, self._o3d
         depth = o3d.t.geometry.Image(o3d.core.Tensor(frame.depth_raw))
         color = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(frame.color)))
@@ -100,7 +100,7 @@ class TsdfVolume:
         return _without_crumbs(mesh)
 
     def depth_m(self, camera: Camera, T_world_cam: np.ndarray) -> np.ndarray:
-        """Depth [H, W] float32 m of its surface seen from a pose [4, 4]; 0: it has none there."""
+        """Depth [H, W] float32 m of its surface seen from a pose [4, 4]; 0: no surface."""
         options, o3d = self._options, self._o3d
         K, extrinsic = self._view(camera, T_world_cam)
         blocks = self._grid.hashmap().key_tensor()[
@@ -123,7 +123,7 @@ def fuse_tsdfs(
     """Coloured meshes (`TsdfVolume.mesh`) of frames with their T_world_cam [4, 4], by the setting's name.
 
     Raises:
-        UserError: Open3D is not installed, or finds a library of the system missing.
+        UserError: Open3D is not installed, or misses a library of the system.
     """
     volumes = {options.name: TsdfVolume(options) for options in settings}
     for frame, T_world_cam in frames:
@@ -133,10 +133,10 @@ def fuse_tsdfs(
 
 
 def import_open3d(user: str = "the TSDF") -> Any:
-    """Open3D, which takes its time; `user`: what needs it.
+    """Import Open3D, which is slow; `user`: what needs it, for errors.
 
     Raises:
-        UserError: Open3D is not installed, or finds a library of the system missing.
+        UserError: Open3D is not installed, or misses a library of the system.
     """
     try:
         import open3d

@@ -1,4 +1,4 @@
-"""Views from places where no camera was, of what cameras saw: seeded, drawn from the truth alone."""
+"""Virtual views of what cameras saw, from other places: random by seed, from the truth alone."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -19,9 +19,9 @@ TURNED_RAD = np.deg2rad(45.0)
 LEAST_OBSERVED = 0.99  # share of the pixels that must show what a given camera saw
 LEAST_FILLED = 0.5  # share of the pixels that must show anything within reach
 _NEAREST_M = 0.2
-_STEP_PX = 4  # of the pixels that are asked whether they were observed
+_STEP_PX = 4  # between the pixels that are checked
 _MOST_TRIES = 30  # times the wanted number
-_MOST_IN_VAIN = 300  # tries without a find: the cameras saw too little for such views
+_MOST_IN_VAIN = 300  # failed tries in a row: the cameras saw too little
 
 
 def virtual_views(
@@ -29,11 +29,10 @@ def virtual_views(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Up to `count` pairs (T_world_cam [4, 4], true depth [H, W] float32 m) as `camera` sees them.
 
-    A given camera is drawn, moved by up to 0.5 m in any direction, and turned by up to 45 degrees
-    about any axis. The view counts if nothing stands between the two places, nothing is nearer than
-    20 cm, and 99 % of its pixels show surface that a given camera observed: it fills the small
-    gaps that objects hide, and does not ask for rooms that the camera has not been to. It sees no farther
-    than the given cameras did.
+    A random given camera is moved by up to 0.5 m in any direction, and turned by up to 45 degrees
+    about any axis. The view counts if no surface is between the two places, none is nearer than 20 cm,
+    and 99 % of its pixels show surface that a given camera observed: it sees small gaps that objects
+    hid, but no rooms that the camera did not visit. It sees no farther than the given cameras did.
     """
     rng = np.random.default_rng(seed)
     surface = chunked_mesh(truth.vertices, truth.faces)
@@ -52,7 +51,7 @@ def virtual_views(
 
 
 def view_of(surface: ChunkedMesh, camera: Camera, T: np.ndarray, reach_m: float) -> np.ndarray:
-    """Depth [H, W] float32 m as a sensor with so much reach sees a surface; 0: nothing."""
+    """Depth [H, W] float32 m as a sensor of this reach sees a surface; 0: nothing."""
     depth, _ = render_depth(surface, camera, T)
     depth[depth > reach_m] = 0.0
     return depth
@@ -90,7 +89,7 @@ def _is_good(depth: np.ndarray, camera: Camera, T: np.ndarray, views: Views) -> 
 
 
 class _Walls:
-    """The faces of a surface, asked what stands in the way."""
+    """Finds faces of a surface between two points."""
 
     def __init__(self, surface: ChunkedMesh) -> None:
         self._surface = surface
@@ -98,7 +97,7 @@ class _Walls:
         self._tree.init(surface.vertices, surface.faces)
 
     def is_between(self, start: np.ndarray, end: np.ndarray) -> bool:
-        """Whether a face crosses the straight way between two points [3]."""
+        """Whether a face crosses the line between two points [3]."""
         found: Any = self._tree.intersect_ray_first(
             self._surface.vertices, self._surface.faces, start[None], (end - start)[None]
         )

@@ -11,7 +11,7 @@ from hsslam_node.kernels.compiled import njit
 
 
 class Observer(Protocol):
-    """Whatever decides which points of a surface count."""
+    """Decides which points of a surface count."""
 
     def observed(self, points: np.ndarray) -> np.ndarray:
         """Mask [N] of the points [N, 3] (m, world) that count."""
@@ -20,7 +20,7 @@ class Observer(Protocol):
 
 @dataclass(frozen=True)
 class Views:
-    """Depth cameras with known poses; they decide what of a surface counts as observed.
+    """Depth cameras with known poses; they decide which points of a surface are observed.
 
     A point was observed if it lies in a frustum, not deeper than the depth measured at its pixel
     plus `tolerance_m`. A pixel without measurement sees nothing.

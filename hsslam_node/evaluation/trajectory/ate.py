@@ -34,9 +34,9 @@ def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteR
     """Error over all frames after one rigid alignment without scale (Horn 1987; TUM protocol).
 
     Poses are paired by stamp, the closest first, at most `max_dt_s` apart. `T_truth_estimate` is this
-    alignment. If the path is narrower than 10 cm (RMS across its longest axis), as of a camera that walks
-    straight, turns or stands still, its positions tell too little of the rotation; then it is the mean of
-    the poses' transforms.
+    alignment. If the path is narrower than 10 cm (RMS across its longest axis), as of a camera that moves
+    straight, turns or stands still, its positions do not fix the rotation; then it is the mean of the
+    poses' transforms.
     """
     source, target = associated(estimate, truth, max_dt_s)
     expected = len(truth)
@@ -62,7 +62,7 @@ def ate(estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02) -> AteR
 def associated(
     estimate: Trajectory, truth: Trajectory, max_dt_s: float = 0.02
 ) -> tuple[Trajectory, Trajectory]:
-    """The poses of both that belong together, in order of time; at most `max_dt_s` apart."""
+    """The poses of both, paired, in order of time; at most `max_dt_s` apart."""
     pairs = _pairs(estimate, truth, max_dt_s)
     rows_e, rows_t = np.array(pairs, np.int64).reshape(-1, 2).T
     return (

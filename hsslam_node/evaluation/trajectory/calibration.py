@@ -1,4 +1,4 @@
-"""Whether the errors of poses are as large as their covariances say."""
+"""Compares the errors of poses with their covariances."""
 
 from dataclasses import dataclass
 

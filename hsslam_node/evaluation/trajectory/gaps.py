@@ -1,4 +1,4 @@
-"""A camera whose frames are missing for a while: which, and where it takes itself to be afterwards."""
+"""A camera whose frames are missing for a while: plan of the gaps, and score of the poses after."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from hsslam_node.evaluation.trajectory.view_difference import is_far, is_wrong, 
 from hsslam_node.geometry.se3 import inverse
 
 _LENGTHS = (4, 6, 9, 14, 20, 30)  # frames from the last before a gap to the first after it
-_BETWEEN = (8, 16)  # frames from gap to gap, from and to before
+_BETWEEN = (8, 16)  # frames between gaps: from, to (excluded)
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class GapPlan:
 
 @dataclass(frozen=True)
 class GapScore:
-    """How a camera fared."""
+    """Scores over all gaps."""
 
     gaps: int
     at_once: int  # tracked, at the right place, with the first frame after the gap
@@ -34,8 +34,8 @@ class GapScore:
 def gap_plan(T_world_cam: np.ndarray, seed: int) -> GapPlan:
     """Stretches of a sequence with gaps of 0.1 to 1 s (at 30 Hz) between them.
 
-    A gap ends before the camera has moved by more than 75 cm or 40 degrees: behind a door there may be
-    nothing left of what it saw. T_world_cam [N, 4, 4]: true poses.
+    A gap ends before the camera has moved by more than 75 cm or 40 degrees: behind a door it may see
+    nothing that it saw before. T_world_cam [N, 4, 4]: true poses.
     """
     rng = np.random.default_rng((seed, len(T_world_cam)))
     order, ends = list(range(int(rng.integers(*_BETWEEN)))), []

@@ -1,4 +1,4 @@
-"""A camera that is carried to places seen before: where it goes, and whether it finds itself."""
+"""A camera that jumps to places seen before: plan of the jumps, and score of relocalisation."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class KidnappingPlan:
     """Which frame of a sequence is shown at each step."""
 
     order: tuple[int, ...]
-    jumps: tuple[int, ...]  # steps at which the camera has been carried away
+    jumps: tuple[int, ...]  # steps after which the camera is elsewhere
 
     @property
     def before(self) -> int:
@@ -27,7 +27,7 @@ class KidnappingPlan:
 
 @dataclass(frozen=True)
 class KidnappingScore:
-    """How a camera fared."""
+    """Scores over all jumps."""
 
     jumps: int
     relocalised: int  # within ten frames, at the right place
@@ -47,7 +47,7 @@ def kidnapping_plan(
     view at least 75 cm or 40 degrees from the one before it. T_world_cam [N, 4, 4]: true poses.
 
     Raises:
-        UserError: the sequence is too short, or from some view there is nowhere to go.
+        UserError: the sequence is too short, or no other view is far enough away.
     """
     rng = np.random.default_rng((seed, len(T_world_cam)))
     order = list(range(0, len(T_world_cam), 2))
@@ -66,9 +66,9 @@ def kidnapping_plan(
 def kidnapping_score(
     plan: KidnappingPlan, tracked: np.ndarray, T_estimate: np.ndarray, T_truth: np.ndarray
 ) -> KidnappingScore:
-    """Compare published poses with the truth, brought together over the frames that build the map.
+    """Compare published poses with the truth, aligned over the frames that build the map.
 
-    That is by the mean difference of their rotations and then of their positions.
+    The alignment is the mean difference of their rotations and then of their positions.
 
     Args:
         tracked: [n] bool, steps with a pose.

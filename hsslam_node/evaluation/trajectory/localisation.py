@@ -1,4 +1,4 @@
-"""A camera in a saved map: how far its poses are off where it sees what the map has seen."""
+"""A camera in a saved map: the errors of its poses while it sees what the map has seen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ _STRIDE_PX = 8
 
 @dataclass(frozen=True)
 class LocalisationScore:
-    """Poses against the truth, brought together over the map's keyframes."""
+    """Poses against the truth, aligned over the map's keyframes."""
 
     frames: int
-    overlapping: int  # of them see half of what they see on surfaces that the map's keyframes saw
+    overlapping: int  # half of their measured pixels show what the map's keyframes saw
     lost: int  # of the overlapping
     outside: int  # of the overlapping: with a pose, but more than 2 cm or 1 degree off
     median_m: float  # of the overlapping
     max_m: float
     median_deg: float
     max_deg: float
-    elsewhere: int  # of the others: with a pose
+    elsewhere: int  # not overlapping, with a pose
     elsewhere_max_m: float
 
     @property
@@ -50,7 +50,7 @@ def overlaps(frames: Sequence[Frame], T_world_cam: np.ndarray, views: Views) -> 
 def localisation_score(
     estimate: Trajectory, truth: Trajectory, overlapping: np.ndarray, T_truth_map: np.ndarray
 ) -> LocalisationScore:
-    """Score what a camera in a map published.
+    """Score the poses of a camera in a map.
 
     Args:
         estimate: in the world of the map; lost frames are left out.

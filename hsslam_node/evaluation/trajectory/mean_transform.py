@@ -1,13 +1,13 @@
-"""The mean transform between two sets of poses; a file of its own as two scores share it."""
+"""The mean transform between two sets of poses."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 
 def mean_transform(T_estimate: np.ndarray, T_truth: np.ndarray) -> np.ndarray:
-    """T_truth_estimate [4, 4] by the mean of rotations, then of positions, of poses [n, 4, 4]; NaN of none.
+    """T_truth_estimate [4, 4] by the mean of rotations, then of positions, of poses [n, 4, 4]; NaN if n = 0.
 
-    The positions alone tell little of the rotation about their longest axis.
+    Positions alone would hardly fix the rotation about their longest axis.
     """
     if len(T_truth) == 0:
         return np.full((4, 4), np.nan)

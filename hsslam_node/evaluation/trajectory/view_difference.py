@@ -1,4 +1,4 @@
-"""How far two views are apart, and when that is far or wrong; a file of its own as two scores share it."""
+"""How far two views are apart, and which distances count as far or wrong."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ _FAR_M, _FAR_DEG = 0.75, 40.0
 
 
 def view_difference(T_world_a: np.ndarray, T_world_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Between poses [n, 4, 4]: of their places [n] m, and of their directions [n] degrees."""
+    """Distances [n] m and angles [n] degrees between poses [n, 4, 4]."""
     step = np.linalg.inv(T_world_a) @ T_world_b
     turn_rad = [np.linalg.norm(so3_log(T[:3, :3])) for T in step]
     return np.linalg.norm(step[:, :3, 3], axis=1), np.rad2deg(turn_rad)
 
 
 def is_wrong(distance_m: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
-    """[n] bool: a pose so far from the truth, more than 10 cm or 5 degrees, must not be believed."""
+    """[n] bool: whether a pose is more than 10 cm or 5 degrees off the truth."""
     return (distance_m > _WRONG_M) | (angle_deg > _WRONG_DEG)
 
 
