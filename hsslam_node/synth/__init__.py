@@ -1,1 +1,1 @@
-"""The renderer of the built-in scenes: what stands in them, its textures, its images."""
+"""The built-in scenes: their parts, their textures and their images."""

@@ -1,1 +1,1 @@
-"""What scenes are built of: walls, furniture and the primitives they consist of."""
+"""Parts of scenes: walls, furniture and the primitives they consist of."""

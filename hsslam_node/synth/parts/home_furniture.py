@@ -36,7 +36,7 @@ def wardrobe(width: float, height: float, wood: str) -> list[Primitive]:
 
 
 def kitchen_row(width: float, front: str, rng: np.random.Generator) -> list[Primitive]:
-    """Counters with a stove and a sink, wall cabinets above, and what stands about in a kitchen."""
+    """Counters with a stove and a sink, wall cabinets above, and small kitchen things."""
     top, face = 0.92, f"panels:{front}"
     plain = f"wood:{front}"
     parts = [

@@ -1,4 +1,4 @@
-"""Where a piece of furniture stands, and short names for the shapes it is made of."""
+"""Placement of furniture, and short names for the shapes it is made of."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from hsslam_node.synth.parts.primitive import Kind, Primitive, rotation_z
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a piece stands: position (m), and turn of its front from +y (degrees about z)."""
+    """Position of a piece (m), and turn of its front from +y (degrees about z)."""
 
     x: float
     y: float

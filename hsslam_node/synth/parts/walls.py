@@ -14,7 +14,7 @@ _TRIM = "wood:white"
 
 @dataclass(frozen=True)
 class Plan:
-    """A room between the middles of its walls (m), and what covers it.
+    """A room between the middles of its walls (m), and its coverings.
 
     `walls`: south (-y), north, west (-x), east.
     """
@@ -28,7 +28,7 @@ class Plan:
 
 
 class Side(Enum):
-    """A wall, by where it is seen from the middle of the room."""
+    """A wall, by its direction from the middle of the room."""
 
     SOUTH = "-y"
     NORTH = "+y"
@@ -37,7 +37,7 @@ class Side(Enum):
 
 
 def against(plan: Plan, side: Side, along_m: float, z_m: float = 0.0) -> Placement:
-    """Back to the wall, `along_m` from the room's low corner; what hangs is right on the wall."""
+    """Back to the wall, `along_m` from the room's low corner; above 1 m right on the wall."""
     (x0, y0), (x1, y1) = plan.low_m, plan.high_m
     gap = _LINING_M + (0.0 if z_m > 1 else _SKIRTING_M)
     if side in (Side.SOUTH, Side.NORTH):

@@ -1,4 +1,4 @@
-"""Numba kernel: packed colours into an image, softened where one face ends and another begins."""
+"""Numba kernel: unpacks colours into an image and softens the borders of faces."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def mix_borders(packed, face_ids, color):
     """Unpacks 0x00BBGGRR to RGB [H, W, 3]; at the border of a face a pixel is mixed with its four
     neighbours.
 
-    A lens does the same: without it the edges of the furniture are stairs.
+    A lens does the same: without it, edges of the furniture are jagged.
     """
     height, width = packed.shape
     row = np.empty(width, np.uint32)
@@ -32,7 +32,7 @@ def mix_borders(packed, face_ids, color):
 
 @njit(**JIT)
 def _mix_row(above, here, below, faces_above, faces, faces_below, row):
-    """Half the pixel, half its neighbours, wherever one of them shows another face; no branches."""
+    """Half the pixel, half its neighbours, if one of them shows another face; no branches."""
     for u in range(1, len(row) - 1):
         f, c = faces[u], here[u]
         left, right, up, down = here[u - 1], here[u + 1], above[u], below[u]

@@ -9,7 +9,7 @@ from hsslam_node.synth.textures.atlas_cache import cached_atlas
 
 
 class Renderer:
-    """Colour and exact planar depth of a scene; one thread, nothing left between frames."""
+    """Colour and exact planar depth of a scene; one thread, no state between frames."""
 
     def __init__(self, scene: Scene, camera: Camera, units_per_m: float, seed: int) -> None:
         self._scene = scene
@@ -24,7 +24,7 @@ class Renderer:
     def render(self, T_world_cam: np.ndarray, frame: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Colour [H, W, 3] uint8 RGB and planar depth [H, W] uint16 from a pose [4, 4].
 
-        `frame` says where that is which moves.
+        `frame`: its number, which moving parts need.
         """
         if self._scene.moving:
             moving = scene_arrays(self._scene.moving.at(frame))

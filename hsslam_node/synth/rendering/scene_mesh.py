@@ -10,7 +10,7 @@ _ROUND_SEGMENTS = 48  # 1.1 mm sagitta on the 0.5 m shapes, less on smaller ones
 
 
 def scene_mesh(parts: list[Primitive]) -> trimesh.Trimesh:
-    """All faces as grids of at most 5 cm, world frame, m; what is hidden inside others included."""
+    """All faces as grids of at most 5 cm, world frame, m; also those hidden inside others."""
     vertices, faces, offset = [], [], 0
     for part in parts:
         for face in range(part.face_count):

@@ -12,7 +12,7 @@ _WIDEST = np.float32(60)  # texels; every face has the levels for it
 
 
 class LookUp(NamedTuple):
-    """Scratch for n pixels: of the two levels that each is mixed from, and their four corners."""
+    """Scratch for n pixels: the two levels that each pixel mixes, and their four corners."""
 
     row: np.ndarray  # [n] int32, of the finer level
     density: np.ndarray  # [n] float32, texels per metre of the face
@@ -42,8 +42,8 @@ def sample(texels, levels, first_levels, inverse_texels, face, s, q, width_m, sl
     """Colours 0x00BBGGRR [n] at (s, q) in [0, 1]^2 of faces, where a pixel covers `width_m` x `slant`.
 
     texels [M] uint32 0x00BBGGRR; levels [N, 3] int32: offset, width, height; first_levels [F] int32,
-    the row of a face's finest level; inverse_texels [F] float32 1/m. In passes over all pixels: those
-    that compute become vectors, and those that fetch do nothing else.
+    the row of a face's finest level; inverse_texels [F] float32 1/m. It works in passes over all
+    pixels: passes that only compute become vector code.
     """
     for i in range(len(face)):
         look.row[i] = first_levels[face[i]]
@@ -76,7 +76,7 @@ def _choose_levels(width_m, slant, look):
 
 @njit(**JIT)
 def _find_corners(s, q, level, place, weight):
-    """Of the four texels around each pixel: where they are, and what they weigh."""
+    """Places and weights of the four texels around each pixel."""
     zero, half, one = np.float32(0), np.float32(0.5), np.int32(1)
     for i in range(len(s)):
         width, height = level[1, i], level[2, i]

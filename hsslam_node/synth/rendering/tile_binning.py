@@ -16,7 +16,7 @@ def bin_primitives(rotations, centers, halves, T, intrinsics, height, width):
     first; and closest [P] float32: no depth of primitive p is below closest[p].
 
     Judged by the screen box of the corners, edges clipped at the near plane; primitive 0, the room,
-    is in all of them.
+    is in all tiles.
     """
     n = len(centers)
     tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE

@@ -1,1 +1,1 @@
-"""The built-in scenes and the way of the camera through each."""
+"""The built-in scenes and the path of the camera through each."""

@@ -1,4 +1,4 @@
-"""Furniture that is carried off: from one frame on it is gone; apart from its scene, which places it."""
+"""Furniture that is carried off: from one frame on it is gone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,12 +8,12 @@ import numpy as np
 
 from hsslam_node.synth.parts.primitive import Primitive
 
-_GONE_M = np.array([0.0, 0.0, -10.0])  # below the floor, where no ray comes
+_GONE_M = np.array([0.0, 0.0, -10.0])  # below the floor, out of sight
 
 
 @dataclass(frozen=True)
 class CarriedOff:
-    """Stands where its `parts` are, before frame `gone_from`; no frame need show it move."""
+    """Its `parts` stand in place before frame `gone_from`, and are out of sight from then on."""
 
     parts: Sequence[Primitive]
     gone_from: int
@@ -25,7 +25,7 @@ class CarriedOff:
 
     @property
     def box_m(self) -> np.ndarray:
-        """Low and high corner [2, 3] m of what its boxes fill while it stands."""
+        """Low and high corner [2, 3] m of its boxes while it stands."""
         signs = np.array(list(product((-1, 1), repeat=3)))
         corners = np.concatenate(
             [(signs * p.half_m) @ p.rotation.T + p.center_m for p in self.parts]

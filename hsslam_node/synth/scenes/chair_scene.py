@@ -1,4 +1,4 @@
-"""The scene of `synth:chair`; apart from `carried_off.py`, which says what is gone and when."""
+"""The scene of `synth:chair`: a room, and a chair that is carried off."""
 
 from dataclasses import replace
 

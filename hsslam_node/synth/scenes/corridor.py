@@ -64,7 +64,7 @@ def _lamps(plan: Plan) -> list[tuple[float, float, float]]:
 
 
 def _fittings(plan: Plan) -> list[Primitive]:
-    """What a bare corridor has: doors on either side, with a switch and a number each."""
+    """Doors on either side, with a switch and a number each."""
     parts = []
     for side, along in (
         (Side.SOUTH, 2.2), (Side.NORTH, 5.4), (Side.SOUTH, 9.1), (Side.NORTH, 12.4)

@@ -1,4 +1,4 @@
-"""The scene of `synth:lookalike`: thirty rooms with the same furniture, which pictures tell apart."""
+"""The scene of `synth:lookalike`: thirty rooms with the same furniture; only pictures differ."""
 
 import numpy as np
 

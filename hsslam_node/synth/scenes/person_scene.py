@@ -1,4 +1,4 @@
-"""The scene of `synth:person`, the room with a person; apart from `person.py`, which is the body alone."""
+"""The scene of `synth:person`: the room with a person."""
 
 from dataclasses import replace
 

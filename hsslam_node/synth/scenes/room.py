@@ -25,7 +25,7 @@ from hsslam_node.synth.scenes.scene import Scene, Zone
 def build_room(size_m: tuple[float, float, float], seed: int) -> Scene:
     """The room of this length, width and height; one corner at the origin, m.
 
-    Furniture keeps to the walls: the ellipse in the middle is the camera's.
+    Furniture is at the walls; the ellipse in the middle is for the camera.
     """
     rng = np.random.default_rng((seed, 1))
     length, width, height = size_m

@@ -68,7 +68,7 @@ def hand_held_poses(size_m: tuple[float, float, float], length: int, seed: int) 
 
 
 def _clearance(side_m: float) -> float:
-    """Half axis of the loop: what is left of half the room beside furniture and a metre of view."""
+    """Half axis of the loop: half the room, less furniture and a metre of view."""
     return float(np.clip(side_m / 2 - 1.4, 0.5, 1.25))
 
 

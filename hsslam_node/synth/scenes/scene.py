@@ -11,7 +11,7 @@ from hsslam_node.synth.parts.primitive import Primitive
 
 @dataclass(frozen=True)
 class Zone:
-    """What is lit together: the things of one room, and its lamps. Light does not leave a zone."""
+    """The things of one room and its lamps, lit together. Light does not leave a zone."""
 
     parts: list[Primitive]
     lamps_m: list[tuple[float, float, float]]
@@ -19,7 +19,7 @@ class Zone:
 
 
 class Moving(Protocol):
-    """What does not stay where it is."""
+    """Parts of a scene that move."""
 
     def at(self, frame: int) -> list[Primitive]:
         """Its parts at a frame: always the same primitives, turned and moved."""
@@ -28,7 +28,7 @@ class Moving(Protocol):
 
 @dataclass(frozen=True)
 class Scene:
-    """What is there; floor at z = 0, m."""
+    """All parts; floor at z = 0, m."""
 
     shell: Primitive
     """Encloses all else, so that every ray ends; lit as part of the first zone."""
@@ -37,7 +37,7 @@ class Scene:
     """Scales the texels: large scenes have coarser ones, or the atlas would take a gigabyte."""
 
     moving: Moving | None = None
-    """Who or what moves, lit as part of the first zone; casts no shadow."""
+    """What moves, lit as part of the first zone; casts no shadow."""
 
     @cached_property
     def still_parts(self) -> list[Primitive]:

@@ -18,7 +18,7 @@ from hsslam_node.synth.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """What stands there, and how the camera moves through it."""
+    """A scene, and the path of the camera through it."""
 
     build: Callable[[SynthOptions], Scene]
     poses: Callable[[SynthOptions], np.ndarray]

@@ -17,8 +17,8 @@ _CELL_M = 0.01
 def walk_poses(waypoints_m: np.ndarray, length: int | None, seed: int) -> np.ndarray:
     """Camera-to-world poses [n, 4, 4] at 30 Hz along the closed way through waypoints [M, 2], m.
 
-    One round without a `length`; longer walks go round again, shorter ones end on the way. The eyes
-    are where the way leads, and a little about; the camera sways with the steps.
+    One round without a `length`; longer walks go round again, shorter ones end on the way. The
+    camera looks along the way and a little around, and sways with the steps.
     """
     way = _rounded(waypoints_m)  # [K, 2]
     cells = _paced(way)  # [N]

@@ -59,8 +59,7 @@ def build_atlas(scene: Scene, seed: int, coarseness: float = 1.0) -> Atlas:
 
 
 def pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """The image [h, w, 3] and its halves down to one texel; repeats of it, so that no look-up ends
-    beyond."""
+    """The image [h, w, 3] and its halves down to one texel, which repeats so that look-ups stay inside."""
     levels = [image]
     while max(levels[-1].shape[:2]) > 1:
         h, w = levels[-1].shape[:2]

@@ -20,10 +20,10 @@ _PACKAGES = ("numpy", "numba", "opencv-python-headless")
 
 
 def cached_atlas(scene: Scene, seed: int, coarseness: float) -> Atlas:
-    """`build_atlas` of these arguments, or its result as it was kept by an earlier call.
+    """`build_atlas` of these arguments, or the cached result of an earlier call.
 
     The name of the file depends on all that the bytes depend on: the arguments, the code, the
-    packages, the processor. A cache that cannot be read or written costs the time, nothing else.
+    packages, the processor. If the cache cannot be read or written, the atlas is built anew.
     """
     folder = cache_root() / "rooms" / _digest(scene, seed, coarseness)
     with contextlib.suppress(OSError, ValueError, EOFError):

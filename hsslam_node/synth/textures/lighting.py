@@ -1,4 +1,4 @@
-"""Bakes the light of a room: soft lamps with shadows, and the sky that corners do not see."""
+"""Bakes the light of a room: soft lamps with shadows, and ambient light, dimmer in corners."""
 
 import numpy as np
 
