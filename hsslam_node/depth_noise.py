@@ -1,25 +1,25 @@
-"""How noisy a sensor's depth is, seen from one image; a file of its own as mapper and tracker share it."""
+"""Noise of a sensor's depth, estimated from one image; mapper and tracker share it."""
 
 import numpy as np
 
 from hsslam_node.frame import Frame
 
 _STEP_PX = 4  # noise of neighbours is correlated in real sensors
-_EVERY = 4  # rows and columns looked at
+_EVERY = 4  # step between rows and columns
 _FEWEST = 100
 _UNKNOWN = 1.8e-3  # of a Kinect
 
-_DEVIATIONS = 2.0  # of the noise; a pair whose mean is off by more is not on the same surface
+_DEVIATIONS = 2.0  # of the noise; pixels that differ by more are not on the same surface
 
 EXACT_NOISE = 2e-4  # 1/m, inverse depth; below this, smoothing costs more than it gives
 
 
 def depth_noise(frame: Frame) -> float:
-    """Standard deviation of the inverse depth, 1/m: that of the depth is this times z^2.
+    """Standard deviation of the inverse depth, 1/m; times z^2, it is that of the depth z.
 
-    The median second difference along rows. Inverse depth is linear on a plane, so what is left is
-    noise and rounding; edges and curved things are few. About 1e-6 for rendered depth, 1.8e-3 for a
-    Kinect, which is also the answer where there is too little depth to tell.
+    It comes from the median second difference along rows. Inverse depth is linear on a plane, so the
+    difference is noise and rounding; edges and curved surfaces are few. About 1e-6 for rendered depth,
+    1.8e-3 for a Kinect. An image with too little depth gets 1.8e-3.
     """
     raw = frame.depth_raw[::_EVERY].astype(np.float32)  # [h, W]
     left = raw[:, : -2 * _STEP_PX : _EVERY]

@@ -1,4 +1,4 @@
-"""Files that a power cut leaves whole: content and folder are on the disk before a file has its name."""
+"""Files that a power cut leaves whole: written under another name, synced to the disk, then renamed."""
 
 import contextlib
 import errno
@@ -9,10 +9,10 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def durable_file(path: Path | str) -> Iterator[Path]:
-    """A place to write `path` at, with the same suffix; at the end of the block it becomes `path`.
+    """Yield a temporary path with the suffix of `path`; after the block its file replaces `path`.
 
-    After the block the file is on the disk, whole and under its name; whoever reads it before, or
-    after a power cut during the block, finds the old content. If the block raises, nothing remains.
+    After the block the new content is on the disk. Before, or after a power cut during the block,
+    readers find the old content. If the block raises, the temporary file is removed.
 
     Raises:
         OSError: the file or its folder cannot be written.
@@ -49,7 +49,7 @@ def sync_file(path: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Return when the names in the folder are on the disk; at once if the file system cannot say.
+    """Return when the names in the folder are on the disk; at once if the file system cannot sync.
 
     Raises:
         OSError: the disk refuses it, or there is no such folder.
@@ -57,7 +57,7 @@ def sync_folder(folder: Path) -> None:
     try:
         _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # as of some network file systems
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems
             raise
 
 

@@ -1,22 +1,22 @@
-"""The exception whose text is meant for the user; a file of its own as every folder imports it."""
+"""Exceptions whose text is meant for the user."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class UserError(Exception):
-    """Bad input, told in one line: what (file, topic, field or option), its value, what was expected.
+    """Bad input. Its text is one line: the file, topic, field or option, the value, what was expected.
 
     Command-line entry points print the message without a traceback and exit with code 2.
     """
 
 
 class OutOfMemoryError(UserError):
-    """The memory that a run needs is not there; unlike other bad input it cannot be skipped."""
+    """A run needs more memory than there is; unlike other bad input, it cannot be skipped."""
 
 
 def one_line(error: Exception) -> str:
-    """Kind and text of an error of other packages, for a line that users read."""
+    """Type and text of another package's error, on one line for users."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 

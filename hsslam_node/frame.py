@@ -1,4 +1,4 @@
-"""One RGB-D frame: what a source yields and what travels to the tracker. It carries no ground truth."""
+"""One RGB-D frame, which a source yields and the tracker gets. It has no ground truth."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ class Frame:
     """A colour image with the planar depth registered to it, both undistorted (`Undistortion` does it).
 
     Raises:
-        UserError: an array has another shape or type than the camera and this docstring say, or a number
-            is out of range; the camera has a lens.
+        UserError: an array has another shape or type than listed below, a number is out of range, or the
+            camera has lens distortion.
     """
 
     index: int
@@ -32,11 +32,11 @@ class Frame:
 
     def __post_init__(self) -> None:
         if not -_STAMPS <= self.stamp_ns < _STAMPS:
-            raise UserError(f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected 64 bits")
+            raise UserError(f"frame {self.index}: stamp_ns = {self.stamp_ns}: expected an int64")
         if self.camera.has_lens:
             raise UserError(
-                f"frame {self.index}: camera.distortion = {list(self.camera.distortion)}: expected images "
-                "without lens distortion, as of Undistortion, and the camera of Camera.undistorted()"
+                f"frame {self.index}: camera.distortion = {list(self.camera.distortion)}: expected none: "
+                "undistort the images with Undistortion and give Camera.undistorted()"
             )
         size = (self.camera.height_px, self.camera.width_px)
         _expect("color", self.color, (*size, 3), np.uint8, self.index)

@@ -1,12 +1,11 @@
-"""Images of cameras, files and logs, decoded; alone because all of these share it: PNG by our reader if it
-can, all else by OpenCV's, which takes longer."""
+"""Decodes images of cameras, files and logs: PNG with our reader if it can, else with OpenCV's slower one."""
 
 import cv2
 import numpy as np
 
 from hsslam_node.png.decode import decode_png
 
-# the tag that turns a picture for people: camera matrix and depth belong to the pixels as they are stored
+# ignores the orientation in EXIF: camera matrix and depth belong to the pixels as stored
 _NOT_TURNED = cv2.IMREAD_IGNORE_ORIENTATION
 Packed = bytes | memoryview | np.ndarray  # [bytes] uint8
 
@@ -21,7 +20,7 @@ def decoded_rgb(data: Packed) -> np.ndarray | None:
 
 
 def decoded_as_stored(data: Packed) -> np.ndarray | None:
-    """Pixels as they are, such as depth [H, W] uint16, or BGR; None if they cannot be decoded."""
+    """Pixels as stored, such as depth [H, W] uint16, or BGR; None if they cannot be decoded."""
     image = decode_png(data)
     if image is not None and image.ndim == 2:
         return image
@@ -29,7 +28,7 @@ def decoded_as_stored(data: Packed) -> np.ndarray | None:
 
 
 def decoded_mask(data: Packed) -> np.ndarray | None:
-    """BGR [H, W, 3] uint8, or uint16 as labels of 16 bit may be; None if it cannot be decoded."""
+    """BGR [H, W, 3] uint8, or uint16 if the image has 16 bits; None if it cannot be decoded."""
     return _by_opencv(data, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | _NOT_TURNED)
 
 

@@ -4,9 +4,9 @@ import struct
 from dataclasses import dataclass
 from typing import Literal
 
-LARGEST_PIXELS = 2**26  # 8192 x 8192: what an image may have, wherever it comes from
+LARGEST_PIXELS = 2**26  # 8192 x 8192: the limit for images of all sources
 _PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR"
-_PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # by colour type; a palette is of colours
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}  # by colour type; palettes hold RGB
 _JPEG = b"\xff\xd8"
 _STANDALONE = {0x01, *range(0xD0, 0xD9)}  # markers without a length
 _NO_FRAME = {0xC4, 0xC8, 0xCC}  # of the range of frame headers: tables and extensions
@@ -54,7 +54,7 @@ def _jpeg_header(data: bytes | memoryview) -> ImageHeader | None:
         if data[at] != 0xFF:
             return None
         marker = data[at + 1]
-        if marker == 0xFF:  # fills
+        if marker == 0xFF:  # fill byte
             at += 1
         elif marker in _STANDALONE:
             at += 2

@@ -1,4 +1,4 @@
-"""Presets are data: complete configurations by name."""
+"""Presets: complete configurations by name."""
 
 from dataclasses import replace
 from typing import Final, Literal
@@ -19,9 +19,8 @@ PresetName = Literal["realtime", "paper", "eslam", "co-slam"]
 
 PAPER: Final = SlamConfig()
 
-# Few samples a ray and strong SDF terms: the map is there to be tracked against. Against the paper's
-# weights and rates with the same number of samples this cuts the SDF error at new surfaces from 5 mm
-# to 2 mm (docs/results.md).
+# Few samples a ray and strong SDF terms, for tracking against the map. The SDF error at new surfaces is
+# 2 mm; the paper's weights and rates give 5 mm with as many samples (docs/results.md).
 REALTIME: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=16),
@@ -61,7 +60,7 @@ REALTIME: Final = replace(
 # The baselines: representation, tracking by rendering and budgets as published for Replica (ESLAM's
 # and Co-SLAM's configuration files), on our renderer, losses and kernels.
 
-# Planes alone. Left out: keyframes chosen by overlap (random here).
+# Planes alone. Keyframes are chosen at random, not by overlap.
 ESLAM: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=32, hash_levels=0, oneblob_bins=0),
@@ -71,9 +70,9 @@ ESLAM: Final = replace(
 
 # Hash grid and one-blob. Published as ten joint iterations over rays of all keyframes with two pose
 # steps; here eight of the mapper and two of the bundle adjustment. Its SDF and free-space weights,
-# 1000 and 10, are of means over all samples; ours are of means over the subsets of 12, of them 5 near
-# the surface, and 19 out of 43 samples, further balanced by the subsets' sizes. Its weight of rays without
-# depth, 0.05, is 1 in its program, which puts it into a mask of truth values.
+# 1000 and 10, weigh means over all 43 samples. Ours weigh means over subsets, 12 for the SDF (5 of them
+# near the surface) and 19 in free space, balanced by the subsets' sizes. Its weight of rays without
+# depth, 0.05, acts as 1: its program stores it in a boolean mask.
 CO_SLAM: Final = replace(
     PAPER,
     field=FieldConfig(plane_channels=0, truncation_m=0.1),

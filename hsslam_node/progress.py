@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol, TypeVar
 
 Item = TypeVar("Item")
-Report = Callable[[int, int | None], None]  # bytes so far, of how many
+Report = Callable[[int, int | None], None]  # bytes done, bytes in all
 
 
 class Track(Protocol):
@@ -26,7 +26,7 @@ def silently(
 
 @contextlib.contextmanager
 def bytes_bar(line: str, label: str) -> Iterator[Report]:
-    """Prints the line on stderr, then a bar with bytes, speed and time left, which the report moves."""
+    """Print the line on stderr, then a bar with bytes, speed and time left; yields what moves it."""
     from rich import progress  # only if a bar is shown
     from rich.console import Console
 

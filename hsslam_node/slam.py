@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
 
 class Slam:
-    """Tracks and maps frames in lockstep; the map so far can be asked as a `SavedMap` can.
+    """Tracks and maps frames in lockstep; answers the queries of `SavedMap` from the map so far.
 
-    What asks the map raises `UserError` if there is none yet. `bad_frames`: those that `run` left out.
+    Queries raise `UserError` if there is no map yet. `bad_frames`: frames that `run` skipped.
 
     Examples:
         >>> slam = Slam(PRESETS["realtime"], seed=0)
@@ -71,13 +71,14 @@ class Slam:
         localise_only: bool = False,
         new_map_after_s: float = NEW_MAP_AFTER_S,
     ) -> None:
-        """`saved_map`: go on in it, wherever the camera is; with `localise_only` it stays as it is.
+        """`saved_map`: continue this map, from anywhere in it; `localise_only`: do not change it.
 
-        `new_map_after_s`: a camera that is lost for so long goes on in a new map beside, a fragment, which
-        joins the map where the two meet; 0: never.
+        `new_map_after_s`: if the camera is lost for this time, it starts another map, a fragment, which
+        joins the first map where they overlap; 0: never.
 
         Raises:
-            UserError: the map cannot be used (`restore_map`), there is none to localise in, or the device.
+            UserError: the saved map (see `restore_map`) or the device cannot be used, or `localise_only`
+                has no saved map.
         """
         self.config = config
         self.localise_only = localise_only
@@ -104,7 +105,7 @@ class Slam:
             raise UserError("localise_only: expected a saved map")
 
     def run(self, frames: Iterable[Frame | BadFrame]) -> Iterator[TrackResult]:
-        """Process the frames, yielding the pose of each; one that could not be read goes to `bad_frames`."""
+        """Process the frames and yield a result for each; unreadable ones go to `bad_frames`."""
         for frame in frames:
             if isinstance(frame, BadFrame):
                 self.bad_frames.append(frame)
@@ -112,7 +113,7 @@ class Slam:
                 yield self.process(frame)
 
     def finish(self) -> None:
-        """The last iterations, when no more frames come; a fragment that is about to join the map does."""
+        """Run the last iterations, after the last frame; a fragment that can join the map joins first."""
         before = self.store.count if self.store else 0
         if self._tracker is not None and (joined := self._tracker.finish()) is not None:
             self._join(joined)
@@ -125,7 +126,7 @@ class Slam:
             self._mapper.publish()
 
     def process(self, frame: Frame) -> TrackResult:
-        """Track one frame, then map: the initial iterations after the first, some per keyframe."""
+        """Track one frame, then map: many iterations after the first, a few after each keyframe."""
         result = self._process(frame)
         at_ns = frame.stamp_ns
         row = result.log_row(source_stamp_ns=at_ns, stamp_ns=at_ns, publish_ns=at_ns)
@@ -137,10 +138,10 @@ class Slam:
 
     @property
     def map(self) -> DenseMap:
-        """The map as it is now; its answers stay as they are while more frames are processed.
+        """The map now; its answers do not change while more frames are processed.
 
-        That looks through the depth of keyframes that are new, 40 ms each. The mesh of a map that is held
-        lacks what keyframes alone showed that are retired meanwhile.
+        This reads the depth of new keyframes, 40 ms each. If keyframes are retired later, the mesh of this
+        map lacks the surfaces that only they saw.
         """
         return self._maps.held(self.store, self.parameters)
 
@@ -167,13 +168,13 @@ class Slam:
         return self._newest_map().mesh(voxel_m, everywhere=everywhere)
 
     def trajectory(self) -> Trajectory:
-        """The poses of all frames but lost ones, each as refined since by way of its keyframe."""
+        """The poses of all frames but lost ones, each corrected with its keyframe."""
         keyframe_poses = np.zeros((0, 4, 4)) if self.store is None else self.store.poses()
         rows = self.pose_log.joined(self.pose_log.rows())
         return final_trajectory(rows, keyframe_poses)
 
     def save(self, path: Path | str) -> None:
-        """Write the map, to be opened as a `SavedMap` or continued.
+        """Write the map to a file for `SavedMap.open` and `saved_map`.
 
         Raises:
             UserError: there is no map yet, or the file cannot be written.
@@ -214,13 +215,13 @@ class Slam:
         return result
 
     def _map_new(self, before: int) -> None:
-        """The iterations of the keyframes that came since there were `before`."""
+        """Run the iterations of the keyframes from number `before` on."""
         if self._mapper and self.store:
             for _ in range(self.store.count - before):
                 self._map_keyframe(self._mapper, self.store)
 
     def _map_keyframe(self, mapper: Mapper, store: KeyframeStore) -> None:
-        """The iterations that a keyframe brings with it."""
+        """Run the iterations of one keyframe."""
         mapper.grow_bound(store)
         for _ in range(self.config.mapper.iterations):
             mapper.iterate(store)

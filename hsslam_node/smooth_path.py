@@ -1,4 +1,4 @@
-"""The camera's path without jumps, as `odom` of ROS: corrections of the map are left out."""
+"""The camera's path without jumps, as in `odom` of ROS: without corrections of the map."""
 
 from collections import deque
 from dataclasses import replace
@@ -11,20 +11,20 @@ from hsslam_node.map.pose_log import INITIAL, LOST, PoseLog
 from hsslam_node.map.store import KeyframeStore
 from hsslam_node.tracking.tracked_frame import orthonormal
 
-_FRAMES = 10  # newest ones, whose times tell what is usual
+_FRAMES = 10  # newest ones; they give the usual time between frames
 _GAP = 1.5  # times the usual time between frames
 
 
 class SmoothPath:
-    """Adds up the motions between frames, each seen in the map as it is now.
+    """Adds up the motions between frames, each from the newest poses of their keyframes.
 
-    What lies between two frames that are further apart than `longest_gap_s`, and than frames usually are, is
-    not known as a motion: the path stands still there. The same holds for two map epochs, and for a camera
-    that is found where no motion has led it. A restarted tracker goes on with the path.
+    The path stands still between two frames if no motion is known: they are further apart than
+    `longest_gap_s` and 1.5 times the usual time, are of two map epochs, or the tracker has not followed
+    the camera between them. A restarted tracker continues the path.
 
     Args:
-        robot: if its frames are known, a path that stands still, or begins in a saved map, takes the height
-            and tilt that the robot has in `map`.
+        robot: if given, a path that stands still, or begins in a saved map, takes the height and tilt that
+            the robot has in `map`.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class SmoothPath:
         *,
         is_carried: bool = False,
     ) -> None:
-        """Fill in `T_odom_cam` of a row of the log, of a lost frame the last one, and whether it stands.
+        """Fill in `T_odom_cam` (of a lost frame: the last one) and `odometry_stands` of a row of the log.
 
-        T_expected: [4, 4] camera to world by the robot's odometry, of the first frame that is aligned after
-        frames that had their poses by it alone: what it was off is no motion.
+        T_expected: [4, 4] camera to world by the robot's odometry, of the first aligned frame after frames
+        with poses by odometry alone; the path leaves out the error of the odometry.
         is_carried: the tracker does not know the motion since the last frame with a pose.
         """
         self._stamps_ns.append(int(row["source_stamp_ns"]))
@@ -74,7 +74,7 @@ class SmoothPath:
         return gap_ns <= _GAP * float(np.median(np.diff(self._stamps_ns)))
 
     def _on_level(self, T_world_cam: np.ndarray, store: KeyframeStore) -> np.ndarray:
-        """The path at a pose [4, 4] to which no motion is known."""
+        """The path at a pose [4, 4] after an unknown motion."""
         T_level_world = store.world_frame.T_level_world
         if self._robot is None or T_level_world is None:
             return self._T_odom_cam
@@ -84,7 +84,7 @@ class SmoothPath:
     def _motion(
         self, row: np.ndarray, store: KeyframeStore, T_expected: np.ndarray | None
     ) -> np.ndarray:
-        """T_last_cam [4, 4], both by the poses that their keyframes have now."""
+        """T_last_cam [4, 4], from the newest poses of the keyframes."""
         assert self._last is not None
         T_world_key = store.poses_of(np.array([self._last["keyframe"], row["keyframe"]]))
         T_last, T = T_world_key @ np.stack([self._last["T_keyframe_cam"], row["T_keyframe_cam"]])
@@ -92,7 +92,7 @@ class SmoothPath:
 
 
 def _newest_with_pose(log: PoseLog) -> np.ndarray | None:
-    """A copy of the newest row that is not of a lost frame, None if there is none."""
+    """A copy of the newest row of a frame that is not lost; None if there is none."""
     for rows in log.slabs(newest_first=True):
         with_pose = np.flatnonzero(rows["status"] != LOST)
         if len(with_pose):

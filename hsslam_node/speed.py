@@ -1,7 +1,7 @@
 """Speed on the device at hand: `python -m hsslam_node.speed`.
 
-For each preset, on the built-in room: mapping iterations a second over ten keyframes, and frames a
-second of tracking and mapping in turns in one process, the first frame with its initial map left out.
+For each preset, on the built-in room: mapping iterations per second over ten keyframes, and frames per
+second of tracking and mapping in one process, without the first frame and its initial map.
 """
 
 import argparse
@@ -26,12 +26,12 @@ from hsslam_node.sources.options.synth import SynthOptions
 
 _PRESETS = ("paper", "realtime")
 _WARM_UP = 10  # iterations: compiled kernels, graphs captured
-_FIRST_ITERATIONS = 100  # of the initial map: enough to be tracked against
+_FIRST_ITERATIONS = 100  # of the initial map: enough for tracking
 
 
 @dataclass(frozen=True)
 class PresetSpeed:
-    """What one preset reached."""
+    """Speed of one preset."""
 
     preset: PresetName
     iteration_ms: float  # median of mapping iterations
@@ -60,7 +60,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m hsslam_node.speed")
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--presets", nargs="+", choices=_PRESETS, default=_PRESETS)
-    parser.add_argument("--frames", type=int, default=81, help="of the built-in room, 640 x 480")
+    parser.add_argument("--frames", type=int, default=81, help="count, of the built-in room")
     parser.add_argument("--json", action="store_true", help="one line of JSON instead of text")
     options = parser.parse_args()
     try:
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def _iteration_s(slam: Slam, device: Device, least_s: float = 3.0) -> float:
-    """Median over iterations that take so long together; each reads its loss, so none overlap."""
+    """Median over iterations of `least_s` in all; each reads its loss, so none overlap."""
     assert slam.parameters and slam.store
     mapper = Mapper(slam.config, slam.parameters, 0, device)
     for _ in range(_WARM_UP):

@@ -1,4 +1,4 @@
-"""A path as the user writes it, with `~`; of its own, as sources, options and the cache share it."""
+"""Paths as users write them, with `~`; sources, options and the cache share this."""
 
 from pathlib import Path
 
@@ -6,13 +6,13 @@ from hsslam_node.errors import UserError
 
 
 def user_path(place: str | Path) -> Path:
-    """The path, with the home folder in the place of `~` or `~NAME`.
+    """The path with the home folder instead of `~` or `~NAME`.
 
     Raises:
-        UserError: this user, or one of this name, has no home folder.
+        UserError: this user, or the user NAME, has no home folder.
     """
     try:
         return Path(place).expanduser()
     except RuntimeError:
         user = Path(place).parts[0]
-        raise UserError(f"{place}: {user} is no folder: expected a user with a home") from None
+        raise UserError(f"{place}: {user} has no home folder") from None

@@ -26,7 +26,7 @@ class WarmStart:
 
     @property
     def is_inherited(self) -> bool:
-        """Whether that was another process, which this one was forked from."""
+        """Whether a parent loaded them, before it forked this process."""
         return self.pid != os.getpid()
 
 
@@ -34,8 +34,8 @@ class WarmStart:
 def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
     """Track and map three frames of a textured wall with the field of `config`, then forget them.
 
-    Once for each configuration and device. A forked process inherits kernels and result of its parent:
-    the fork server does this, so that its forks need not.
+    Runs once for each configuration and device. A forked process inherits kernels and result of its
+    parent: the fork server runs this for all its forks.
     """
     start_s = time.monotonic()
     small = dataclasses.replace(
@@ -45,9 +45,8 @@ def warm_start(config: SlamConfig, device: Device = CPU) -> WarmStart:
         rendering_tracker=dataclasses.replace(config.rendering_tracker, pixels=64, iterations=1),
         ba=dataclasses.replace(config.ba, enabled=False),
     )
-    slam = Slam(
-        small, device=dataclasses.replace(device, threads=1)
-    )  # the fork server may have no more
+    # the fork server may have no more threads
+    slam = Slam(small, device=dataclasses.replace(device, threads=1))
     for frame in textured_wall(3):
         slam.process(frame)
     return WarmStart(os.getpid(), time.monotonic() - start_s)

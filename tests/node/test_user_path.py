@@ -15,7 +15,7 @@ _NOBODY = 123_456_789  # no user has this id
 def test_a_home_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HOME", "/home/me")
     assert user_path("~/desk") == Path("/home/me/desk")
-    with pytest.raises(UserError, match="~nosuchuser/x: ~nosuchuser is no folder: expected a user"):
+    with pytest.raises(UserError, match="~nosuchuser/x: ~nosuchuser has no home folder"):
         user_path("~nosuchuser/x")
     monkeypatch.delenv("HOME")
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
