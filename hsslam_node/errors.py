@@ -1,4 +1,4 @@
-"""Exceptions whose text is meant for the user."""
+"""Exceptions whose text is meant for the user; a file of its own, as every folder imports it."""
 
 import difflib
 from collections.abc import Iterable

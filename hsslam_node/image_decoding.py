@@ -1,4 +1,4 @@
-"""Decodes images of cameras, files and logs: PNG with our reader if it can, else with OpenCV's slower one."""
+"""Decodes images: PNG with our reader if it can, else with OpenCV's; alone, as all sources share it."""
 
 import cv2
 import numpy as np

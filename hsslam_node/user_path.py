@@ -1,4 +1,4 @@
-"""Paths as users write them, with `~`; sources, options and the cache share this."""
+"""Paths as users write them, with `~`; alone, as sources, options and the cache share it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Answers of a map; in a file without kernels, which clients of a service do not need."""
+"""Answers of a map; apart from the kernels, which clients of a service do not need."""
 
 from typing import NamedTuple
 

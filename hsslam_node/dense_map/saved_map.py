@@ -49,7 +49,7 @@ class SavedMap(DenseMap):
                 `is_free`.
 
         Raises:
-            UserError: no such file, another format or version, a damaged file; device not usable.
+            UserError: no such file, another format or version, a damaged file; the device is not usable.
         """
         return cls(Path(path), load_checkpoint(Path(path)), device, far_m)
 

@@ -1,4 +1,4 @@
-"""OpenGL's axes, which meshes and cameras of several formats use."""
+"""OpenGL's axes; alone, as meshes and cameras of several formats use them."""
 
 import numpy as np
 

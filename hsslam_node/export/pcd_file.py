@@ -1,4 +1,4 @@
-"""Coloured points as a PCD file; trimesh writes the other formats."""
+"""Coloured points as a PCD file; alone, as trimesh writes the other formats."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Adam over the twist of one pose; bundle adjustment and tracking share it."""
+"""Adam over the twist of one pose; a file of its own as bundle adjustment and tracking share it."""
 
 import numpy as np
 

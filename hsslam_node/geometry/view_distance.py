@@ -1,4 +1,4 @@
-"""Distances between camera poses, and how far new poses move the surfaces that cameras saw."""
+"""How far apart camera poses are, and how far new poses move the surfaces that cameras saw."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A view of a whole scene from above."""
+"""A view of a whole scene from above; alone, as both pictures of a mesh share it."""
 
 import numpy as np
 

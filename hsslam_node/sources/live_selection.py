@@ -1,4 +1,4 @@
-"""Selects frames of a live camera; ROS 2 and the cameras' drivers share it."""
+"""Selects frames of a live camera; a file of its own, as ROS 2 and RealSense share it."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

@@ -14,7 +14,7 @@ from tests.small_room import room_frames
 def test_images_with_a_lens_are_refused(lens, model):
     frame = room_frames()[3]
     camera = replace(frame.camera, distortion=lens, distortion_model=model)
-    with pytest.raises(UserError, match=r"frame 3: camera.distortion = .*as of Undistortion"):
+    with pytest.raises(UserError, match=r"frame 3: camera.distortion = .*with Undistortion"):
         replace(frame, camera=camera)
     assert replace(frame, camera=replace(frame.camera, distortion=(0.0,) * 4)).index == 3
 

@@ -1,4 +1,4 @@
-"""The mean transform between two sets of poses."""
+"""The mean transform between two sets of poses; a file of its own as two scores share it."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,4 @@
-"""Absolute and relative errors of labelled trajectories."""
+"""Absolute and relative errors of labelled trajectories; a file of its own as it joins ATE and RPE."""
 
 from collections.abc import Mapping
 

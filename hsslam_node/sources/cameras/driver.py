@@ -1,4 +1,4 @@
-"""Finds the driver package and the camera of a source; either may be missing."""
+"""Finds the driver package and the camera of a source; alone, as all camera sources use it."""
 
 import importlib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Rows of the plugins of this package; opening a source imports its driver."""
+"""Rows of the plugins of this package; apart from their drivers, which are imported on use."""
 
 from hsslam_node.sources.source_row import SourceRow
 

@@ -1,4 +1,4 @@
-"""The folder of data sets, $HSSLAM_DATA; sources and downloads share it."""
+"""The folder of data sets, $HSSLAM_DATA; alone, as sources and downloads share it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Stamps of a source that is played more than once, for frames and ground truth."""
+"""Stamps of a source that is played more than once; alone, as ground truth uses them too."""
 
 from collections.abc import Iterator
 from dataclasses import replace

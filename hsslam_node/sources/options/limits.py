@@ -1,4 +1,4 @@
-"""Checks the limits of numbers in options."""
+"""Limits of the numbers in options; alone because all groups of options use it."""
 
 import math
 

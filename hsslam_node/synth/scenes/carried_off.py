@@ -1,4 +1,4 @@
-"""Furniture that is carried off: from one frame on it is gone."""
+"""Furniture that is carried off: from one frame on it is gone; apart from its scene, which places it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

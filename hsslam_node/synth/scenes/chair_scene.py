@@ -1,4 +1,4 @@
-"""The scene of `synth:chair`: a room, and a chair that is carried off."""
+"""The scene of `synth:chair`; apart from `carried_off.py`, which removes the chair."""
 
 from dataclasses import replace
 

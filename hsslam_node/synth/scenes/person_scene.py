@@ -1,4 +1,4 @@
-"""The scene of `synth:person`: the room with a person."""
+"""The scene of `synth:person`, the room with a person; apart from `person.py`, which is the body."""
 
 from dataclasses import replace
 

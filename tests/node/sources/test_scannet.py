@@ -207,5 +207,5 @@ def test_masks_lie_on_the_colour_images(tmp_path):
     with pytest.raises(UserError, match=r"1 of 3 images have no mask: expected .*masks/2\.png for"):
         open_source(f"scannet:{folder}", options)
     recording = Sens(poses=POSES).write(tmp_path / "scene.sens")
-    with pytest.raises(UserError, match=r"scene\.sens has no image files that masks"):
+    with pytest.raises(UserError, match=r"scene\.sens has no image files: expected one mask"):
         open_source(f"scannet:{recording}", options)

@@ -87,5 +87,5 @@ def test_a_name_that_is_not_published_suggests_one(serve_files, monkeypatch, tmp
 def test_a_folder_that_cannot_be_written_is_named(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("HSSLAM_DATA", str(tmp_path / "file"))
-    with pytest.raises(UserError, match="HSSLAM_DATA names it"):
+    with pytest.raises(UserError, match="set HSSLAM_DATA"):
         open_source("tum:fr1/desk")
