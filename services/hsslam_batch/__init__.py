@@ -1,1 +1,1 @@
-"""Thousands of logs, each a run of `hsslam-serve` of its own, on one machine or many."""
+"""Processes thousands of logs on one machine or many; each log is a run of `hsslam-serve` of its own."""

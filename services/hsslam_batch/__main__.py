@@ -1,4 +1,4 @@
-"""`hsslam-batch`: the logs below a folder, each a run of its own, planned, run, counted, compared."""
+"""`hsslam-batch`: plans, runs, counts and compares the runs of all logs below a folder."""
 
 import sys
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ _COMMANDS: dict[str, tuple[Subcommand, str]] = {
     "plan": (_plan, "lists logs and fixes their options"),
     "run": (_run, "runs all logs that are left, on Ray"),
     "work": (_work, "runs one log, without Ray"),
-    "report": (_report, "sums, worst logs, what changed"),
+    "report": (_report, "shows sums, worst logs, what changed"),
     "status": (_status, "counts done, failed and left"),
 }
 

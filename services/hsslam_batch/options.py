@@ -6,38 +6,38 @@ from typing import ClassVar
 
 from hsslam_node.errors import UserError
 
-_MOST = 1e6  # cores, GB
+_MOST = 1e6  # cores, GB, ratio
 
 
 @dataclass(frozen=True)
 class PlanOptions:
     """Lists the logs below a folder and fixes the options of their runs; runs nothing.
 
-    Every option of hsslam-serve may follow, as --preset paper or --config FILE. Without one, runs are as
-    hsslam-serve makes them, with --pace lockstep and --viewer none.
+    Accepts the options of hsslam-serve, as --preset paper or --config FILE. Runs use --pace lockstep and
+    --viewer none.
 
     Examples:
       hsslam-batch plan recordings --out tonight --seed 1
       hsslam-batch run tonight
 
-    The same folder can be planned again: logs that are done with the same options and code stay done.
+    Planning a folder again keeps the logs that are done with the same options and code.
     """
 
     POSITIONALS: ClassVar = ("logs",)
     VALUES: ClassVar = {"logs": "FOLDER", "out": "FOLDER"}
 
     logs: str = ""
-    """Folder, or URL as s3://BUCKET/LOGS, below which logs and sequences are looked for."""
+    """Folder with logs and sequences at any depth, or URL as s3://BUCKET/LOGS."""
     out: str = ""
     """Folder of the batch, or URL as s3://BUCKET/BATCH."""
 
 
 @dataclass(frozen=True)
 class WorkOptions:
-    """Makes the run of one log, without Ray, for schedulers that start a task for each index.
+    """Runs one log without Ray, for schedulers that start a task for each index.
 
-    Exit codes: 0 if the log is done, 1 if the command is interrupted, 2 if the log is bad or the input is,
-    3 if the run fails for another reason.
+    Exit codes: 0 if the log is done, 1 if the command is interrupted, 2 if the log or an option is bad, 3 if
+    the run fails for another reason.
 
     Raises:
         UserError: a value that cannot be used.
@@ -52,19 +52,19 @@ class WorkOptions:
     index: int = 0
     """Row of the log in the manifest, from 0."""
     id: str = ""
-    """Id of the log; no run is made if the row has another (empty: any)."""
+    """Id that the log must have, else the command refuses it (empty: any)."""
     attempt: int = 1
     """Number of this attempt at the log."""
     retries: int = 0
-    """Attempts that may follow the first: what a failed fetch has brought stays for the next."""
+    """Attempts allowed after the first; the next attempt resumes a failed fetch."""
     timeout_s: float | None = None
-    """Seconds that fetch and run of the log may take together (none: no limit)."""
+    """Most time for fetch and run of the log together, s (none: no limit)."""
     memory_gb: float | None = None
-    """Memory that its processes may take together, GB (none: no limit)."""
+    """Most memory of all processes of the run together, GB (none: no limit)."""
     scratch: Path | None = None
-    """Folder for logs that are fetched (none: .work in the batch)."""
+    """Folder for fetched logs (none: .work in the batch)."""
     fetch_gb: float = 100.0
-    """Largest log that is fetched, GB."""
+    """Largest log to fetch, GB."""
     json: bool = False
     """Print frames and result as lines of JSON."""
     tied: bool = False
@@ -91,7 +91,7 @@ def _expect_limits(timeout_s: float | None, memory_gb: float | None, fetch_gb: f
 
 @dataclass(frozen=True)
 class StatusOptions:
-    """Counts the logs of a batch that are done, failed and left; tells why each failed one did.
+    """Counts the logs of a batch that are done, failed and left; shows why each failed log failed.
 
     Exit codes: 0 if all are done, 1 while some are left, else 3 if some failed, 2 if the input is bad.
     """
@@ -107,9 +107,9 @@ class StatusOptions:
 class RunOptions:
     """Runs all logs of a batch that are left, on this machine or on a Ray cluster.
 
-    Each log is a run of hsslam-serve. One that crashes, or whose machine is lost, is tried again, a time-out
-    once, bad input never. Ctrl-C lets running logs end; a second one ends them at once. The same command
-    goes on with what is left.
+    Each log is a run of hsslam-serve. The command tries a log again after a crash or a lost machine, once
+    after a time-out, never after bad input or too little memory. Ctrl-C lets running logs finish; a second
+    Ctrl-C stops them now. The same command resumes the batch.
 
     Exit codes: 0 if all logs are done, 1 while some are left, else 3 if some failed, 2 if the input is bad.
 
@@ -127,26 +127,25 @@ class RunOptions:
     ALIASES: ClassVar = {"timeout_s": "--timeout", "memory_gb": "--memory"}
 
     out: str = "."
-    """Folder of the batch, which every machine of the cluster sees under this path, or URL as
-    s3://BUCKET/BATCH."""
+    """Folder of the batch (the same path on every machine of a cluster), or URL as s3://BUCKET/BATCH."""
     address: str = "local"
-    """The Ray cluster: one of its own on this machine, or one that is there."""
+    """The Ray cluster: a new one on this machine (local), or a running one."""
     cpus: float = 1.0
-    """Cores that a log takes; with the memory it decides how many run at once."""
+    """Cores for each log; cores and memory decide how many logs run at once."""
     memory_gb: float = 4.0
-    """Memory that a log takes, GB; a run that takes more is ended."""
+    """Memory for each log, GB; a run that uses more is stopped."""
     timeout_s: float | None = None
-    """Seconds that fetch and run of a log may take together (none: no limit)."""
+    """Most time for fetch and run of a log together, s (none: no limit)."""
     retries: int = 2
-    """Attempts at a log after the first that failed."""
+    """Most attempts at a log after the first."""
     scratch: Path | None = None
-    """Folder of each node for logs that are fetched (none: .work in the batch)."""
+    """Folder for fetched logs on each node (none: .work in the batch)."""
     fetch_gb: float = 100.0
-    """Largest log that is fetched, GB."""
+    """Largest log to fetch, GB."""
     parallel: int | None = None
     """Run at most N logs at once (none: as many as fit)."""
     failed: bool = False
-    """Try the logs that failed once more."""
+    """Try the failed logs again."""
     metrics_file: Path | None = None
     """File NAME.prom for the textfile collector of node_exporter, written every 15 s."""
 
@@ -170,10 +169,10 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Writes runs.parquet, a row a log, shows sums, costs and the worst logs; with --against what changed.
+    """Writes runs.parquet, a row a log; shows sums, costs, and the worst logs or, with --against, changes.
 
-    A log got worse if its value grew by more than --noise, and by more than what is too small to matter,
-    or if it has no value any more. Logs are compared by name.
+    A log got worse if a value grew by more than --noise and by more than a minimum (ATE 0.5 mm, 1 lost frame,
+    5 s of core time, 100 MB), or if the value is missing now. Logs are compared by name.
 
     Exit codes: 0 if no log got worse, 1 if some did, 2 if the input is bad.
 
@@ -189,11 +188,11 @@ class ReportOptions:
     against: str | None = None
     """Folder or URL of an earlier batch of the same logs."""
     noise: float = 0.2
-    """Growth of a value that counts as noise, as a fraction."""
+    """Relative growth of a value that counts as noise."""
     worst: int = 10
     """Show at most N logs of each list."""
     plots: Path | None = None
-    """Draw the figures of all logs, and what changed, into this folder (none: no pictures)."""
+    """Folder for plots of all logs and of what changed (none: no plots)."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.noise < _MOST:

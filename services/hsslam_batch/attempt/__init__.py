@@ -1,1 +1,1 @@
-"""One log, one process group: started, watched, checked, committed."""
+"""One attempt at one log: start its processes, watch them, check the run, commit the results."""

@@ -1,4 +1,4 @@
-"""`hsslam-batch work`: one log in one process group, for the tasks of Ray and for other schedulers."""
+"""`hsslam-batch work`: runs one log in one process group, for Ray's tasks and for other schedulers."""
 
 import os
 import sys
@@ -22,10 +22,10 @@ _FAILED = 3
 
 
 def work_command(args: Sequence[str]) -> int:
-    """Make one attempt at a log and commit it; its exit code.
+    """Make one attempt at a log and commit it; returns the exit code.
 
     Raises:
-        UserError: no batch there, no such log, or other code or another log than planned.
+        UserError: the folder has no batch, the log does not exist, or code or log differ from the plan.
     """
     options = parse_options(WorkOptions, "hsslam-batch work", args)
     try:
@@ -33,7 +33,7 @@ def work_command(args: Sequence[str]) -> int:
     except UnavailableError as error:  # not bad input: another attempt may work
         print(f"error: {error}", file=sys.stderr)
         return _FAILED
-    except OtherPlanError as error:  # no failure of the log
+    except OtherPlanError as error:  # the log has not failed
         if options.json:
             print(msgspec.json.encode(Refused(str(error))).decode(), flush=True)
         raise
@@ -50,14 +50,14 @@ def _work(options: WorkOptions) -> int:
     if not is_remote:
         before = settled(batch, log.id)
     if before is not None and before.is_done:
-        _tell(options.json, before)
+        _report(options.json, before)
         return 0
-    cancel_fds = [_signalled()] + ([sys.stdin.fileno()] if options.tied else [])
+    cancel_fds = [_stop_signal_fd()] + ([sys.stdin.fileno()] if options.tied else [])
     limits = Limits(options.timeout_s, options.memory_gb)
     terms = Terms(options.attempt, options.retries, limits, options.scratch, options.fetch_gb)
     last = 0
 
-    def tell_frames(frames: int) -> None:
+    def report_frames(frames: int) -> None:
         nonlocal last
         if options.json and frames != last:
             last = frames
@@ -65,10 +65,10 @@ def _work(options: WorkOptions) -> int:
 
     try:
         with batch.expect_writable():
-            outcome = serve_log(batch, log, terms, cancel_fds, tell_frames)
+            outcome = serve_log(batch, log, terms, cancel_fds, report_frames)
     except CancelledError:
         raise KeyboardInterrupt from None
-    _tell(options.json, outcome)
+    _report(options.json, outcome)
     return ENDS.get(outcome.kind, _FAILED)
 
 
@@ -86,15 +86,15 @@ def _planned(batch: Batch, options: WorkOptions) -> Log:
     return row[0]
 
 
-def _signalled() -> int:
-    """A descriptor that can be read once this process was told to end."""
+def _stop_signal_fd() -> int:
+    """A file descriptor that becomes readable when this process gets a stop signal."""
     readable, writable = os.pipe()
     os.set_blocking(writable, False)
     hear_stop_signals(lambda _: os.write(writable, b"."))
     return readable
 
 
-def _tell(as_json: bool, outcome: Outcome) -> None:
+def _report(as_json: bool, outcome: Outcome) -> None:
     if as_json:
         print(msgspec.json.encode(Ended(outcome)).decode(), flush=True)
     elif outcome.is_done:

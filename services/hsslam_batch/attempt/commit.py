@@ -1,4 +1,4 @@
-"""Results become valid in one step: the run folder gets its place, then the row that makes it count."""
+"""Commits the results of a log: move the run folder to its place, then write the row that makes it valid."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ from hsslam_node.durable_file import sync_folder, write_durably
 
 
 def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
-    """Make a run folder the result of its log; if another attempt has done so before, that one stays.
+    """Make a run folder the result of its log; keep the result of an earlier attempt if there is one.
 
     Raises:
         OSError: the folder of the batch cannot be written.
@@ -37,7 +37,7 @@ def commit(batch: Batch, outcome: Outcome, run_dir: Path) -> None:
 
 
 def settle_failed(batch: Batch, outcome: Outcome) -> None:
-    """Write down why a log has no result, and remove what an earlier configuration made of it.
+    """Write down why a log has no result, and remove its results under an earlier configuration.
 
     Raises:
         OSError: the folder of the batch cannot be written.
@@ -55,9 +55,9 @@ def settle_failed(batch: Batch, outcome: Outcome) -> None:
 
 
 def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
-    """Let the folder of all recordings have those of the logs that are done, and no others.
+    """Make the folder of recordings hold those of the logs that are done, and no others.
 
-    No attempt at any log may go on meanwhile.
+    No attempt may run at the same time.
 
     Raises:
         OSError: the folder of the batch cannot be written.
@@ -73,7 +73,7 @@ def settle_recordings(batch: Batch, logs: Sequence[Log]) -> None:
 
 
 def settled(batch: Batch, log_id: str) -> Outcome | None:
-    """The row of a log under the configuration of now; None if it has none.
+    """The row of a log under the current configuration; None if it has none.
 
     Raises:
         OSError: the store of the batch fails.
@@ -107,7 +107,7 @@ def _is_done(batch: Batch, outcome: Outcome) -> bool:
 
 
 def _remove(folder: Path) -> None:
-    """Take the row away first: what is half removed does not count."""
+    """Remove the row first, so that a folder removed in part is no result."""
     (folder / DONE).unlink(missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
 
@@ -118,8 +118,8 @@ def _unlink_recordings(first: Path) -> None:
 
 
 def _link_recordings(run_dir: Path, first: Path) -> None:
-    """The recordings once more, in the folder of all: run.1.rrd as ID.1.rrd; copies if the disk knows no
-    links."""
+    """Link the recordings into the folder of all recordings, run.1.rrd as ID.1.rrd; copy them if the file
+    system has no hard links."""
     first.parent.mkdir(exist_ok=True)
     _unlink_recordings(first)
     for recording in run_dir.glob("run*.rrd"):

@@ -1,4 +1,4 @@
-"""Fetches a log from a store to this machine: a process of its own, which goes on where an earlier one ended.
+"""Fetches a log from a store to this machine, in a process of its own; resumes a fetch that was cut short.
 
 python -m hsslam_batch.attempt.fetch OUT INDEX FOLDER MOST_GB
 """
@@ -29,29 +29,29 @@ _WHOLE = ".whole"
 
 
 def main() -> int:
-    """Fetch; exit code 0 if the log is there, 2 if it is not what was planned or too large, 1 if the store or
-    the disk fails now."""
+    """Fetch a log; exit code 0 if it is complete, 2 if it is too large or differs from the plan, 1 if the
+    store or the disk fails."""
     out, index, folder, most_gb = sys.argv[1:]
     return exit_code(lambda: _fetch(out, int(index), Path(folder), float(most_gb)))
 
 
 def fetched_place(folder: Path, log: Log) -> Path:
-    """Where the log lies in the folder that it was fetched to; its name is that in the store."""
+    """Path of a fetched log in its folder; the log keeps its name in the store."""
     return folder / log.place.rstrip("/").rpartition("/")[2]
 
 
 def remove_fetched(folder: Path) -> None:
-    """Remove what was fetched to a folder, unless another process fetches to it."""
+    """Remove a folder of fetched files, unless another process fetches into it."""
     with contextlib.suppress(OSError), _alone(folder):
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def fetch_log(log: Log, folder: Path, most_gb: float) -> None:
-    """Bring all files of a log; those that are there are not fetched again.
+    """Fetch all files of a log, except those that are already complete.
 
     Raises:
-        UserError: the log is larger than `most_gb`, or not as it was planned.
-        OSError: the store does not answer, try after try, or the disk has no room for it now.
+        UserError: the log is larger than `most_gb`, or has changed since the plan.
+        OSError: the store fails at every try, or the disk has too little space.
     """
     if log.nbytes > 1e9 * most_gb:
         raise UserError(
@@ -86,7 +86,7 @@ def _fetch(out: str, index: int, folder: Path, most_gb: float) -> None:
 
 
 def _fetch_file(store: Any, url: str, target: Path, nbytes: int) -> None:
-    """One file, part by part; it has its name once it is whole."""
+    """Fetch one file part by part; a complete file gets its final name."""
     if target.exists() and target.stat().st_size == nbytes:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -99,10 +99,10 @@ def _fetch_file(store: Any, url: str, target: Path, nbytes: int) -> None:
 
 
 def _part(store: Any, url: str, first: int, end: int) -> bytes:
-    """Some bytes from `first` on, at most to `end`.
+    """At least one byte from `first` on, at most those before `end`.
 
     Raises:
-        OSError: none came, try after try.
+        OSError: the store fails at every try.
     """
 
     def some() -> bytes:
@@ -115,20 +115,20 @@ def _part(store: Any, url: str, first: int, end: int) -> bytes:
 
 
 def _expect_room(folder: Path, log: Log) -> None:
-    there = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    fetched = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     free = shutil.disk_usage(folder).free
-    if log.nbytes - there > free:
-        needed = (log.nbytes - there) / 1e9
+    if log.nbytes - fetched > free:
+        needed = (log.nbytes - fetched) / 1e9
         lack = f"{free / 1e9:.2f} GB free, {needed:.2f} needed for {log.name}"
         raise OSError(errno.ENOSPC, lack, str(folder))
 
 
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Own the folder in the block.
+    """Lock the folder in the block.
 
     Raises:
-        OSError: another process fetches to it.
+        OSError: another process fetches into it.
     """
     with (folder / _LOCK).open("wb") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

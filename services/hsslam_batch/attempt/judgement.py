@@ -1,4 +1,4 @@
-"""What an attempt that has ended counts as, by its exit code, its words and its frames."""
+"""Judges an attempt that has ended, by its exit code, its last line of output and its frames."""
 
 import contextlib
 import signal
@@ -23,15 +23,15 @@ def judged(
     words: str,
     meanings: Mapping[ExitCode, str] | Mapping[int, str] = MEANINGS,
 ) -> tuple[Kind, str]:
-    """What a command that has ended counts as, and why in one line if it failed.
+    """The kind of outcome of a command that has ended, and one line about why if it failed.
 
-    `words`: its last line; `meanings`: of its exit codes.
+    `words`: the last line that it printed; `meanings`: text for each exit code.
     """
     if end.why == "timeout":
-        return "timeout", f"not done after {limits.timeout_s:g} s: ended (--timeout)"
+        return "timeout", f"stopped: took longer than {limits.timeout_s:g} s (--timeout)"
     if end.why == "memory":
-        took = f"took {end.memory_mb / 1e3:.2f} GB, of {limits.memory_gb:g} allowed"
-        return "memory", f"{took}: ended (--memory)"
+        used = f"used {end.memory_mb / 1e3:.2f} GB, more than {limits.memory_gb:g}"
+        return "memory", f"stopped: {used} (--memory)"
     if end.code < 0:
         return "crash", f"killed by {signal.Signals(-end.code).name}; {words}"
     if end.code == ExitCode.BAD_INPUT:
@@ -43,7 +43,7 @@ def judged(
 
 
 def judged_frames(summary: dict[str, Any], expected: int) -> tuple[Kind, str]:
-    """Whether a run that ended well has a pose for each frame that its log has."""
+    """Done if a run has a pose message for each frame of its log, except bad frames; else a crash."""
     frames = summary.get("frames", {})
     done, sent = frames.get("tracked", 0) + frames.get("lost", 0), frames.get("in", 0)
     if done != sent or sent + frames.get("bad", 0) != expected:
@@ -52,25 +52,25 @@ def judged_frames(summary: dict[str, Any], expected: int) -> tuple[Kind, str]:
 
 
 def selected_frames(batch: Batch, source: str) -> int:
-    """How many frames of a source a run uses.
+    """Number of frames of a source that a run uses.
 
     Raises:
-        UserError: the log is not there, or cannot be read.
+        UserError: the log is missing or not readable.
     """
     options = parse_command_line(["--config", str(batch.config)]).source_options
     return open_any_source(source, options).frame_count or 0
 
 
 def last_words(output: Path) -> str:
-    """The last line that a command printed, status lines apart: of a mistake the error."""
+    """The last line that a command printed, except status lines; after an error, the error."""
     text = output.read_text(errors="replace")
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    said = [line for line in lines if not line.startswith(_STATUS_LINE)]
-    return said[-1].removeprefix("error: ") if said else "no message"
+    messages = [line for line in lines if not line.startswith(_STATUS_LINE)]
+    return messages[-1].removeprefix("error: ") if messages else "no message"
 
 
 def summary_of(run_dir: Path) -> dict[str, Any]:
-    """summary.json as far as it is there; empty if it is damaged."""
+    """The content of summary.json; empty if the file is missing or damaged."""
     with contextlib.suppress(OSError, ValueError):
         return read_summary(run_dir)
     return {}

@@ -1,4 +1,4 @@
-"""Looks a log of a batch in a store up: a process of its own, as fsspec runs a thread and a watcher must not.
+"""Reads the row of a log from a store, in a process of its own: fsspec runs a thread, a watcher must not.
 
 python -m hsslam_batch.attempt.look_up OUT INDEX
 """
@@ -19,16 +19,16 @@ _UNAVAILABLE = 3
 
 
 def main() -> int:
-    """Bring the plan here and print the row of a log, null if it has none; exit code 3 if the store fails."""
+    """Copy the plan to this machine and print the row of a log, or null; exit code 3 if the store fails."""
     out, index = sys.argv[1:]
     return exit_code(lambda: _look_up(out, int(index)))
 
 
 def look_up(out: str, index: int) -> tuple[Batch, Outcome | None]:
-    """The batch of a URL, its plan on this machine, and the row of a log; no such index: None.
+    """The batch of a URL, with its plan on this machine, and the row of a log (None: no row or no such log).
 
     Raises:
-        UserError: no batch there.
+        UserError: the URL has no batch.
         UnavailableError: the store fails.
     """
     command = [sys.executable, "-P", "-m", "hsslam_batch.attempt.look_up", out, str(index)]

@@ -1,4 +1,4 @@
-"""What came of one attempt at a log: a row of the results, and whether the log may be tried again."""
+"""The outcome of one attempt at a log: a row of the results, and whether the log may be tried again."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,10 +10,10 @@ Kind = Literal["done", "bad input", "crash", "timeout", "memory", "lost"]
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """One attempt; the last of a log is its row in `runs.parquet`. What is not known is None.
+    """One attempt; the last attempt at a log is its row in `runs.parquet`. None: not known.
 
     `reason`: one line if it failed. `kind`: `bad input` (exit code 2), `crash` (another code or a signal),
-    `timeout`, `memory` (it took more than the limit), `lost` (its machine or worker was).
+    `timeout`, `memory` (it used more than the limit), `lost` (its machine or worker died).
     """
 
     id: str
@@ -26,12 +26,12 @@ class Outcome(msgspec.Struct, frozen=True):
     node: str = ""
     code: str = ""
     started_ns: int = 0  # wall clock
-    fetch_s: float = 0.0  # to bring the log here, if it is in a store
+    fetch_s: float = 0.0  # to fetch the log, if it is in a store
     wall_s: float = 0.0  # of the run
     core_s: float = 0.0  # user and system time of all processes
     memory_mb: int = 0  # peak of all processes together (PSS)
     nbytes: int = 0  # of the run folder
-    log_s: float = 0.0  # from its first frame to its last, by the clock of the sensor
+    log_s: float = 0.0  # from the first frame to the last, sensor clock
     frames: int = 0
     tracked: int = 0
     lost: int = 0
@@ -58,7 +58,7 @@ class Ended(msgspec.Struct, frozen=True, tag="ended"):
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
-    """No attempt was made, as the code or the log is not that of the plan; a line of JSON."""
+    """No attempt was made, as code or log differ from the plan; a line of JSON."""
 
     reason: str
 
@@ -68,9 +68,9 @@ Line = Frames | Ended | Refused
 
 
 def may_try_again(outcome: Outcome, retries: int) -> bool:
-    """Whether a failed log gets one more attempt, if each may have so many after the first.
+    """Whether a failed log gets one more attempt; `retries`: most attempts after the first.
 
-    The same bad input or too little memory fails again, so it gets none; a time-out gets one.
+    Bad input and too little memory fail again, so they get none; a time-out gets one.
     """
     most = {"crash": retries, "lost": retries, "timeout": min(1, retries)}
     return outcome.attempt <= most.get(outcome.kind, 0)
@@ -81,7 +81,7 @@ ENDS: Mapping[str, int] = MappingProxyType({"done": 0, "bad input": 2})
 
 
 def encoded(outcome: Outcome) -> bytes:
-    """The row as a file of its own."""
+    """The row as the content of a JSON file."""
     return msgspec.json.format(msgspec.json.encode(outcome))
 
 

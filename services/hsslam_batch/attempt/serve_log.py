@@ -1,4 +1,4 @@
-"""One attempt at one log: fetched if it is elsewhere, run in a folder of its own, judged, committed."""
+"""One attempt at one log: fetch it if it is in a store, run it in its own folder, judge and commit it."""
 
 import contextlib
 import dataclasses
@@ -29,19 +29,19 @@ from hsslam_services.arena.arena_folder import remove_arena
 from hsslam_services.run.camera_progress import CameraProgress
 from hsslam_services.run.run_info import RunInfo
 
-_OF_FETCH = {1: "the log could not be fetched"}
+_FETCH_CODES = {1: "the log could not be fetched"}
 
 
 class CancelledError(Exception):
-    """The attempt was ended from outside; nothing of it counts."""
+    """A signal or a closed stdin ended the attempt; it leaves no result."""
 
 
 @dataclass(frozen=True)
 class Terms:
-    """On which terms an attempt is made. `scratch`: where logs are fetched to (None: into the batch).
+    """The settings of an attempt. `scratch`: folder for fetched logs (None: below the batch).
 
-    `retries`: how many attempts may follow the first; a fetch that failed is kept for them. `limits`: fetch
-    and run share the time.
+    `retries`: most attempts after the first; they resume a fetch that failed. `limits`: fetch and run share
+    the time.
     """
 
     attempt: int = 1
@@ -53,7 +53,7 @@ class Terms:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an attempt lies while it goes on."""
+    """The folders of an attempt while it runs."""
 
     folder: Path
     fetched: Path  # where the log is fetched to
@@ -69,7 +69,7 @@ class Place:
 
 
 def place_of(batch: Batch, log: Log, terms: Terms) -> Place:
-    """The place of an attempt; all attempts of a batch at a log fetch to one folder, no other batch does."""
+    """The folders of an attempt; all attempts at a log fetch into one folder, which no other batch uses."""
     fetched = (terms.scratch or batch.work) / f"{batch.key}.{log.id}.log"
     return Place(batch.work / f"{log.id}.{terms.attempt}", fetched)
 
@@ -81,10 +81,10 @@ def serve_log(
     cancel_fds: Sequence[int] = (),
     on_frames: Callable[[int], None] = lambda frames: None,
 ) -> Outcome:
-    """Make the run of a log and commit what came of it; `on_frames` hears how many frames are done.
+    """Run a log and commit the outcome; `on_frames` gets the number of frames that are done.
 
     Raises:
-        CancelledError: one of `cancel_fds` could be read before the end.
+        CancelledError: one of `cancel_fds` became readable before the end.
         OSError: the folder of the batch cannot be written.
     """
     place = place_of(batch, log, terms)
@@ -111,7 +111,7 @@ def _attempt(
     on_frames: Callable[[int], None],
     at_end: contextlib.ExitStack,
 ) -> Outcome:
-    """Fetch and run the log; `at_end`: takes what removes what is not to stay."""
+    """Fetch and run the log; `at_end` gets the callbacks that remove temporary files."""
     started_ns, fetch_s = time.time_ns(), 0.0
     here = log
     if is_url(log.place):
@@ -119,11 +119,11 @@ def _attempt(
         command = fetch_command(batch, log, place.fetched, terms.fetch_gb)
         end = _watched(command, place, terms.limits, cancel_fds)
         fetch_s = end.wall_s
-        kind, reason = judged(end, terms.limits, last_words(place.output), _OF_FETCH)
+        kind, reason = judged(end, terms.limits, last_words(place.output), _FETCH_CODES)
         if kind != "done":
             outcome = _outcome(batch, log, terms, end, kind=kind, reason=reason, fetch_s=fetch_s)
             if may_try_again(outcome, terms.retries):
-                at_end.pop_all()  # what has come stays for the next attempt
+                at_end.pop_all()  # keep the fetched part for the next attempt
             return outcome
         here = dataclasses.replace(log, place=str(fetched_place(place.fetched, log)))
     run_dir = place.run_dir
@@ -140,13 +140,13 @@ def _attempt(
 
 
 def serve_command(batch: Batch, log: Log, run_dir: Path) -> list[str]:
-    """The command line of the run of a log that is on this machine."""
+    """The command line that runs a log of this machine."""
     serve = [sys.executable, "-P", "-m", "hsslam_services.commands.serve"]
     return [*serve, "--config", str(batch.config), "--source", log.source, "--out", str(run_dir)]
 
 
 def fetch_command(batch: Batch, log: Log, folder: Path, most_gb: float) -> list[str]:
-    """The command line that brings a log into a folder of this machine."""
+    """The command line that fetches a log into a folder of this machine."""
     fetch = [sys.executable, "-P", "-m", "hsslam_batch.attempt.fetch"]
     return [*fetch, str(batch.out), str(log.index), str(folder), str(most_gb)]
 
@@ -181,14 +181,14 @@ def _outcome(batch: Batch, log: Log, terms: Terms, end: End, **found) -> Outcome
 
 
 def _frames_so_far(run_dir: Path) -> int:
-    """That the camera has sent; in lockstep the others are at most one behind."""
+    """Number of frames that the camera has sent; in lockstep the other workers are at most one behind."""
     with contextlib.suppress(OSError, UserError):
         return CameraProgress.read(Path(RunInfo.read(run_dir).arena_dir)).sent
     return 0
 
 
 def _remove_arena(run_dir: Path) -> None:
-    """Of a run that did not end in order: shared memory that no process uses any more."""
+    """Remove the shared memory of a run that has crashed."""
     with contextlib.suppress(UserError):
         if arena := RunInfo.read(run_dir).arena_dir:
             remove_arena(Path(arena))

@@ -1,7 +1,7 @@
-"""Results in a store: each attempt has a folder of its own, and the first whose row is there is the result.
+"""Commits results to a store: each attempt has its own folder, and the first to create the row is the result.
 
-A store renames nothing, so the files of an attempt go to `runs/ID/ATTEMPT.TOKEN/`, and `runs/ID/_DONE.json`,
-which names that folder, is created last. Only one attempt can create it, so files of two never mix.
+A store cannot rename, so the files of an attempt go to `runs/ID/ATTEMPT.TOKEN/`. The attempt then creates
+`runs/ID/_DONE.json`, which names that folder. Only one attempt can create it, so files of two never mix.
 """
 
 import contextlib
@@ -26,10 +26,10 @@ class StoredOutcome(Outcome, frozen=True, kw_only=True):
 
 
 def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
-    """Upload a run folder and make it the result of its log, if no other attempt has one.
+    """Upload a run folder and make it the result of its log, unless another attempt has one.
 
     Raises:
-        OSError: the store fails; nothing counts then.
+        OSError: the store fails; the log then has no result.
     """
     if _withdraw_stale(batch, store, outcome):
         return
@@ -46,7 +46,7 @@ def commit(batch: Batch, store: Store, outcome: Outcome, run_dir: Path) -> None:
 
 
 def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:
-    """Write down why a log has no result, if no attempt has one.
+    """Write down why a log has no result, unless an attempt has one.
 
     Raises:
         OSError: the store fails.
@@ -56,7 +56,7 @@ def settle_failed(batch: Batch, store: Store, outcome: Outcome) -> None:
 
 
 def settled(batch: Batch, store: Store, ids: Iterable[str]) -> dict[str, Outcome]:
-    """The rows of logs under the configuration of now, by id; those without one are left out.
+    """The rows of logs under the current configuration, by id; logs without a row are left out.
 
     Raises:
         OSError: the store fails.
@@ -84,7 +84,7 @@ def _rows(
 
 
 def _withdraw_stale(batch: Batch, store: Store, outcome: Outcome) -> bool:
-    """Whether the log is done; a result of another configuration counts no more afterwards."""
+    """Whether the log is done; removes the row of a result under another configuration."""
     row_name = batch.name(batch.done_file(outcome.id))
     found = settled(batch, store, [outcome.id]).get(outcome.id)
     if found is not None and found.is_done:

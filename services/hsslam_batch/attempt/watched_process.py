@@ -1,8 +1,8 @@
-"""One command, its processes watched: ended when it takes too long or too much, and nothing of it left.
+"""Runs a command, ends it at a limit of time or memory, and leaves none of its processes.
 
-The process that watches becomes the parent of whatever its descendants leave behind (a subreaper), so it
-finds all of them, however the command ended. It runs no thread, so the kernel sends SIGTERM to the command
-when this process dies, and not earlier.
+The watching process adopts the orphans of its descendants (it is a subreaper), so it finds all of them after
+any end of the command. It runs no thread, so the kernel sends SIGTERM to the command when this process dies,
+and not earlier.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from hsslam_services.launch.parent_death import adopt_orphans, die_with_parent
 from hsslam_services.run.memory import read_pss_mb
 
 _LOOK_S = 1.0
-_MEMORY_EVERY_S = 2.0  # the kernel walks all pages for it
+_MEMORY_EVERY_S = 2.0  # the kernel walks all pages to measure PSS
 _GRACE_S = 10.0  # from the second SIGTERM to SIGKILL
 _BETWEEN_SIGNALS_S = 0.3
 
@@ -33,13 +33,13 @@ Why = Literal["", "timeout", "memory", "cancelled"]
 
 @dataclass(frozen=True)
 class Limits:
-    """What a command may take; None: no limit."""
+    """Time and memory that a command may take; None: no limit."""
 
     timeout_s: float | None = None
     memory_gb: float | None = None  # of all processes together (PSS)
 
     def after(self, wall_s: float) -> "Limits":
-        """What a second command may take, once the first has taken `wall_s` of the time."""
+        """The limits of a second command, after the first has taken `wall_s`."""
         if self.timeout_s is None:
             return self
         return replace(self, timeout_s=self.timeout_s - wall_s)
@@ -47,7 +47,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class End:
-    """How a command ended. `why`: for what it was made to end; empty if it ended by itself."""
+    """How a command ended. `why`: the reason to end it; empty if it ended by itself."""
 
     code: int
     why: Why
@@ -63,9 +63,9 @@ def watch(
     cancel_fds: Sequence[int] = (),
     look: Callable[[], None] = lambda: None,
 ) -> End:
-    """Run a command to its end, its output in a file; afterwards no process of it lives.
+    """Run a command, write its output to a file, and leave none of its processes.
 
-    It is made to end when one of `cancel_fds` can be read, or is at its end. `look` is called once a second.
+    The command is ended when one of `cancel_fds` becomes readable or closes. `look` is called once a second.
     """
     adopt_orphans()
     start_s, core_s = time.monotonic(), _core_s()
@@ -89,11 +89,11 @@ def watch(
                 why = "memory"
             else:
                 look()
-                heard = select.select([end_fd, *cancel_fds], [], [], _LOOK_S)[0]
-                why = "cancelled" if any(fd in heard for fd in cancel_fds) else ""
+                ready = select.select([end_fd, *cancel_fds], [], [], _LOOK_S)[0]
+                why = "cancelled" if any(fd in ready for fd in cancel_fds) else ""
     finally:
         below = psutil.Process().children(recursive=True)
-        pools = [pools_of(each.pid) for each in below]  # a process that is killed leaves them
+        pools = [pools_of(each.pid) for each in below]  # killed processes leave them behind
         _end(process)
         os.close(end_fd)
         _kill_all()
@@ -104,7 +104,7 @@ def watch(
 
 
 class _Memory:
-    """The memory of all descendants, looked at now and then."""
+    """The memory of all descendants, measured every `_MEMORY_EVERY_S`."""
 
     def __init__(self, most_gb: float | None) -> None:
         self._most_mb = None if most_gb is None else 1e3 * most_gb
@@ -120,13 +120,13 @@ class _Memory:
 
 
 def _end_with_watcher() -> None:
-    """In the new process: what the watcher has blocked or ignored is not its business."""
+    """In the new process: unblock the signals that the watcher blocks; die with the watcher."""
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     die_with_parent(signal.SIGTERM)
 
 
 def _end(process: subprocess.Popen) -> None:
-    """As a user who presses Ctrl-C twice; then by force."""
+    """Send SIGTERM twice, as a user who presses Ctrl-C twice; after 10 s kill the process."""
     for _ in range(2):
         if process.poll() is None:
             process.terminate()
@@ -139,7 +139,7 @@ def _end(process: subprocess.Popen) -> None:
 
 
 def _kill_all() -> None:
-    """Kill and reap all descendants until there are none, those that are adopted meanwhile too."""
+    """Kill and reap all descendants, including orphans adopted meanwhile, until none is left."""
     while below := psutil.Process().children(recursive=True):
         for process in below:
             with contextlib.suppress(psutil.Error):

@@ -1,1 +1,1 @@
-"""All logs of a batch on Ray: which may start, which are tried again, when it is over."""
+"""Runs all logs of a batch on Ray: starts them, tries failed logs again, stops the batch."""

@@ -1,4 +1,4 @@
-"""What the driver of a batch makes of each attempt that has ended, and shows while others go on."""
+"""One `hsslam-batch run`: records each attempt that has ended, and shows the progress of the others."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from hsslam_batch.results.progress import BatchProgress
 
 
 class Watched(Protocol):
-    """What is asked of the pool while tasks run."""
+    """What a batch asks of the pool while tasks run."""
 
     def running(self) -> Mapping[int, Running]: ...
 
@@ -25,23 +25,23 @@ class Watched(Protocol):
 
 
 class Stop:
-    """Whether the batch is to end: if no log can begin, or by a signal, which may come inside of any call."""
+    """Whether the batch should stop: no log can start, or a signal came, possibly in the middle of a call."""
 
     def __init__(self) -> None:
         self._is_asked = False
 
     def ask(self) -> None:
-        """From now on it is."""
+        """Ask the batch to stop."""
         self._is_asked = True
 
     def is_asked(self) -> bool:
-        """Whether it is."""
+        """Whether the batch should stop."""
         return self._is_asked
 
 
 @dataclass
 class BatchRun:
-    """One `hsslam-batch run`: its methods are those that `drive` calls."""
+    """One `hsslam-batch run`; `drive` calls `judge` and `look`."""
 
     batch: Batch
     logs: Sequence[Log]
@@ -52,9 +52,9 @@ class BatchRun:
     _is_closed: bool = field(default=False, init=False)
 
     def judge(self, one: Try, result: TaskResult) -> Try | None:
-        """Write down what came of an attempt; another one if the log is worth it.
+        """Record the outcome of an attempt; returns the next attempt if the log gets one.
 
-        If the log could not begin, no other does.
+        If the log could not start, no other log starts.
 
         Raises:
             OSError: the folder of the batch cannot be written.
@@ -73,17 +73,17 @@ class BatchRun:
         return None
 
     def look(self) -> None:
-        """Show how far it is; once the batch is to end, let no task begin that waits."""
+        """Show the progress; once the batch should stop, keep waiting tasks from starting."""
         if self.stop.is_asked() and not self._is_closed:
             self._is_closed = True
             self.pool.close()
-            self.progress.say("no more logs begin, those that run end; Ctrl-C ends them at once")
+            self.progress.say("no more logs start, running logs finish; Ctrl-C stops them now")
         running = self.pool.running().items()
         self.progress.look({self.logs[index].id: now.frames for index, now in running})
 
     def _other_code(self, result: TaskResult) -> str:
-        """Why an attempt says nothing of its log, though it began: its command was edited, and may not even
-        start; empty if it was not."""
+        """Why an attempt without an outcome is no failure of its log: its code was edited after the plan;
+        empty if the code is the same."""
         if result.outcome is None and not result.is_lost:
             try:
                 self.batch.expect_same_code()
@@ -92,7 +92,7 @@ class BatchRun:
         return ""
 
     def _without_result(self, one: Try, result: TaskResult) -> Outcome:
-        """The row of an attempt that left none itself."""
+        """The row of an attempt that has not written one."""
         log = self.logs[one.index]
         outcome = Outcome(
             id=log.id,
@@ -105,7 +105,7 @@ class BatchRun:
             started_ns=time.time_ns(),
         )
         settle_failed(self.batch, outcome)
-        return settled(self.batch, log.id) or outcome  # it may have committed just before it died
+        return settled(self.batch, log.id) or outcome  # it may have committed before it died
 
 
 def work_words(batch: Batch, logs: Sequence[Log], options: RunOptions, one: Try) -> list[str]:

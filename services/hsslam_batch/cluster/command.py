@@ -1,4 +1,4 @@
-"""`hsslam-batch run`: all logs that are left, as tasks of Ray."""
+"""`hsslam-batch run`: runs all logs that are left as tasks of Ray."""
 
 import contextlib
 import shutil
@@ -27,11 +27,11 @@ _INTERRUPTED, _FAILED = 1, 3
 
 
 def run_command(args: Sequence[str]) -> int:
-    """Run what is left; its exit code.
+    """Run all logs that are left; returns the exit code.
 
     Raises:
-        UserError: no batch there, other code than it was planned with, no Ray at the address, another run or
-            a plan of this batch goes on, or the folder cannot be written.
+        UserError: the folder has no batch, the code differs from the plan, no Ray at the address, another run
+            or plan of this batch is running, or the folder is not writable.
     """
     options = parse_options(RunOptions, "hsslam-batch run", args)
     batch = read_batch(options.out)
@@ -40,7 +40,7 @@ def run_command(args: Sequence[str]) -> int:
     found = {log.index: rows.get(log.id) for log in logs}
     waiting = list(waiting_tries(found, options))
     if not waiting:
-        if batch.url or not is_current(batch):  # `work` may have mended a log since
+        if batch.url or not is_current(batch):  # `work` may have run a log since
             with _owned(batch, logs):
                 settle_recordings(batch, logs)
                 write_runs(batch, logs)
@@ -77,8 +77,8 @@ def waiting_tries(found: Mapping[int, Outcome | None], options: RunOptions) -> I
 def _run(
     batch: Batch, logs: list[Log], waiting: list[Try], tally: Tally, options: RunOptions
 ) -> bool:
-    """Run all that wait; whether it was stopped before the end."""
-    from hsslam_batch.cluster.connect import connected  # Ray takes a second, and may be missing
+    """Run all waiting attempts; returns whether the batch was stopped before the end."""
+    from hsslam_batch.cluster.connect import connected  # Ray takes 1 s to import, may be missing
     from hsslam_batch.cluster.ray_pool import RayPool, Share
 
     with (
@@ -96,7 +96,7 @@ def _run(
 
 @contextlib.contextmanager
 def _stopping() -> Iterator[Stop]:
-    """In the block the first stop signal asks for the end, the second is a KeyboardInterrupt."""
+    """In the block the first stop signal asks the batch to stop, the second raises KeyboardInterrupt."""
     stop = Stop()
 
     def hear(count: int) -> None:
@@ -114,15 +114,14 @@ def _stopping() -> Iterator[Stop]:
 
 @contextlib.contextmanager
 def _owned(batch: Batch, logs: list[Log]) -> Iterator[None]:
-    """Own the batch in the block: its plan is still the one that was read.
+    """Lock the batch in the block; its plan is still the one that was read.
 
     Raises:
-        UserError: another process owns it, it was planned anew meanwhile, or its folder cannot be
-            written.
+        UserError: another process holds the lock, the plan has changed, or the folder is not writable.
     """
     with batch.expect_writable(), alone(batch.out, batch.place):
         if (read_batch(batch.place), read_manifest(batch.out)) != (batch, logs):
             raise OtherPlanError(
-                f"{batch.place}: was planned anew just now: expected the same command once more"
+                f"{batch.place}: the plan has just changed: expected the same command again"
             )
         yield

@@ -1,4 +1,4 @@
-"""Connecting to Ray: one of its own on this machine, or a cluster that is there."""
+"""Connects to Ray: a new one on this machine, or a running cluster."""
 
 import contextlib
 import logging
@@ -8,20 +8,20 @@ from pathlib import Path
 
 from hsslam_node.errors import UserError
 
-_STORE_BYTES = 80 << 20  # the least that Ray takes; results are some hundred bytes each
-_STARTS = 3  # Ray gives up after 30 s, which its own start can take if the machine has other work
-# Ray ends a worker that waits for a second, as on a busy machine, if there are more than cores; then it
-# starts another, which takes more than a second of core time.
+_STORE_BYTES = 80 << 20  # Ray's minimum; a result has some hundred bytes
+_STARTS = 3  # Ray gives up after 30 s; on a busy machine its start can take as long
+# If there are more workers than cores, Ray ends a worker that is idle for 1 s, as on a busy machine. A new
+# worker takes more than 1 s of core time.
 _KEPT = {"idle_worker_killing_time_threshold_ms": 3_600_000}
-QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # Ray reports to its makers otherwise
+QUIET = {"RAY_USAGE_STATS_ENABLED": "0"}  # send no usage statistics
 
 
 @contextlib.contextmanager
 def connected(address: str, messages: Path | None = None) -> Iterator[None]:
-    """Ray is there in the block; one of its own ends with it.
+    """Connect to Ray in the block; at its end shut down a Ray that was started here.
 
-    messages: file to which stdout is appended in the block, as Ray prints a page of its state on it if a node
-    dies; None: stdout stays.
+    messages: file to which stdout is appended in the block, since Ray prints a page of state to stdout if a
+    node dies; None: stdout stays.
 
     Raises:
         UserError: no Ray at the address, or one of another version.
@@ -31,7 +31,7 @@ def connected(address: str, messages: Path | None = None) -> Iterator[None]:
 
     try:
         _connect(address)
-    except Exception as error:  # of many kinds, Exception itself among them
+    except Exception as error:  # Ray raises many types, also Exception itself
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise UserError(
             f"--address {address}: {reason}: expected local, auto (a cluster of this machine), "

@@ -1,4 +1,4 @@
-"""The loop of a batch: what waits is started as there is room, what ended badly is perhaps tried again."""
+"""The loop of a batch: starts waiting attempts as there is room, and retries those that `judge` asks for."""
 
 import time
 from collections import deque
@@ -13,7 +13,7 @@ _LOOK_S = 0.5
 
 @dataclass(frozen=True)
 class Try:
-    """One attempt at a log, to be started. `not_on`: the node where the last attempt ended badly."""
+    """One attempt at a log that is to start. `not_on`: the node where the previous attempt failed."""
 
     index: int
     attempt: int = 1
@@ -30,11 +30,11 @@ class Pool(Protocol):
     def start(self, one: Try) -> None: ...
 
     def is_busy(self) -> bool:
-        """Whether any was started and has not ended."""
+        """Whether an attempt is running."""
         ...
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
-        """Attempts that have ended since the last call. It waits for one, `timeout_s` at most."""
+        """Attempts that have ended since the last call; waits up to `timeout_s` for one."""
         ...
 
 
@@ -46,10 +46,10 @@ def drive(
     look: Callable[[], None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Run all that wait, and what `judge` makes of each that ended: another attempt, or None.
+    """Run all waiting attempts, and those that `judge` returns for attempts that have ended.
 
-    If no node is there for those that wait, they wait for one. Once it `is_stopping`, those that run end, and
-    no other begins. `look` is called twice a second, however many end in between; `clock`: seconds.
+    Without a node, attempts wait for one. Once `is_stopping` is true, running attempts finish, and no other
+    starts. `look` is called twice a second; `clock`: seconds.
     """
     left = deque(waiting)
     due_s = clock()

@@ -1,4 +1,4 @@
-"""Attempts as tasks of Ray: never more in flight than twice what fits, each with its cores and memory."""
+"""Runs attempts as tasks of Ray, each with its cores and memory; submits at most twice as many as fit."""
 
 import contextlib
 import time
@@ -15,20 +15,20 @@ from hsslam_batch.cluster.drive import Try
 from hsslam_batch.cluster.task import TaskResult
 from hsslam_node.errors import UserError
 
-_AHEAD = 2  # tasks in flight for each slot: the next is there when one ends
+_AHEAD = 2  # submitted tasks a slot, so that the next is ready when one ends
 _COUNT_EVERY_S = 5.0
 _ANSWER_S = 10.0
 _LOST = {
     "WorkerCrashedError": "its worker process died",
     "NodeDiedError": "its node died",
-    "OutOfMemoryError": "its node ran out of memory, and Ray ended it",
+    "OutOfMemoryError": "its node ran out of memory, and Ray killed it",
     "ActorDiedError": "the board of the batch died",
 }
 
 
 @dataclass(frozen=True)
 class Share:
-    """What a log takes of a node."""
+    """Cores and memory that a log takes of a node."""
 
     cpus: float
     memory_gb: float
@@ -39,12 +39,12 @@ class Share:
 
 
 class RayPool:
-    """The nodes that Ray knows now; `task`: what runs there, as `perform` in `task.py`.
+    """The nodes that Ray has now; `task`: the function to run there, as `perform` in `task.py`.
 
-    `most`: at most so many at once (None: as many as fit).
+    `most`: most tasks at once (None: as many as fit).
 
     Raises:
-        UserError: no node has room for one.
+        UserError: no node has room for a task.
     """
 
     def __init__(
@@ -58,22 +58,22 @@ class RayPool:
         self._arguments = arguments
         self._share = share
         self._most = most
-        # only here: Ray may put it elsewhere otherwise, and that node's death would fail all that run
+        # on this node: if the board's node dies, all running tasks fail
         here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
         board = ray.remote(num_cpus=0, max_restarts=0)(Board)
         self.board: Any = board.options(scheduling_strategy=here).remote()
         self._anywhere: Any = self._placed("DEFAULT")
-        self._flying: dict[Any, Try] = {}
+        self._submitted: dict[Any, Try] = {}
         self._counted_s = -_COUNT_EVERY_S
         self._slots = 0
         if not self.slots():
             raise UserError(
-                f"--cpus {share.cpus:g} --memory {share.memory_gb:g}: no node has as much: expected at "
+                f"--cpus {share.cpus:g} --memory {share.memory_gb:g}: more than any node has: expected at "
                 f"most {_largest()}"
             )
 
     def slots(self) -> int:
-        """How many fit on all nodes that are alive; counted anew every few seconds."""
+        """Number of tasks that fit on all live nodes; counted every `_COUNT_EVERY_S`."""
         if time.monotonic() - self._counted_s >= _COUNT_EVERY_S:
             self._counted_s = time.monotonic()
             self._slots = sum(_fitting(node, self._share) for node in _alive())
@@ -82,34 +82,34 @@ class RayPool:
     def has_room(self) -> bool:
         slots = self.slots()
         most = _AHEAD * slots if self._most is None else min(_AHEAD * slots, self._most)
-        return len(self._flying) < most
+        return len(self._submitted) < most
 
     def is_busy(self) -> bool:
-        return bool(self._flying)
+        return bool(self._submitted)
 
     def start(self, one: Try) -> None:
         task = self._elsewhere(one.not_on) if one.not_on else self._anywhere
-        self._flying[task.remote(self._arguments(one), one.index, self.board)] = one
+        self._submitted[task.remote(self._arguments(one), one.index, self.board)] = one
 
     def ended(self, timeout_s: float) -> Iterator[tuple[Try, TaskResult]]:
-        if not self._flying:
-            time.sleep(timeout_s)  # no node is there at the moment: Ray reports none that comes
+        if not self._submitted:
+            time.sleep(timeout_s)  # no node now, and Ray does not report new ones
             return
-        if not ray.wait(list(self._flying), timeout=timeout_s)[0]:
+        if not ray.wait(list(self._submitted), timeout=timeout_s)[0]:
             return
-        everything = list(self._flying)
+        everything = list(self._submitted)
         for ref in ray.wait(everything, num_returns=len(everything), timeout=0)[0]:
-            one = self._flying.pop(ref)
+            one = self._submitted.pop(ref)
             yield one, self._result(ref, one)
 
     def running(self) -> dict[int, Running]:
-        """What runs now, by index of the log; empty if the board does not answer."""
+        """Running tasks, by index of the log; empty if the board does not answer."""
         with contextlib.suppress(RayError):
             return ray.get(self.board.running.remote(), timeout=_ANSWER_S)
         return {}
 
     def close(self) -> None:
-        """Let no task begin that has not begun."""
+        """Let no further task start."""
         self.board.close.remote()
 
     def _result(self, ref: Any, one: Try) -> TaskResult:
@@ -127,7 +127,7 @@ class RayPool:
         return TaskResult(trouble=trouble, is_lost=is_lost, node_id=node_id)
 
     def _placed(self, strategy: Any) -> Any:
-        """The task with what it takes of a node, and where it may run."""
+        """The task with its cores, memory and placement."""
         return self._task.options(
             num_cpus=self._share.cpus,
             memory=self._share.memory_bytes,
@@ -135,7 +135,7 @@ class RayPool:
         )
 
     def _elsewhere(self, not_on: str) -> Any:
-        """The task on another node than this, if there is one that is large enough."""
+        """The task on another node, if one is large enough; else on any."""
         for node in _alive():
             if node["NodeID"] != not_on and _fitting(node, self._share):
                 return self._placed(NodeAffinitySchedulingStrategy(node["NodeID"], soft=True))

@@ -1,7 +1,7 @@
-"""What a Ray worker does for a log: it starts `hsslam-batch work`, and passes on its progress and result.
+"""The task of a Ray worker: starts `hsslam-batch work` for a log, and passes on its progress and result.
 
-It imports neither NumPy nor PyTorch. If the worker dies, standard input of the command closes, and the
-command ends the run.
+It imports neither NumPy nor PyTorch. If the worker dies, the command's standard input closes, and the command
+ends the run.
 """
 
 import subprocess
@@ -15,10 +15,10 @@ from hsslam_batch.attempt.outcome import Ended, Frames, Line, Outcome, Refused
 
 
 class TaskResult(msgspec.Struct, frozen=True):
-    """What came of a task: an outcome, or why there is none.
+    """The result of a task: an outcome, or why there is none.
 
-    `is_begun`: False if no more logs were to begin, or, with `trouble`, can begin. `is_lost`: its worker or
-    machine was. `node_id`: of Ray.
+    `is_begun`: False if the batch is stopping, or if the command refused the log (`trouble`). `is_lost`: its
+    worker or machine died. `node_id`: Ray's id.
     """
 
     outcome: Outcome | None = None
@@ -35,7 +35,7 @@ def perform(arguments: list[str], index: int, board: Any) -> TaskResult:
 
 
 def perform_command(command: Sequence[str], index: int, board: Any) -> TaskResult:
-    """Run a command that prints what `hsslam-batch work --json` does."""
+    """Run a command that prints the same lines as `hsslam-batch work --json`."""
     import ray
 
     node_id = ray.get_runtime_context().get_node_id()

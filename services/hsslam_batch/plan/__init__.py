@@ -1,1 +1,1 @@
-"""What a batch consists of: the logs below a folder, and one configuration for all of them."""
+"""The plan of a batch: the logs below a folder, and one configuration for all of them."""

@@ -1,15 +1,15 @@
-"""The configuration of a batch, and where everything lies below its folder.
+"""The configuration of a batch, and the files of its folder.
 
 OUT/batch.json          hash of the configuration, code and its digest, folder of the logs
 OUT/config.toml         options of every run, as `hsslam-serve --config` reads them
 OUT/manifest.parquet    a row a log
-OUT/runs/ID/            the run folder of a log; `_DONE.json`, its row, was written last
+OUT/runs/ID/            the run folder of a log; its row `_DONE.json` is written last
 OUT/rrd/ID.rrd          its recording for rerun
 OUT/failed/ID.json      the row of a log that has no result
 OUT/ray.log             what Ray prints while the batch runs
-OUT/.work/ID.N/         the N-th attempt at a log, while it goes on
+OUT/.work/ID.N/         the N-th attempt at a log, while it runs
 
-If OUT is in a store, the plan has a copy on each machine, and attempts lie there while they go on.
+If OUT is in a store, each machine has a folder with a copy of the plan and the attempts that run there.
 """
 
 import contextlib
@@ -39,11 +39,11 @@ _DIGEST_BYTES = 8
 
 
 class UnavailableError(UserError):
-    """The folder or the store of a batch fails now; the same command may work later."""
+    """The folder or the store of a batch fails; the same command may work later."""
 
 
 class OtherPlanError(UserError):
-    """A batch was planned with other code than this, or has another plan than that of the run."""
+    """The code or the plan of a batch has changed since `hsslam-batch plan` or since the run began."""
 
 
 class BatchFile(msgspec.Struct, frozen=True):
@@ -52,12 +52,12 @@ class BatchFile(msgspec.Struct, frozen=True):
     configuration: str  # hash of options and code
     code: str  # version and commit
     logs: str  # the folder that was searched
-    digest: str = ""  # of the code, which it identifies; earlier versions wrote none
+    digest: str = ""  # of the code; earlier versions wrote none
 
 
 @dataclass(frozen=True)
 class Batch:
-    """A planned batch. `out`: its folder, of this machine; `url`: where results go instead, if any."""
+    """A planned batch. `out`: its folder on this machine; `url`: the store for results, empty without one."""
 
     out: Path
     about: BatchFile
@@ -65,29 +65,29 @@ class Batch:
 
     @property
     def place(self) -> str:
-        """Where the batch is, as users name it."""
+        """Folder or URL of the batch, as users write it."""
         return self.url or str(self.out)
 
     @property
     def key(self) -> str:
-        """A digest of the place, for names outside of the batch."""
+        """A digest of folder or URL, for names outside of the batch."""
         return _digest(self.place)
 
     @functools.cached_property
     def store(self) -> Store | None:
-        """Where results go; None: to the folder.
+        """The store for results; None: they go to the folder.
 
         Raises:
-            UserError: no such kind of URL, or the package for it is missing.
+            UserError: unknown kind of URL, or its package is missing.
         """
         return Store(self.url) if self.url else None
 
     def name(self, path: Path) -> str:
-        """The name in the store of what lies at a path of the folder."""
+        """The name in the store of a path of the folder."""
         return path.relative_to(self.out).as_posix()
 
     def publish(self, name: str) -> None:
-        """Bring a file of the folder to the store, if results go to one.
+        """Copy a file of the folder to the store, if results go to one.
 
         Raises:
             OSError: the store fails.
@@ -102,7 +102,7 @@ class Batch:
 
     @property
     def work(self) -> Path:
-        """Where attempts lie while they go on."""
+        """Folder of running attempts."""
         return self.out / ".work"
 
     def run_dir(self, log_id: str) -> Path:
@@ -110,7 +110,7 @@ class Batch:
         return self.out / "runs" / log_id
 
     def done_file(self, log_id: str) -> Path:
-        """The row of a log that is done; nothing is done without it."""
+        """The row of a log that is done; a log without it is not done."""
         return self.run_dir(log_id) / DONE
 
     def failed_file(self, log_id: str) -> Path:
@@ -123,10 +123,10 @@ class Batch:
 
     @contextlib.contextmanager
     def expect_writable(self) -> Iterator[None]:
-        """In the block an OSError is that of a folder that cannot be written.
+        """Raise UnavailableError for any OSError in the block.
 
         Raises:
-            UnavailableError: in its place.
+            UnavailableError: the folder or the store is not writable.
         """
         try:
             yield
@@ -138,7 +138,7 @@ class Batch:
 
     def expect_same_code(self) -> None:
         """Raises:
-        OtherPlanError: the batch was planned with other code than this.
+        OtherPlanError: this code differs from the code of the plan.
         """
         if (digest := code_digest()) != self.about.digest:
             raise OtherPlanError(
@@ -153,10 +153,10 @@ def _digest(text: str) -> str:
 
 
 def folder_of(out: str) -> tuple[Path, str]:
-    """The folder of this machine for a batch, and its URL; a `file://` URL is a folder and no URL.
+    """The folder of a batch on this machine, and its URL (empty for a folder or a `file://` URL).
 
     Raises:
-        UserError: a `file://` URL of another machine.
+        UserError: the `file://` URL names another machine or no path.
     """
     if not is_url(out):
         return user_path(out).absolute(), ""
@@ -185,28 +185,28 @@ def write_batch(out: Path, options: ServeOptions, logs: str, url: str = "") -> B
 
 
 def read_batch(out: str) -> Batch:
-    """The batch of a folder or URL; of a URL its plan is brought here.
+    """The batch of a folder or URL; copies the plan of a URL to this machine.
 
     Raises:
-        UserError: the folder holds none, or one of another version.
+        UserError: the folder has no batch, or one of another version.
         UnavailableError: the store fails.
     """
     folder, url = folder_of(out)
     if url:
-        _bring_plan(Store(url), folder)
+        _copy_plan(Store(url), folder)
     return _batch_in(folder, url)
 
 
 def mirrored_batch(out: str) -> Batch:
-    """The batch of a URL whose plan was brought here; asks the store nothing.
+    """The batch of a URL from the copy of its plan on this machine; makes no request to the store.
 
     Raises:
-        UserError: its plan is not here.
+        UserError: this machine has no copy of the plan.
     """
     return _batch_in(*folder_of(out))
 
 
-def _bring_plan(store: Store, folder: Path) -> None:
+def _copy_plan(store: Store, folder: Path) -> None:
     names = (MANIFEST, CONFIG_FILE, _FILE)
     try:
         found = store.read_all(names)

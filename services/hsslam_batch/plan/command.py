@@ -1,4 +1,4 @@
-"""`hsslam-batch plan`: finds logs, checks the options of their runs, writes both down."""
+"""`hsslam-batch plan`: finds logs, checks the options of their runs, writes manifest and configuration."""
 
 import os
 from collections.abc import Sequence
@@ -24,21 +24,21 @@ from hsslam_services.run.options import ServeOptions
 
 _PROG = "hsslam-batch plan"
 _OUT = "--out"
-_OF_EACH_RUN = ("source", "out", "zenoh_port", "bind", "security", "metrics_port", "ros2_out")
+_SET_BY_BATCH = ("source", "out", "zenoh_port", "bind", "security", "metrics_port", "ros2_out")
 
 
 def plan_command(args: Sequence[str]) -> None:
-    """Write manifest and configuration; print what was found.
+    """Write manifest and configuration; print counts and the next command.
 
     Raises:
-        UserError: no logs, an option of hsslam-serve that is wrong or that each run decides, a folder that
-            cannot be written, or a run of the batch that goes on.
+        UserError: no logs, an option of hsslam-serve that is wrong or that the batch sets itself, a folder
+            that is not writable, or a run of the batch is running.
     """
-    own, of_serve = _split(args)
+    own, serve_args = _split(args)
     options = parse_options(PlanOptions, _PROG, own)
     if not options.logs or not options.out:
         raise UserError(f"plan {' '.join(args)}: expected LOGS --out OUT")
-    serve = run_options(of_serve)
+    serve = run_options(serve_args)
     out, url = folder_of(options.out)
     place = url or str(out)
     for name in (options.logs, place):
@@ -60,44 +60,44 @@ def plan_command(args: Sequence[str]) -> None:
     nbytes, frames = sum(log.nbytes for log in logs), sum(log.frames for log in logs)
     print(f"{len(logs)} logs, {nbytes / 1e9:.2f} GB, {frames} frames")
     if unknown := sum(not log.frames for log in logs):
-        print(f"{unknown} of them have frames that only their run can count")
+        print(f"{unknown} of them: number of frames not known before the run")
     about = batch.about
     print(f"configuration {about.configuration}, code {about.code} ({about.digest})")
     print(f"next: hsslam-batch run {options.out}")
 
 
-def run_options(of_serve: Sequence[str]) -> ServeOptions:
-    """The options of every run, from those of the command line.
+def run_options(serve_args: Sequence[str]) -> ServeOptions:
+    """The options of every run, from the options of hsslam-serve on the command line.
 
-    What each run decides is left out of files, as that of a run that is to be repeated on all logs.
+    Options that the batch sets itself are ignored in a configuration file, which may come from one run.
 
     Raises:
-        UserError: one that is wrong, or that the command line gives though each run decides it.
+        UserError: an option is wrong, or the command line has one that the batch sets itself.
     """
-    given = parse_command_line(of_serve)
-    named = parsed(ServeOptions, _PROG, of_serve)
-    for name in _OF_EACH_RUN:
+    given = parse_command_line(serve_args)
+    named = parsed(ServeOptions, _PROG, serve_args)
+    for name in _SET_BY_BATCH:
         if name in named:
             flag = f"--{name.replace('_', '-')}"
-            raise UserError(f"{flag} {named[name]}: expected no such option: runs of a "
-                            "batch have their own sources and folders and no ports")  # fmt: skip
+            raise UserError(f"{flag} {named[name]}: expected no such option: the batch "
+                            "sets sources and folders, and opens no ports")  # fmt: skip
     if named.get("pace") == "realtime":
         raise UserError("--pace realtime: expected lockstep, which uses every frame")
     if (viewer := named.get("viewer", "none")) not in ("auto", "none"):
-        raise UserError(f"--viewer {viewer}: expected none: a batch shows no run")
+        raise UserError(f"--viewer {viewer}: expected none: a batch starts no viewer")
     saved = str(find_map(given.maps, given.map)) if given.map else ""
     mask = str(user_path(given.mask).absolute()) if given.mask else ""
     if mask and not Path(mask).exists():
         raise UserError(f"--mask {given.mask}: no such file or folder: expected a mask of each run")
-    usual = {field.name: field.default for field in fields(given) if field.name in _OF_EACH_RUN}
+    usual = {field.name: field.default for field in fields(given) if field.name in _SET_BY_BATCH}
     return replace(given, **usual, pace="lockstep", viewer="none", map=saved, mask=mask)
 
 
 def _listing(logs: str, place: str) -> Listing:
-    """All files below LOGS but those of the batch.
+    """All files below LOGS, except those of the batch.
 
     Raises:
-        UserError: the results of the batch would be logs of the next plan.
+        UserError: the next plan would take the results of the batch for logs.
     """
     folder, url = folder_of(logs)
     below, own = (p if is_url(p) else os.path.realpath(p) for p in (url or str(folder), place))
@@ -109,12 +109,12 @@ def _listing(logs: str, place: str) -> Listing:
 
 
 def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Our words (those before the first option, --out, questions), and those of hsslam-serve."""
+    """The arguments of `plan` (those before the first option, --out, --help, ...), and of hsslam-serve."""
     own: list[str] = []
     rest = list(args)
     while rest and not rest[0].startswith("-"):
         own.append(rest.pop(0))
-    of_serve: list[str] = []
+    serve_args: list[str] = []
     while rest:
         word = rest.pop(0)
         if word == _OUT:
@@ -123,5 +123,5 @@ def _split(args: Sequence[str]) -> tuple[list[str], list[str]]:
         elif word.startswith(f"{_OUT}=") or word in QUESTIONS:
             own.append(word)
         else:
-            of_serve.append(word)
-    return own, of_serve
+            serve_args.append(word)
+    return own, serve_args

@@ -1,4 +1,4 @@
-"""What is a log: every file or folder below a root that a row of the table of sources recognises."""
+"""Finds logs: each file or folder below a root that a row of the table of sources recognises."""
 
 import dataclasses
 import sys
@@ -21,13 +21,13 @@ _LOG = "mcap"
 
 
 def find_logs(listing: Listing) -> list[Log]:
-    """All logs of a listing, by name; nothing is opened, so `frames` is 0.
+    """All logs of a listing, by name, with `frames` 0; opens no file.
 
-    A folder that is a log (a run folder, a sequence) is one log, and what lies in it is none. A log whose
-    path is not UTF-8 is left out with a warning: neither manifest nor run could name it.
+    If a folder is a log (a run folder, a sequence), the files in it are not. A log whose path is not UTF-8 is
+    left out with a warning, since neither manifest nor run can name it.
 
     Raises:
-        UserError: there is none.
+        UserError: there are no logs.
     """
     found = []
     for path, kind in _logs_below(listing, listing.alone):
@@ -56,7 +56,7 @@ def find_logs(listing: Listing) -> list[Log]:
 
 
 def is_utf8(path: str) -> bool:
-    """Whether a path can be written as text: other bytes come as lone surrogates."""
+    """Whether a path is valid UTF-8; Python gives other bytes as lone surrogates."""
     try:
         path.encode()
     except UnicodeEncodeError:
@@ -65,7 +65,7 @@ def is_utf8(path: str) -> bool:
 
 
 def log_files(listing: Listing, path: str, kind: str) -> list[str]:
-    """The files that make a log: of a run folder the parts of its log, not its other results."""
+    """The files of a log; for a run folder only the parts of its log, not the other results."""
     if kind != _LOG or path in listing.files:
         return list(listing.below(path))
     folder = f"{path}/" if path else ""
@@ -73,7 +73,7 @@ def log_files(listing: Listing, path: str, kind: str) -> list[str]:
 
 
 def with_frames(logs: Iterable[Log], options: SourceOptions) -> Iterator[Log]:
-    """The logs with the number of frames that a run with these options uses; 0 if it cannot be told."""
+    """The logs with the number of frames that a run with these options uses; 0: not known before the run."""
     for log in logs:
         yield dataclasses.replace(log, frames=_frames(log, options))
 
@@ -88,15 +88,15 @@ def _logs_below(listing: Listing, path: str) -> Iterator[tuple[str, str]]:
 
 
 def _kind(listing: Listing, path: str) -> str:
-    """The kind of source that a file or folder is; empty if it is none."""
-    place = cast(Any, ListedPath(listing, path))  # all that `looks_like` asks
+    """The kind of source of a file or folder; empty if it is no source."""
+    place = cast(Any, ListedPath(listing, path))  # has what `looks_like` uses of a Path
     rows = (row for row in ALL_SOURCES if not row.is_live and not row.only_examples)
     kind = next((row.kind for row in rows if row.looks_like(place)), "")
     return kind if kind != _LOG or log_files(listing, path, kind) else ""
 
 
 def _frames(log: Log, options: SourceOptions) -> int:
-    """Without reading the images: of a log its index, of a sequence its lists."""
+    """Count frames by the index of a log or the lists of a sequence; reads no images."""
     if is_url(log.place):
         return 0
     try:
@@ -104,7 +104,7 @@ def _frames(log: Log, options: SourceOptions) -> int:
             return len(options.selected(_logged_frames(Path(log.place))))
         return open_any_source(log.source, options).frame_count or 0
     except UserError:
-        return 0  # its run reports what is wrong
+        return 0  # the run will report the error
 
 
 def _logged_frames(place: Path) -> int:

@@ -1,4 +1,4 @@
-"""The files below a folder, with size and time of change, so that what is a log is decided by names alone."""
+"""Lists the files below a folder with size and time of change, so that names alone decide what is a log."""
 
 import fnmatch
 import hashlib
@@ -14,7 +14,7 @@ _DIGEST_BYTES = 8
 
 @dataclass(frozen=True)
 class FileStamp:
-    """What tells one content of a file from another."""
+    """Size and version of a file; they differ if the content does."""
 
     nbytes: int
     version: str
@@ -22,9 +22,9 @@ class FileStamp:
 
 @dataclass
 class Listing:
-    """Files by path below the root; folders follow from them.
+    """Files by path below the root; the folders follow from these paths.
 
-    `alone`: the file, if one was listed and not a folder; the root is then its folder.
+    `alone`: the name of the file, if the listing is that of one file; the root is then its folder.
     """
 
     root: str
@@ -51,9 +51,9 @@ class Listing:
         return path in self._below
 
     def stamp(self, paths: Iterable[str], within: str) -> FileStamp:
-        """Of the files of a log together: the sum of their sizes, and a digest of what each of them is.
+        """The stamp of a log: the sum of its files' sizes, and a digest of their names, sizes and versions.
 
-        within: path of the log, which may be one of the files; names in it count, and not where it lies.
+        within: path of the log, which may be one of the files; the digest has names relative to it.
         """
         digest, nbytes = hashlib.blake2b(digest_size=_DIGEST_BYTES), 0
         for path in sorted(paths):
@@ -64,7 +64,7 @@ class Listing:
         return FileStamp(nbytes, digest.hexdigest())
 
     def below(self, folder: str) -> Iterator[str]:
-        """Paths of all files below a folder; of a file itself."""
+        """Paths of all files below a folder; for a file its own path."""
         if folder in self.files:
             yield folder
         for name in self.names(folder):
@@ -72,7 +72,7 @@ class Listing:
 
 
 class ListedPath:
-    """A path of a listing with what `SourceRow.looks_like` asks of a `Path`."""
+    """A path of a listing, with the methods of `Path` that `SourceRow.looks_like` uses."""
 
     def __init__(self, listing: Listing, path: str) -> None:
         self._listing = listing
@@ -99,19 +99,19 @@ class ListedPath:
         return self._path in self._listing.files
 
     def glob(self, pattern: str) -> Iterator["ListedPath"]:
-        """Entries of this folder whose names fit the pattern."""
+        """Entries of this folder whose names match the pattern."""
         names = self._listing.names(self._path)
         return (self / name for name in names if fnmatch.fnmatchcase(name, pattern))
 
 
 def list_folder(root: Path, without: str) -> Listing:
-    """All files below a folder of this machine but hidden ones and those below the folder `without`.
+    """All files below a folder of this machine, except hidden ones and those below the folder `without`.
 
-    Links to folders are not followed, but `root` and `without` may lead through some. A file as `root`
-    is listed alone.
+    Symbolic links to folders are not followed, except in the paths `root` and `without` themselves. If `root`
+    is a file, the listing has that file alone.
 
     Raises:
-        UserError: there is no such folder, or it cannot be read.
+        UserError: the folder is missing or not readable.
     """
     try:
         if root.is_file():

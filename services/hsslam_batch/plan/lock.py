@@ -1,4 +1,4 @@
-"""The lock of a batch; apart, as `plan` and `run` take it."""
+"""The lock of a batch; apart, as both `plan` and `run` take it."""
 
 import contextlib
 import fcntl
@@ -12,18 +12,18 @@ _LOCK = ".lock"
 
 @contextlib.contextmanager
 def alone(folder: Path, place: str) -> Iterator[None]:
-    """Own the batch in a folder of this machine in the block; `place`: the batch as users name it.
+    """Lock the batch in a folder of this machine in the block; `place`: the batch as users write it.
 
     Raises:
-        UserError: another process owns it.
-        OSError: the folder cannot be written.
+        UserError: another process holds the lock.
+        OSError: the folder is not writable.
     """
     with (folder / _LOCK).open("wb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UserError(
-                f"{place}: hsslam-batch run or plan is at work on it: expected one at a time"
+                f"{place}: another hsslam-batch run or plan uses it: expected one at a time"
             ) from None
         except OSError:
             pass  # a file system without locks

@@ -16,7 +16,7 @@ _DIGEST_BYTES = 8
 class Log:
     """A recording that becomes one run.
 
-    `id` changes if the recording does: a digest of its name, size and version.
+    `id`: a digest of name, size and version, so it changes if the recording does.
     """
 
     index: int  # row in the manifest
@@ -25,12 +25,12 @@ class Log:
     kind: str  # of the source: mcap, tum, replica, ...
     place: str  # absolute path, or URL
     nbytes: int
-    version: str  # time of the last change, ns; of an object in a store its tag
-    frames: int  # that will be used; 0: not known before the run
+    version: str  # digest of the files' names, sizes and times of change (store: tags)
+    frames: int  # that the run uses; 0: not known before the run
 
     @property
     def source(self) -> str:
-        """As `hsslam-serve --source` takes it; of a URL once the log is fetched."""
+        """The value for `hsslam-serve --source`; a log of a URL must be fetched before."""
         return f"{self.kind}:{self.place}"
 
 
@@ -44,7 +44,7 @@ def write_manifest(out: Path, logs: Sequence[Log]) -> None:
     """Write the list of all logs in one step.
 
     Raises:
-        OSError: the folder cannot be written.
+        OSError: the folder is not writable.
     """
     columns = {field.name: int if field.type is int else str for field in fields(Log)}
     write_rows(out / MANIFEST, [asdict(log) for log in logs], columns)
@@ -54,7 +54,7 @@ def read_manifest(out: Path) -> list[Log]:
     """All logs, in the order of their index.
 
     Raises:
-        UserError: no manifest there, or one of another version.
+        UserError: the manifest is missing or of another version.
     """
     path = out / MANIFEST
     try:

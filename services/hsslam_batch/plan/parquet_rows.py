@@ -1,4 +1,4 @@
-"""Rows as Parquet files; apart from what they mean, as manifest and table of results share it."""
+"""Reads and writes rows as Parquet files; apart, as the manifest and the table of results share it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from hsslam_node.durable_file import durable_file
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type]) -> None:
-    """Write a file in one step; `columns`: names and whether they are int, float or text.
+    """Write a file in one step; `columns`: name and type (int, float or str) of each column.
 
     Raises:
         OSError: the file cannot be written.
@@ -32,5 +32,5 @@ def read_rows(source: Path | BinaryIO) -> list[dict[str, Any]]:
     """
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(source) as file:  # pq.read_table imports pandas if it is there: a second
+    with pq.ParquetFile(source) as file:  # pq.read_table may import pandas, which takes 1 s
         return file.read().to_pylist()

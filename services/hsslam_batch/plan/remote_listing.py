@@ -1,4 +1,4 @@
-"""The files below a URL that fsspec knows (s3://, gs://, ...), listed as those of a folder are."""
+"""Lists the files below a URL of fsspec (s3://, gs://, ...), as `listing` does those of a folder."""
 
 from typing import Any
 
@@ -15,10 +15,10 @@ def is_url(place: str) -> bool:
 
 
 def open_store(url: str) -> tuple[Any, str]:
-    """The file system of a URL, without what it remembered of it, and the path there.
+    """The file system of a URL, with an empty cache, and the path in it.
 
     Raises:
-        UserError: no such kind of URL, or the package for it is missing.
+        UserError: unknown kind of URL, or its package is missing.
     """
     import fsspec.core
 
@@ -31,10 +31,10 @@ def open_store(url: str) -> tuple[Any, str]:
 
 
 def list_url(url: str, without: str = "") -> Listing:
-    """As `asked_listing`.
+    """The same as `asked_listing`, but raises UserError if the store fails.
 
     Raises:
-        UserError: there is none, or the store refuses it or does not answer.
+        UserError: there are no files, or the store refuses the request or does not answer.
     """
     try:
         return asked_listing(url, without)
@@ -43,11 +43,11 @@ def list_url(url: str, without: str = "") -> Listing:
 
 
 def asked_listing(url: str, without: str = "") -> Listing:
-    """All files below a URL but hidden ones and those below `without`; a file is listed alone.
+    """All files below a URL, except hidden ones and those below `without`; for a file, that file alone.
 
     Raises:
-        UserError: there is none.
-        OSError: the store refuses it, or does not answer, try after try.
+        UserError: there are no files.
+        OSError: the store refuses the request or fails at every try.
     """
     store, path = open_store(url)
     found = tried(url, lambda: store.find(path, detail=True))
@@ -72,7 +72,7 @@ def asked_listing(url: str, without: str = "") -> Listing:
 
 
 def _below(url: str, store: Any, prefix: str) -> tuple[str, ...]:
-    """How the names below a URL begin in this store; empty if they do not begin with the prefix."""
+    """The prefix of all names below a URL in this store; empty if the URL is elsewhere."""
     if not url:
         return ()
     other, path = open_store(url)
@@ -80,5 +80,5 @@ def _below(url: str, store: Any, prefix: str) -> tuple[str, ...]:
 
 
 def _version(about: dict[str, Any]) -> str:
-    """What the store has to tell one content of an object from another."""
+    """The store's tag, digest or time of an object, which differs if the content does."""
     return next((str(about[key]) for key in _VERSIONS if about.get(key)), "")

@@ -1,4 +1,4 @@
-"""A folder in a store that fsspec knows; a request that fails is made again."""
+"""A folder in a store of fsspec; a failed request is tried again."""
 
 import contextlib
 import functools
@@ -16,12 +16,12 @@ _Answer = TypeVar("_Answer")
 
 
 class Store:
-    """The folder; names are paths below it.
+    """A folder of a store; names are paths below it.
 
-    All methods raise OSError if the store refuses a request, or does not answer, try after try.
+    All methods raise OSError if the store refuses a request or fails at every try.
 
     Raises:
-        UserError: no such kind of URL, or the package for it is missing.
+        UserError: unknown kind of URL, or its package is missing.
     """
 
     def __init__(self, url: str) -> None:
@@ -33,7 +33,7 @@ class Store:
         return self._tried(name, lambda: self._files.cat_file(self._path(name)))
 
     def read_all(self, names: Iterable[str]) -> dict[str, bytes]:
-        """The contents of those files that are there, many at once."""
+        """The contents of the files that exist, by name; reads many at once."""
         left = {self._path(name): name for name in names}
         found: dict[str, bytes] = {}
 
@@ -55,19 +55,19 @@ class Store:
         return found
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a whole file; who reads it meanwhile finds the old content."""
+        """Write a file in one step; readers see the old content until then."""
         self._tried(name, lambda: self._files.pipe_file(self._path(name), data))
 
     def create(self, name: str, data: bytes) -> bool:
-        """Write a whole file if there is none; whether its content is this one afterwards."""
+        """Write a file if it does not exist; returns whether it now has this content."""
         try:
             self._tried(name, lambda: self._files.pipe_file(self._path(name), data, mode="create"))
-        except FileExistsError:  # perhaps ours, of a request whose answer was lost
+        except FileExistsError:  # perhaps ours, if the answer to an earlier try was lost
             return self.read(name) == data
         return True
 
     def upload(self, folder: Path, name: str) -> list[str]:
-        """Bring all files of a folder of this machine below `name`; their paths below it, sorted."""
+        """Upload all files of a folder of this machine below `name`; returns their paths below it, sorted."""
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         names = [path.relative_to(folder).as_posix() for path in paths]
         with ThreadPoolExecutor(_AT_ONCE) as pool:
@@ -75,11 +75,11 @@ class Store:
         sizes = {below: path.stat().st_size for below, path in zip(names, paths, strict=True)}
         if (there := self.sizes(name)) != sizes:
             wrong = min(k for k in there.keys() | sizes.keys() if there.get(k) != sizes.get(k))
-            raise OSError(f"{self.url}/{name}/{wrong}: not there as it was uploaded")
+            raise OSError(f"{self.url}/{name}/{wrong}: missing or of another size after the upload")
         return names
 
     def sizes(self, folder: str) -> Mapping[str, int]:
-        """Bytes of all files below a folder, by path below it; empty if there is none."""
+        """Bytes of each file below a folder, by path below it; empty without files."""
         path = self._path(folder)
 
         def find() -> dict[str, Any]:
@@ -90,7 +90,7 @@ class Store:
         return {name.removeprefix(f"{path}/"): int(about["size"]) for name, about in found.items()}
 
     def remove(self, names: Iterable[str]) -> None:
-        """Remove files; those that are not there do not matter."""
+        """Remove files; ignores those that do not exist."""
         for name in names:
             with contextlib.suppress(FileNotFoundError):
                 self._tried(name, functools.partial(self._files.rm_file, self._path(name)))

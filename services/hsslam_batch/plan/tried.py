@@ -1,4 +1,4 @@
-"""A request to a store that is made again if it fails; alone because stores, listings and fetches use it."""
+"""Tries a failed request to a store again; alone because stores, listings and fetches use it."""
 
 import time
 from collections.abc import Callable
@@ -11,11 +11,11 @@ _Answer = TypeVar("_Answer")
 
 
 def tried(what: str, request: Callable[[], _Answer]) -> _Answer:
-    """The answer to a request; what the file systems of fsspec raise is of many kinds.
+    """The answer to a request; tries again after an exception of any type.
 
     Raises:
-        OSError: no answer, try after try, with `what` in its text; at once if there is no such file, there is
-            one, or the store refuses it.
+        OSError: every try failed; the text begins with `what`. FileNotFoundError, FileExistsError and
+            PermissionError are raised at the first try.
     """
     wait_s = _FIRST_WAIT_S
     for last in range(1, _TRIES + 1):

@@ -1,1 +1,1 @@
-"""What came out of a batch: counts, a table with a row a log, a comparison with another batch."""
+"""The results of a batch: counts, a table with a row a log, a comparison with another batch."""

@@ -1,4 +1,4 @@
-"""Two batches of the same logs, log by log: by which factor each figure changed, which logs got worse."""
+"""Compares two batches log by log: by which factor each figure changed, which logs got worse."""
 
 import math
 import statistics
@@ -11,11 +11,11 @@ Row = Mapping[str, Any]  # of runs.parquet
 
 @dataclass(frozen=True)
 class Figure:
-    """A column that is compared; less is better. Differences up to `least` do not matter."""
+    """A column to compare; less is better. Differences up to `least` are ignored."""
 
     column: str
     title: str
-    scale: float  # to what is shown
+    scale: float  # from the column to the unit of the title
     least: float
 
 
@@ -37,7 +37,7 @@ class Pair:
 
     @property
     def ratio(self) -> float:
-        """After over before; infinite from zero on."""
+        """After over before; infinite if only `before` is zero."""
         if self.before == self.after:
             return 1.0
         return self.after / self.before if self.before > 0 else math.inf
@@ -45,9 +45,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class Change:
-    """One figure over all logs that have it in both batches. `worse`: by ratio, the worst first.
+    """One figure over all logs that have it in both batches. `worse`: the worst ratio first.
 
-    `gone`: names of logs that are done in both batches and have the figure in the first alone.
+    `gone`: names of logs that are done in both batches but have the figure only in the first.
     """
 
     figure: Figure
@@ -58,13 +58,13 @@ class Change:
 
     @property
     def median_ratio(self) -> float | None:
-        """Of the logs whose value is not zero in both; None without one."""
+        """Median of the ratios, without logs whose values are both zero; None without ratios."""
         ratios = [pair.ratio for pair in self.pairs if pair.before or pair.after]
         return statistics.median(ratios) if ratios else None
 
 
 def compare(before: Sequence[Row], after: Sequence[Row], noise: float) -> list[Change]:
-    """All figures; a change counts if it is beyond the noise, a fraction, and beyond what matters."""
+    """The change of each figure; a log counts if it changed by more than `noise`, a fraction, and `least`."""
     earlier = {row["name"]: row for row in before if row["kind"] == "done"}
     changes = []
     for figure in FIGURES:
@@ -81,13 +81,13 @@ def compare(before: Sequence[Row], after: Sequence[Row], noise: float) -> list[C
 
 
 def newly_failed(before: Sequence[Row], after: Sequence[Row]) -> list[Row]:
-    """Logs that failed and were done before."""
+    """Logs that are done in the first batch and failed in the second."""
     done = {row["name"] for row in before if row["kind"] == "done"}
     return [row for row in after if row["kind"] != "done" and row["name"] in done]
 
 
 def worst(rows: Sequence[Row], figure: Figure, count: int) -> list[Row]:
-    """The logs with the largest values of a figure, those without one and with zero left out."""
+    """The logs with the largest values of a figure, without zeros and missing values."""
     known = [row for row in rows if _is_known(row[figure.column]) and row[figure.column] > 0]
     return sorted(known, key=lambda row: (-row[figure.column], row["name"]))[:count]
 

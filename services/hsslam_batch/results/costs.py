@@ -1,4 +1,4 @@
-"""What logs cost: core seconds a minute of log, for each kind of source and for all."""
+"""The costs of logs: core seconds a minute of log, for each kind of source and for all."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ _ALL = "all"
 
 @dataclass(frozen=True)
 class Cost:
-    """Logs of one kind of source that are done; `log_s`: how long the sensor recorded them."""
+    """Sums over the done logs of one kind of source; `log_s`: recorded time, by the sensor clock."""
 
     source: str
     logs: int
@@ -27,7 +27,7 @@ class Cost:
 
     @property
     def wall_s_a_minute(self) -> float:
-        """Seconds a minute of log, if the log runs alone in its slot."""
+        """Wall time, s, a minute of log, if logs run one after the other."""
         return 60 * self.wall_s / self.log_s
 
     @property
@@ -37,7 +37,7 @@ class Cost:
 
 
 def costs(rows: Sequence[Mapping[str, Any]]) -> list[Cost]:
-    """By kind of source, all last, from rows of runs.parquet; logs whose length is not known are left out."""
+    """Costs by kind of source, then of all, from rows of runs.parquet; skips logs of unknown length."""
     done = [row for row in rows if row["kind"] == "done" and row["log_s"]]
     kinds = sorted({_kind(row) for row in done})
     found = [_cost(kind, [row for row in done if _kind(row) == kind]) for kind in kinds]
@@ -45,7 +45,7 @@ def costs(rows: Sequence[Mapping[str, Any]]) -> list[Cost]:
 
 
 def cost_table(found: Sequence[Cost]) -> Table:
-    """The costs as a table for people."""
+    """The costs as a table for the terminal."""
     per_log = ("core s a minute", "seconds a minute", "core ms a frame")
     table = Table("source", "logs", "minutes of log", "core time, s", *per_log)
     for cost in found:

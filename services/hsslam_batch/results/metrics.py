@@ -21,7 +21,7 @@ _EVERY_S = 15.0
 
 
 class MetricsFile:
-    """Writes the file now and then; nothing if `path` is None."""
+    """Writes the file every 15 s; writes nothing if `path` is None."""
 
     def __init__(self, path: Path | None, about: BatchFile) -> None:
         self._path = path
@@ -29,10 +29,10 @@ class MetricsFile:
         self._due_s = 0.0
 
     def tick(self, tally: Tally, running: int) -> None:
-        """Write the file, if it is time to; `running`: logs that run now.
+        """Write the file if 15 s have passed; `running`: number of running logs.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file is not writable.
         """
         if time.monotonic() >= self._due_s:
             self.write(tally, running)
@@ -41,7 +41,7 @@ class MetricsFile:
         """Write the file in one step.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file is not writable.
         """
         if self._path is None:
             return
@@ -52,22 +52,22 @@ class MetricsFile:
 
 def _metrics(about: BatchFile, tally: Tally, running: int) -> Iterator[Metric]:
     labels = {"configuration": about.configuration, "code": about.code, "logs": about.logs}
-    yield InfoMetricFamily("hsslam_batch", "What runs", labels)
+    yield InfoMetricFamily("hsslam_batch", "Configuration, code and logs", labels)
     logs = GaugeMetricFamily("hsslam_batch_logs", "Logs by state", labels=["state"])
     states = {"done": tally.done, "failed": tally.failed, "left": tally.left}
     for state, count in states.items():
         logs.add_metric([state], count)
     yield logs
-    text = "Logs that run, of those that are left"
+    text = "Running logs, among those that are left"
     yield GaugeMetricFamily("hsslam_batch_logs_running", text, running)
-    text = "Attempts that failed and were followed by another, since the start of this command"
+    text = "Failed attempts that were tried again, since the start of this command"
     yield CounterMetricFamily("hsslam_batch_attempts_repeated", text, tally.tried_again)
     yield GaugeMetricFamily("hsslam_batch_frames", "Frames of all logs", tally.frames)
-    text = "Frames of logs that are done or failed, and those of running logs so far"
+    text = "Frames of logs that are done or failed, and frames of running logs so far"
     yield GaugeMetricFamily("hsslam_batch_frames_done", text, tally.frames_done)
     text = "Core time of logs that ended since the start of this command"
     yield CounterMetricFamily("hsslam_batch_core_seconds", text, tally.core_s)
     if (rest_s := tally.rest_s()) is not None:
         yield GaugeMetricFamily("hsslam_batch_rest_seconds", "Time until all logs end", rest_s)
-    text = "When this was written; a batch that has ended or died writes no more"
+    text = "Time of the last write; a batch that has ended or died stops writing"
     yield GaugeMetricFamily("hsslam_batch_written_timestamp_seconds", text, time.time())

@@ -1,4 +1,4 @@
-"""Pictures of a batch: the figures of all logs, and what changed against another batch."""
+"""Plots of a batch: the figures of all logs, and their changes against another batch."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ _COLUMNS, _SIDE_IN = 3, 3.2  # of axes, inches
 
 
 def draw(batches: Mapping[str, Sequence[Row]], folder: Path) -> list[Path]:
-    """Write logs.png into a folder: the figures of all logs, a line a batch, by its name.
+    """Write logs.png into a folder: the distribution of each figure over the logs, a curve a batch.
 
     Raises:
-        UserError: no log is done, or the folder cannot be written.
+        UserError: no log is done, or the folder is not writable.
     """
     known = {
         figure: {
@@ -32,7 +32,7 @@ def draw(batches: Mapping[str, Sequence[Row]], folder: Path) -> list[Path]:
     }
     drawn = {figure: found for figure, found in known.items() if found}
     if not drawn:
-        raise UserError(f"--plots {folder}: no log is done: expected one at least")
+        raise UserError(f"--plots {folder}: no log is done: expected at least one")
     picture, axes = _panels(len(drawn))
     for each, (figure, found) in zip(axes, drawn.items(), strict=False):
         for name, values in found.items():
@@ -46,10 +46,10 @@ def draw(batches: Mapping[str, Sequence[Row]], folder: Path) -> list[Path]:
 
 
 def draw_changes(changes: Sequence[Change], noise: float, folder: Path) -> list[Path]:
-    """Write changes.png: each log of both batches, before and after, with the band of the noise.
+    """Write changes.png: each log of both batches, before against after, with the band of `noise`.
 
     Raises:
-        UserError: the folder cannot be written.
+        UserError: the folder is not writable.
     """
     drawn = [change for change in changes if change.median_ratio is not None]
     if not drawn:

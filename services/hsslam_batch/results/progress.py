@@ -1,4 +1,4 @@
-"""The progress of a batch while it goes on: a bar for people, `progress.jsonl` for machines."""
+"""The progress of a running batch: a bar for people, `progress.jsonl` for programs."""
 
 import math
 import sys
@@ -18,16 +18,16 @@ from hsslam_batch.results.tally import Tally
 from hsslam_services.commands.cli import terminal_progress
 
 PROGRESS = "progress.jsonl"
-_LINE_EVERY_S = 60.0  # off a terminal
+_LINE_EVERY_S = 60.0  # without a terminal
 
 
 class BatchProgress:
-    """Shows and writes what happens; a line of `progress.jsonl` has the counts after its event.
+    """Shows and writes the events of a batch; a line of `progress.jsonl` has the counts after its event.
 
-    If its files cannot be written later, a warning says so once for each reason: no log ends for it.
+    If a later write fails, the command prints one warning for each reason and the batch continues.
 
     Raises:
-        OSError: the folder or the store of the batch cannot be written at the start.
+        OSError: the folder or the store of the batch is not writable at the start.
     """
 
     def __init__(self, batch: Batch, tally: Tally, metrics_file: Path | None = None) -> None:
@@ -43,8 +43,8 @@ class BatchProgress:
         columns = (BarColumn(), TextColumn("{task.description}", markup=False))
         self._bar = terminal_progress(*columns)
         self._task = self._bar.add_task("", total=tally.frames)
-        self._said_s = time.monotonic()
-        self._unwritten: set[str] = set()  # reasons that were said
+        self._printed_s = time.monotonic()
+        self._warned: set[str] = set()  # reasons of failed writes
 
     def __enter__(self) -> "BatchProgress":
         self._bar.start()
@@ -65,30 +65,30 @@ class BatchProgress:
         self._file.close()
 
     def look(self, frames: Mapping[str, int]) -> None:
-        """Take in the frames of running logs, by id, and show how far it is."""
+        """Show the progress; `frames`: frames that are done, by id of the running log."""
         self.tally.run(frames)
         self._try(self._metrics_name, lambda: self._metrics.tick(self.tally, len(frames)))
         self._bar.update(
             self._task, completed=self.tally.frames_done, description=self.tally.line()
         )
-        if self._bar.disable and time.monotonic() - self._said_s >= _LINE_EVERY_S:
-            self._said_s = time.monotonic()
+        if self._bar.disable and time.monotonic() - self._printed_s >= _LINE_EVERY_S:
+            self._printed_s = time.monotonic()
             print(self.tally.line(), file=sys.stderr, flush=True)
 
     def settled(self, outcome: Outcome) -> None:
-        """A log is done, or failed for good."""
+        """Record a log that is done or has failed for good."""
         self.tally.settle(outcome)
         self._write("done" if outcome.is_done else "failed", outcome)
         if not outcome.is_done:
             self.say(f"{outcome.name}: {outcome.kind}: {outcome.reason}")
 
     def tried_again(self, outcome: Outcome) -> None:
-        """An attempt failed, and the log is tried again."""
+        """Record a failed attempt whose log is tried again."""
         self.tally.tried_again += 1
         self._write("again", outcome)
 
     def say(self, text: str) -> None:
-        """A line on stderr, above the bar."""
+        """Print a line on stderr, above the bar."""
         if self._bar.disable:
             print(text, file=sys.stderr, flush=True)
         else:
@@ -109,11 +109,11 @@ class BatchProgress:
             self._try(PROGRESS, lambda: self._batch.publish(PROGRESS))
 
     def _try(self, name: str, write: Callable[[], object]) -> None:
-        """Write what only reports."""
+        """Call a write of a report; after an OSError warn once for each reason."""
         try:
             write()
         except OSError as error:
             reason = f"{name}: {error.strerror or error}"
-            if reason not in self._unwritten:
-                self._unwritten.add(reason)
-                self.say(f"warning: {reason}: not written; the logs go on")
+            if reason not in self._warned:
+                self._warned.add(reason)
+                self.say(f"warning: {reason}: not written; the batch continues")

@@ -1,4 +1,4 @@
-"""`hsslam-batch report`: the table of a batch, its sums and worst logs, and what changed against another."""
+"""`hsslam-batch report`: table, sums and worst logs of a batch, and its changes against another batch."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,10 +19,10 @@ _WORSE = 1
 
 
 def report_command(args: Sequence[str]) -> int:
-    """Write the table, print the report; its exit code.
+    """Write the table and print the report; returns the exit code.
 
     Raises:
-        UserError: no batch there, or one whose folder cannot be written.
+        UserError: the folder has no batch, or is not writable.
     """
     options = parse_options(ReportOptions, "hsslam-batch report", args)
     rows = _rows(options.out)
@@ -49,7 +49,7 @@ def _rows(out: str) -> list[Row]:
 
 
 def _rows_before(against: str) -> list[Row]:
-    """Of the earlier batch, which stays as it is."""
+    """The rows of the earlier batch, which is not changed."""
     batch = read_batch(against)
     return list(known_rows(batch, read_manifest(batch.out)))
 
@@ -69,7 +69,7 @@ def _sums(rows: Sequence[Row]) -> list[str]:
         )
     if failed_s:
         lines.append(
-            f"core time of logs that failed: {duration(failed_s)}, of the last attempt at each"
+            f"core time of failed logs: {duration(failed_s)} (only the last attempt of each)"
         )
     return lines
 
@@ -142,7 +142,7 @@ def _show_changes(
         )
     only = {row["name"] for row in before} ^ {row["name"] for row in after}
     if only:
-        console.print(f"{len(only)} logs are in one of the two batches only")
+        console.print(f"{len(only)} logs are in only one of the two batches")
     is_worse = failed or any(change.worse or change.gone for change in changes)
     return _WORSE if is_worse else 0
 

@@ -1,4 +1,4 @@
-"""`runs.parquet`: a row a log, what came of it and where its results lie, for pandas, DuckDB and Polars."""
+"""`runs.parquet`: a row a log with its outcome and the paths of its results, for pandas, DuckDB, Polars."""
 
 import io
 import typing
@@ -30,8 +30,8 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
     """Write the table of all logs that are done or failed; paths are relative to the folder of the batch.
 
     Raises:
-        OSError: the folder or the store cannot be written.
-        UserError: the store cannot be read.
+        OSError: the folder or the store is not writable.
+        UserError: the store is not readable.
     """
     path = batch.out / RUNS
     write_rows(path, _rows(batch, logs), _columns())
@@ -40,26 +40,26 @@ def write_runs(batch: Batch, logs: Sequence[Log]) -> Path:
 
 
 def known_rows(batch: Batch, logs: Sequence[Log]) -> list[dict[str, Any]]:
-    """The rows of all logs that are done or failed; nothing is written.
+    """The rows of all logs that are done or failed; writes nothing.
 
-    A log whose results were removed keeps the row that the table has.
+    A log whose results were removed keeps its row of the table.
 
     Raises:
-        UserError: the table or the store cannot be read.
+        UserError: the table or the store is not readable.
     """
-    hash_of_now = batch.about.configuration
-    rows = {row["id"]: row for row in _written(batch) if row["configuration"] == hash_of_now}
+    current = batch.about.configuration
+    rows = {row["id"]: row for row in _written(batch) if row["configuration"] == current}
     rows |= {row["id"]: row for row in _rows(batch, logs)}
     return [rows[log.id] for log in logs if log.id in rows]
 
 
 def is_current(batch: Batch) -> bool:
-    """Whether neither plan nor results of a folder have changed since the table was written."""
+    """Whether the table of a folder is newer than plan and results."""
     try:
         written_ns = (batch.out / RUNS).stat().st_mtime_ns
     except OSError:
         return False
-    # results come and go by a rename in their folder
+    # a rename in these folders adds or removes results
     changed = (batch.out / MANIFEST, batch.run_dir("any").parent, batch.failed_file("any").parent)
     return all(path.stat().st_mtime_ns <= written_ns for path in changed if path.exists())
 
@@ -68,7 +68,7 @@ def read_runs(out: Path) -> list[dict[str, Any]]:
     """The rows of the table in the folder of a batch.
 
     Raises:
-        UserError: no table there, or one that cannot be read.
+        UserError: the table is missing or not readable.
     """
     return _read(out / RUNS, out / RUNS)
 
@@ -82,7 +82,7 @@ def _read(source: Path | io.BytesIO, name: object) -> list[dict[str, Any]]:
 
 
 def _written(batch: Batch) -> list[dict[str, Any]]:
-    """The rows of the table as it is; none without a table."""
+    """The rows of the existing table; none without a table."""
     if batch.store is None:
         return read_runs(batch.out) if (batch.out / RUNS).exists() else []
     with batch.expect_writable():
@@ -106,7 +106,7 @@ def _row(batch: Batch, log: Log, outcome: Outcome) -> dict[str, Any]:
 
 
 def _files(batch: Batch, log: Log, outcome: Outcome) -> dict[str, str | None]:
-    """Where results of a log lie, below the folder or the URL of the batch; None: not there."""
+    """Paths of the results of a log, relative to the folder or the URL of the batch; None: no such file."""
     run_dir = batch.run_dir(log.id)
     if isinstance(outcome, StoredOutcome):
         run_dir /= outcome.folder
@@ -126,6 +126,6 @@ def _columns() -> dict[str, type]:
 
 
 def _plain(kind: Any) -> type:
-    """The type without None; of a choice of words, text."""
+    """The column type of a field: int, float or str; str for a Literal."""
     parts = (kind, *typing.get_args(kind))
     return next((part for part in parts if part in (int, float, str)), str)

@@ -1,4 +1,4 @@
-"""`hsslam-batch status`: how many logs are done, failed and left; a file of its own, as it needs no table."""
+"""`hsslam-batch status`: counts logs done, failed and left; in a file of its own, as it needs no table."""
 
 import sys
 from collections import Counter
@@ -17,7 +17,7 @@ def status_command(args: Sequence[str]) -> int:
     """Print the counts on stdout and a line for each failed log on stderr.
 
     Raises:
-        UserError: no batch there.
+        UserError: the folder has no batch.
     """
     options = parse_options(StatusOptions, "hsslam-batch status", args)
     batch = read_batch(options.out)

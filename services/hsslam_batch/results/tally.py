@@ -1,4 +1,4 @@
-"""How far a batch is: logs by state, frames that are done of all, how long the rest takes."""
+"""The progress of a batch in numbers: logs by state, frames done and of all logs, remaining time."""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ from hsslam_batch.plan.log import Log
 
 
 class Tally:
-    """Counts of a batch that goes on. A log whose frames are not known counts as one of average length."""
+    """Counts of a running batch. A log with an unknown number of frames counts as one of average length."""
 
     def __init__(self, logs: Sequence[Log], settled: Iterable[Outcome]) -> None:
         known = [log.frames for log in logs if log.frames]
@@ -35,22 +35,22 @@ class Tally:
 
     @property
     def frames_done(self) -> int:
-        """Frames of logs that are done or failed, and those of running logs so far."""
+        """Frames of logs that are done or failed, and frames of running logs so far."""
         return round(self._settled_frames + self._running_frames)
 
     def settle(self, outcome: Outcome) -> None:
-        """A log is done or failed for good."""
+        """Count a log that is done or has failed for good."""
         self.done += outcome.is_done
         self.failed += not outcome.is_done
         self.core_s += outcome.core_s
         self._settled_frames += self._frames[outcome.id]
 
     def run(self, frames: Mapping[str, int]) -> None:
-        """How many frames of each running log are done, by its id; of a failed attempt they count no more."""
+        """Set the frames that are done, by id of the running log; frames of failed attempts drop out."""
         self._running_frames = sum(min(n, self._frames[i]) for i, n in frames.items())
 
     def rest_s(self) -> float | None:
-        """Seconds that the rest takes at the pace since the start; None before there is one."""
+        """Remaining time at the pace since the start, s; None before the first frame."""
         made = self._settled_frames + self._running_frames - self._begun_at_frames
         if made <= 0:
             return None
@@ -58,7 +58,7 @@ class Tally:
         return pace_s * (self.frames - self.frames_done)
 
     def line(self) -> str:
-        """All of it in one line."""
+        """All counts in one line."""
         rest_s = self.rest_s()
         rest = "" if rest_s is None or not self.left else f"; about {duration(rest_s)} left"
         return (

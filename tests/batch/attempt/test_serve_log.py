@@ -71,5 +71,5 @@ def test_a_run_has_the_time_that_the_fetch_leaves(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(sys, "executable", str(slow))
     batch, log = _in_store(tmp_path / "out")
     outcome = serve_log(batch, log, Terms(limits=Limits(timeout_s=1.7)))
-    assert outcome.reason == "not done after 1.7 s: ended (--timeout)"
+    assert outcome.reason == "stopped: took longer than 1.7 s (--timeout)"
     assert outcome.fetch_s > 0.8 and outcome.wall_s < 1.7

@@ -68,7 +68,7 @@ def test_once_it_is_asked_to_stop_the_board_is_closed(
     run.look()
     run.look()
     assert not board.begin(1, "node")
-    assert capsys.readouterr().err.count("no more logs begin") == 1
+    assert capsys.readouterr().err.count("no more logs start") == 1
     assert board.end(0) == "node" and board.end(0) == ""
 
 
@@ -84,7 +84,7 @@ def test_other_code_fails_no_log_and_ends_the_batch(
     assert run.stop.is_asked() and not board.begin(2, "node")
     assert run.progress.tally.left == 3 and settled(batch, "id0") is None
     said = capsys.readouterr().err.splitlines()
-    assert said[0] == "error: other code" and said[1].startswith("no more logs begin, those")
+    assert said[0] == "error: other code" and said[1].startswith("no more logs start, running")
     assert len(said) == 2
 
 

@@ -77,7 +77,7 @@ def test_two_runs_of_one_batch_do_not_meet(batch: Batch):
     batch.failed_file("id1").unlink()
     with (
         alone(batch.out, batch.place),
-        pytest.raises(UserError, match="hsslam-batch run or plan is at work on it"),
+        pytest.raises(UserError, match="another hsslam-batch run or plan uses it"),
     ):
         run_command([str(batch.out)])
 
@@ -90,7 +90,7 @@ def test_a_plan_that_is_made_anew_before_the_run_owns_the_batch_is_refused(batch
         run = pool.submit(run_command, [str(batch.out)])
         with row.open("wb"):
             planned(batch.out, frames=(100,))
-        with pytest.raises(OtherPlanError, match=r"out: was planned anew just now: expected"):
+        with pytest.raises(OtherPlanError, match=r"out: the plan has just changed: expected"):
             run.result()
 
 

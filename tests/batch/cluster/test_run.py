@@ -97,7 +97,7 @@ def test_ctrl_c_and_a_killed_driver_leave_what_the_next_run_does(batch: Batch):
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGHUP):  # the terminal is closed meanwhile
         run.send_signal(number)
     said = end(run)
-    assert run.returncode == 1 and "no more logs begin" in said and "left" in said
+    assert run.returncode == 1 and "no more logs start" in said and "left" in said
     rows = read_runs(batch.out)
     assert sum(row["kind"] == "done" for row in rows) == 1
     assert nothing_left(batch)

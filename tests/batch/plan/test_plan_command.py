@@ -73,7 +73,7 @@ def test_a_batch_that_runs_keeps_its_plan(logs: Path, tmp_path: Path):
     before = {path: path.read_bytes() for path in batch.out.iterdir()}
     with (
         alone(batch.out, batch.place),
-        pytest.raises(UserError, match=r"out: hsslam-batch run or plan is at work on it: expected"),
+        pytest.raises(UserError, match=r"out: another hsslam-batch run or plan uses it: expected"),
     ):
         _plan(logs / "log1", batch.out, "--seed", "1")
     assert before == {path: path.read_bytes() for path in batch.out.iterdir()}

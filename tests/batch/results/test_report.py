@@ -36,7 +36,7 @@ def test_core_time_of_failed_logs_is_told_apart(tmp_path: Path, capsys: pytest.C
     batch = planned(tmp_path / "out", frames=(100, 100))
     settle_failed(batch, outcome(batch, 1, "crash", frames=40, core_s=80.0))
     assert report_command([str(batch.out)]) == 0
-    failed = "core time of logs that failed: 80 s, of the last attempt at each\n"
+    failed = "core time of failed logs: 80 s (only the last attempt of each)\n"
     assert capsys.readouterr().out == f"1 logs: 1 crash\n{failed}"
     commit(batch, outcome(batch, 0, frames=100, core_s=5.0), run_folder(batch, 0))
     assert report_command([str(batch.out)]) == 0
@@ -101,7 +101,7 @@ def test_pictures_of_all_logs_and_of_what_changed(
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in plots.iterdir())
     assert f"plot: {plots / 'changes.png'}" in capsys.readouterr().out
     nothing = planned(tmp_path / "c")
-    with pytest.raises(UserError, match=r"--plots .*: no log is done: expected one at least"):
+    with pytest.raises(UserError, match=r"--plots .*: no log is done: expected at least one"):
         report_command([str(nothing.out), "--plots", str(plots)])
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match=r"--plots .*file: .*: expected a folder to write"):
