@@ -1,1 +1,1 @@
-"""The benchmark and `hsslam-batch`: what it costs to schedule many logs."""
+"""The benchmark of `hsslam-batch`: the costs of scheduling many logs."""

@@ -1,7 +1,7 @@
-"""How long `hsslam-batch run` takes if nothing is left, as JSON on stdout.
+"""Measures the time of `hsslam-batch run` on a batch without logs left; prints JSON.
 
-`python -m hsslam_bench.batch.again [--logs N]` plans logs of one frame, commits a result for each, and gives
-the command twice: the first writes `runs.parquet`, the second finds it.
+`python -m hsslam_bench.batch.again [--logs N]` plans logs of one frame, commits a result for each, and runs
+the command twice: the first run writes `runs.parquet`, the second finds it.
 """
 
 import resource
@@ -20,7 +20,7 @@ def main() -> None:
 
 
 def again(batch: Batch) -> dict[str, float]:
-    """Seconds and core time of the command, the first time and the second; logs it counts as done."""
+    """Wall and core time of the first and the second command, s; number of logs that it counts as done."""
     for log in read_manifest(batch.out):
         run_dir = batch.work / log.id
         run_dir.mkdir(parents=True)
@@ -28,14 +28,14 @@ def again(batch: Batch) -> dict[str, float]:
         configuration = batch.about.configuration
         commit(batch, Outcome(log.id, log.name, configuration, 1, "done"), run_dir)
     found: dict[str, float] = {}
-    said = ""
+    printed = ""
     for name in ("first", "second"):
         begin_s, begin_core_s = time.monotonic(), _core_s()
         command = batch_command("run", str(batch.out))
-        said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+        printed = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
         found[f"{name}_s"] = time.monotonic() - begin_s
         found[f"{name}_core_s"] = _core_s() - begin_core_s
-    return {"done": int(said.split()[0]), **found}
+    return {"done": int(printed.split()[0]), **found}
 
 
 def _core_s() -> float:

@@ -1,7 +1,7 @@
-"""Logs that a batch has to fail, each for a reason of its own: for the benchmark and for tests.
+"""Writes logs that must fail in a batch, each for another reason, for the benchmark and for tests.
 
-`not-a-log`: no MCAP file. `torn`: the frames of an MCAP file are noise. `hanging`: the second image is a pipe
-that nothing is written to. `large`: the second image is a file of 10 GB, which takes no room on the disk.
+`not-a-log`: no MCAP file. `torn`: the frames of an MCAP file are noise. `hanging`: the second image is a
+named pipe without a writer. `large`: the second image is a sparse file of 10 GB.
 """
 
 import json
@@ -21,7 +21,7 @@ _SECOND = "rgb/1.png"
 
 
 def write_bad_logs(folder: Path) -> dict[str, str]:
-    """Write them below a folder; for each log by name the kind of its row."""
+    """Write the logs below a folder; returns the expected kind of each log's row, by name."""
     log = write_small_log(folder / "not-a-log", count=1)
     log.write_bytes(b"no log" + log.read_bytes())
     _tear(write_small_log(folder / "torn", count=6))
@@ -35,7 +35,7 @@ def write_bad_logs(folder: Path) -> dict[str, str]:
 
 
 def _tear(log: Path) -> None:
-    """Put noise in the place of what lies between begin and end of a file."""
+    """Replace the middle half of a file by noise."""
     content = bytearray(log.read_bytes())
     noise = np.random.default_rng(0).integers(0, 256, len(content) // 2, np.uint8)
     first = len(content) // 4
@@ -44,7 +44,7 @@ def _tear(log: Path) -> None:
 
 
 def _write_sequence(folder: Path, count: int = 4) -> None:
-    """A wall, in TUM layout."""
+    """Write a sequence of a flat wall in TUM layout."""
     color = np.tile(np.arange(_WIDTH, dtype=np.uint8)[:, None], (_HEIGHT, 1, 3))
     depth = np.full((_HEIGHT, _WIDTH), round(_DEPTH_SCALE * _DEPTH_M), np.uint16)
     for kind, image in (("rgb", color), ("depth", depth)):

@@ -1,7 +1,7 @@
-"""What sequences cost in a batch, one at a time, as JSON on stdout.
+"""Measures the costs of sequences in a batch, one at a time; prints JSON.
 
-`python -m hsslam_bench.batch.costs SOURCE...` runs `hsslam-batch` on the folders of these sources, with all
-defaults but one slot.
+`python -m hsslam_bench.batch.costs SOURCE...` runs `hsslam-batch` on the folders of these sources, in one
+slot and with defaults otherwise.
 """
 
 import argparse
@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def costs_of(log: Path, out: Path, *options: str) -> dict[str, Any]:
-    """What one log costs, and how it went."""
+    """Time, memory and disk that one log takes; `options`: of hsslam-serve."""
     batch = plan(log, out, *options)
     command = batch_command("run", str(out), "--parallel", "1", "--memory", "4")
     subprocess.run(command, check=True, stdout=sys.stderr)

@@ -1,6 +1,6 @@
-"""A batch of good and bad logs on a cluster of three nodes, and the same logs by hand, as JSON on stdout.
+"""Runs good and bad logs as a batch on a cluster of three nodes, and the good ones by hand; prints JSON.
 
-`python -m hsslam_bench.batch.fleet SOURCE...` writes short logs of each source, and four that are bad. It
+`python -m hsslam_bench.batch.fleet SOURCE...` writes short logs of each source, and four bad logs. It
 runs `hsslam-batch` on a Ray cluster of this machine with three nodes of one core, and then `hsslam-serve` for
 one good log after the other.
 """
@@ -23,7 +23,7 @@ from hsslam_bench.batch.ray_nodes import add_node, ray_cluster
 from hsslam_bench.batch.small_log import write_logs
 
 _EACH, _FRAMES = 6, 60  # logs of a source, and their frames
-_STEP = 25  # frames from the begin of a log to that of the next
+_STEP = 25  # frames from the start of a log to the start of the next
 _QUICK_EACH, _QUICK_FRAMES = 1, 12
 _NODES, _MEMORY_GB, _TIMEOUT_S = 3, 4.0, 900.0
 
@@ -45,10 +45,10 @@ def main() -> None:
 
 
 def fleet(batch: Batch, bad: dict[str, str], hand: Path, timeout_s: float) -> dict[str, Any]:
-    """Run a batch and its logs by hand; `bad`: the expected kind of row of each bad log.
+    """Run a batch, and its good logs by hand; `bad`: the expected kind of row of each bad log.
 
-    `same`: how many trajectories are the same, byte for byte, of `good`. `failed`: the kind and the reason of
-    the bad ones; `as_expected`: whether these are the kinds, in one line each, and nothing else failed.
+    `same`: number of `good` logs whose trajectories are the same, byte for byte. `failed`: kind and reason of
+    each failed log. `as_expected`: whether exactly the bad logs failed, of the expected kind, with one line.
     """
     with ray_cluster() as cluster:
         for _ in range(_NODES):
@@ -76,7 +76,7 @@ def fleet(batch: Batch, bad: dict[str, str], hand: Path, timeout_s: float) -> di
 
 
 def _is_same(batch: Batch, log: Log, out: Path) -> bool:
-    """Whether the trajectory is that of a run by hand, which goes to `out`."""
+    """Run the log by hand into `out`; returns whether its trajectory is that of the batch."""
     serve = [sys.executable, "-P", "-m", "hsslam_services.commands.serve"]
     options = ["--config", str(batch.config), "--source", log.source, "--out", str(out)]
     subprocess.run([*serve, *options], check=True, stdout=subprocess.DEVNULL)

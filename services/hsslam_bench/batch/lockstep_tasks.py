@@ -1,7 +1,7 @@
-"""Rows of lockstep runs, several at once: their runs are tasks of Ray, on one machine or many.
+"""Measures rows of lockstep runs with several runs at once, as tasks of Ray on one machine or many.
 
-A row is asked for its figures again and again. Each time it comes to the first run that is not there yet;
-that run becomes a task, if it is none, and the row waits for it.
+Each row is measured repeatedly. Each time it stops at the first run without a result; that run becomes a
+task, and the row waits for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,13 +18,13 @@ _CPUS, _MEMORY_BYTES = 1, 4 * 10**9  # of a run, as hsslam-batch has it
 
 
 class _NotYetError(Exception):
-    """The run goes on."""
+    """The run has no result yet."""
 
 
 def measure_as_tasks(
     checks: Sequence[Check], session: Session, address: str, keep: Callable[[Row], None]
 ) -> None:
-    """Measure rows that are `is_lockstep`, and keep each once its runs are there.
+    """Measure `is_lockstep` rows; call `keep` for each row when its runs are complete.
 
     Raises:
         UserError: no Ray at the address.
@@ -53,37 +53,37 @@ def _is_measured(check: Check, session: Session, keep: Callable[[Row], None]) ->
 
 
 class _Tasks:
-    """The runs that go on, and those that failed, by name."""
+    """The running tasks, and the runs that failed, by name of the run."""
 
     def __init__(self) -> None:
         import ray
 
         remote = ray.remote(num_cpus=_CPUS, memory=_MEMORY_BYTES, max_retries=0)
         self._task: Any = remote(run_task)
-        self._flying: dict[Any, str] = {}
+        self._running: dict[Any, str] = {}
         self._failed: dict[str, RunFailedError] = {}
 
     def make(self, name: str, folder: Path, options: Sequence[str], *_: Any, **__: Any) -> Never:
-        """In the place of `serve`: start a run, if it does not go on.
+        """Replaces `serve`: start a run unless it is running.
 
         Raises:
-            RunFailedError: it has failed.
-            _NotYetError: otherwise.
+            RunFailedError: the run has failed.
+            _NotYetError: the run has no result yet.
         """
         if name in self._failed:
             raise self._failed[name]
-        if name not in self._flying.values():
+        if name not in self._running.values():
             ref = self._task.remote(name, str(folder), list(options))
-            self._flying[ref] = name
+            self._running[ref] = name
         raise _NotYetError(name)
 
     def next_ended(self) -> dict[str, ServeRun]:
-        """The next run that ends; empty if it failed."""
+        """Wait for the next run that ends; empty if it failed."""
         import ray
         from ray.exceptions import RayError, RayTaskError
 
-        (ref,), _ = ray.wait(list(self._flying))
-        name = self._flying.pop(ref)
+        (ref,), _ = ray.wait(list(self._running))
+        name = self._running.pop(ref)
         try:
             return {name: ray.get(ref)}
         except RayTaskError as error:

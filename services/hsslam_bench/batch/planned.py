@@ -1,4 +1,4 @@
-"""Planned batches of logs, and the command of `hsslam-batch`; apart, as several rows use them."""
+"""Plans batches of logs, and has the command of `hsslam-batch`; apart, as several rows use both."""
 
 import argparse
 import json
@@ -21,14 +21,14 @@ def batch_command(*words: str) -> list[str]:
 
 
 def plan(logs: Path, out: Path, *options: str) -> Batch:
-    """A batch of all logs below a folder."""
+    """Plan a batch of all logs below a folder."""
     command = batch_command("plan", str(logs), "--out", str(out), *options)
     subprocess.run(command, check=True, stdout=sys.stderr)
     return read_batch(str(out))
 
 
 def planned(folder: Path, count: int) -> Batch:
-    """A batch of new logs of one frame."""
+    """Plan a batch of `count` new logs of one frame."""
     logs = folder / "logs"
     make = [*_PYTHON, "hsslam_bench.batch.small_log", str(logs), str(count)]
     subprocess.run(make, check=True, stdout=sys.stderr)
@@ -38,7 +38,7 @@ def planned(folder: Path, count: int) -> Batch:
 def report_on_many(
     name: str, document: str | None, measure: Callable[[Batch], Mapping[str, Any]]
 ) -> None:
-    """Body of a row's `main`: plan many logs of one frame, and print what is measured of them as JSON."""
+    """Body of a row's `main`: plan many logs of one frame, and print the result of `measure` as JSON."""
     parser = argparse.ArgumentParser(prog=name, description=document)
     parser.add_argument("--logs", type=int, default=_LOGS)
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK_LOGS} logs")

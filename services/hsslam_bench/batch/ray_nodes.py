@@ -1,4 +1,4 @@
-"""A Ray cluster on this machine, apart as rows and tests use it: a head without cores, and nodes."""
+"""Starts a Ray cluster on this machine: a head without cores, and nodes; apart, as rows and tests use it."""
 
 import os
 import socket
@@ -8,13 +8,13 @@ from typing import Any
 
 from hsslam_batch.cluster.connect import QUIET
 
-_STORE_BYTES = 80 << 20  # the least that Ray takes
+_STORE_BYTES = 80 << 20  # Ray's minimum
 _PORTS = ("metrics_agent_port", "runtime_env_agent_port", "dashboard_agent_listen_port")
 
 
 @contextmanager
 def ray_cluster() -> Iterator[Any]:
-    """The cluster, a `ray.cluster_utils.Cluster`; it ends with the block."""
+    """A `ray.cluster_utils.Cluster`, which is shut down at the end of the block."""
     os.environ.update(QUIET)
     from ray.cluster_utils import Cluster
 
@@ -27,13 +27,13 @@ def ray_cluster() -> Iterator[Any]:
 
 
 def add_node(cluster: Any, memory_gb: float = 8.0) -> Any:
-    """A node of one core."""
+    """Add a node of one core."""
     memory = int(memory_gb * 1e9)
     return cluster.add_node(num_cpus=1, memory=memory, wait=True, **_node_options())
 
 
 def _node_options() -> dict[str, Any]:
-    """Options of a node that starts on a busy machine, too: it waits for no port of its agents."""
+    """Options of a node with fixed ports for its agents, so that it also starts on a busy machine."""
     sockets = [socket.create_server(("", 0)) for _ in _PORTS]
     ports = [one.getsockname()[1] for one in sockets]
     for one in sockets:

@@ -1,4 +1,4 @@
-"""What `hsslam-batch` itself costs, and what logs cost in it."""
+"""Rows of `hsslam-batch`: its own costs, and the costs of logs."""
 
 import importlib.util
 import json
@@ -15,7 +15,7 @@ _FLEET = (*_PLACES, "house", "room")
 
 
 def batch_checks() -> list[Check]:
-    """Time of a slot, memory, the command again, two slots, Ray's share, and costs."""
+    """The rows of a cluster, time of a slot, memory, the command again, two slots, Ray's share, and costs."""
     of = "2000 logs of one frame as tasks of Ray, `echo` in the place of `hsslam-batch work`"
     real = f"two logs each of {' and '.join(_PLACES)}, 180 frames"
     return [

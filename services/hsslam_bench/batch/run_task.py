@@ -1,7 +1,7 @@
-"""A run of the benchmark as a task of Ray: a process group of its own, which ends with the Ray worker.
+"""Makes a run of the benchmark as a task of Ray, in a process group of its own that ends with the worker.
 
 `python -m hsslam_bench.batch.run_task NAME FOLDER OPTIONS...` makes a run and pickles it to stdout. If its
-parent dies it presses Ctrl-C in its group.
+parent dies, it sends SIGINT to its process group.
 """
 
 import os
@@ -24,10 +24,10 @@ def main() -> None:
 
 
 def run_task(name: str, folder: str, options: Sequence[str]) -> ServeRun:
-    """Make a run on the machine of this worker, which sees `folder` under the same path.
+    """Make a run on the machine of this worker; `folder` has the same path there.
 
     Raises:
-        RunFailedError: there is no result at all.
+        RunFailedError: there is no result.
     """
     command = [sys.executable, "-P", "-m", "hsslam_bench.batch.run_task", name, folder, *options]
     done = subprocess.run(

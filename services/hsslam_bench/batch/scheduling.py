@@ -1,8 +1,8 @@
-"""What it costs to schedule a log whose run takes no time, as JSON on stdout: a process of its own.
+"""Measures the costs of scheduling a log whose run takes no time, in a process of its own; prints JSON.
 
-`python -m hsslam_bench.batch.scheduling [--logs N]` plans logs of one frame and does what `hsslam-batch run`
-does with them, on a Ray of its own on this machine, but the command of each attempt is `echo`: it prints a
-result at once. So the time that an attempt holds its slot is what Ray, worker, process and driver take.
+`python -m hsslam_bench.batch.scheduling [--logs N]` plans logs of one frame and runs them as `hsslam-batch
+run` does, on a new Ray on this machine. The command of each attempt is `echo`, which prints a result at once.
+So the time that an attempt holds its slot is the time of Ray, worker, process and driver.
 """
 
 import platform
@@ -25,7 +25,7 @@ from hsslam_batch.results.progress import BatchProgress
 from hsslam_batch.results.tally import Tally
 from hsslam_bench.batch.planned import report_on_many
 
-_WARM_UP = 0.1  # of the logs, after which memory and time count
+_WARM_UP = 0.1  # of the logs; memory and time count after these
 _SHARE = Share(cpus=1.0, memory_gb=0.1)
 
 
@@ -34,20 +34,21 @@ def main() -> None:
 
 
 def scheduling(batch: Batch) -> dict[str, float]:
-    """Schedule all logs of a batch, and tell what it took.
+    """Schedule all logs of a batch; returns time and memory.
 
-    `slot_ms`: time of a slot for each log. `driver_ms`, `ray_ms`: core time a log of this process, and of all
-    of Ray's with the commands. `memory_mb`: memory of this process after a tenth of the logs and at the end.
+    `slot_ms`: time of a slot a log. `driver_ms`, `ray_ms`: core time a log of this process, and of Ray's
+    processes with the commands. `memory_mb`, `last_memory_mb`: memory of this process after a tenth of the
+    logs, and at the end.
     """
     logs = read_manifest(batch.out)
     with connected("local"), BatchProgress(batch, Tally(logs, [])) as progress:
         pool = RayPool(_echo, lambda one: [_result(batch, logs[one.index])], _SHARE, None)
         run = BatchRun(batch, logs, 0, pool, progress, Stop())
         warm = round(_WARM_UP * len(logs))
-        stages = [_Taken.now()]
+        stages = [_Usage.now()]
         for tries in (range(warm), range(warm, len(logs))):
             drive(map(Try, tries), pool, run.judge, run.stop.is_asked, run.look)
-            stages.append(_Taken.now())
+            stages.append(_Usage.now())
         done, slots = progress.tally.done, pool.slots()
     _, begin, end = stages
     count = len(logs) - warm
@@ -63,8 +64,8 @@ def scheduling(batch: Batch) -> dict[str, float]:
     }
 
 
-class _Taken(msgspec.Struct, frozen=True):
-    """What this process and Ray have taken so far."""
+class _Usage(msgspec.Struct, frozen=True):
+    """Time and memory that this process and Ray have used so far."""
 
     wall_s: float
     driver_s: float
@@ -72,7 +73,7 @@ class _Taken(msgspec.Struct, frozen=True):
     memory_mb: float  # of this process (USS)
 
     @classmethod
-    def now(cls) -> "_Taken":
+    def now(cls) -> "_Usage":
         own = psutil.Process()
         used = [process.cpu_times() for process in own.children(recursive=True)]
         ray_s = sum(u.user + u.system + u.children_user + u.children_system for u in used)
@@ -86,7 +87,7 @@ def _echo(arguments: Sequence[str], index: int, board: Any) -> TaskResult:
 
 
 def _result(batch: Batch, log: Log) -> str:
-    """As `hsslam-batch work --json` prints it."""
+    """A done log as the line that `hsslam-batch work --json` prints."""
     outcome = Outcome(
         id=log.id,
         name=log.name,

@@ -1,8 +1,7 @@
-"""`hsslam-batch run` of the same logs in one slot and in two, as JSON on stdout.
+"""Runs `hsslam-batch run` with the same logs in one slot and in two; prints JSON.
 
-`python -m hsslam_bench.batch.slots SOURCE...` writes logs of each source and runs them twice. It looks at all
-processes of the command meanwhile, and tells their core time apart: those of Ray and of the driver, and those
-of the logs.
+`python -m hsslam_bench.batch.slots SOURCE...` writes logs of each source and runs them twice. It measures the
+core time of all processes of the command, separately for Ray with the driver and for the logs.
 """
 
 import argparse
@@ -25,7 +24,7 @@ from hsslam_bench.batch.planned import batch_command, plan
 from hsslam_bench.batch.small_log import write_logs
 
 _LOGS, _FRAMES = 2, 180  # of each source
-_STEP = 30  # frames from the begin of a log to that of the next
+_STEP = 30  # frames from the start of a log to the start of the next
 _QUICK_LOGS, _QUICK_FRAMES = 1, 12
 _MEMORY = ("--memory", "4")
 _LOOK_S = 0.5
@@ -46,18 +45,18 @@ def main() -> None:
 
 
 def in_slots(folder: Path, slots: int) -> dict[str, Any]:
-    """The logs below a folder in so many slots.
+    """Run the logs below a folder in `slots` slots.
 
-    `run_s`: from the first log on; `command_s`: of the whole command. `logs_core_s`: of the runs of the logs;
-    `work_core_s`: of `hsslam-batch work` besides; `ray_core_s`: of Ray and the driver; `start_core_s`: of
-    these before the first log.
+    `run_s`: wall time from the first log on; `command_s`: of the whole command. Core times: `logs_core_s` of
+    the runs; `work_core_s` of `hsslam-batch work` without the runs; `start_core_s` of Ray and the driver
+    before the first log; `ray_core_s` of both after that.
     """
     out = folder / f"out{slots}"
     batch = plan(folder / "logs", out)
     command = batch_command("run", str(out), "--parallel", str(slots), *_MEMORY)
     begin_s = time.monotonic()
-    with (folder / f"out{slots}.txt").open("wb") as said:
-        process = subprocess.Popen(command, stdout=said, stderr=said)
+    with (folder / f"out{slots}.txt").open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output)
     times, start_core_s, progress = _CoreTimes(process.pid), None, out / PROGRESS
     while process.poll() is None:
         times.look()
@@ -84,36 +83,36 @@ def in_slots(folder: Path, slots: int) -> dict[str, Any]:
 
 
 class _CoreTimes:
-    """Core time of the processes below a command, as last seen; what a process has begun after counts not."""
+    """Core time of the processes below a command, as last measured."""
 
     def __init__(self, pid: int) -> None:
         self._root = psutil.Process(pid)
-        self._of_ray: dict[int, float] = {}
-        self._of_work: dict[int, float] = {}
+        self._ray: dict[int, float] = {}  # by process id
+        self._work: dict[int, float] = {}
 
     @property
     def ray_s(self) -> float:
-        return sum(self._of_ray.values())
+        return sum(self._ray.values())
 
     @property
     def work_s(self) -> float:
-        return sum(self._of_work.values())
+        return sum(self._work.values())
 
     def look(self) -> None:
-        """Take in the core time of all that live, apart from what is below `hsslam-batch work`."""
+        """Measure the core time of all live processes, except those below `hsslam-batch work`."""
         left = [self._root]
         while left:
             process = left.pop()
             with contextlib.suppress(psutil.Error):
                 used, words = process.cpu_times(), " ".join(process.cmdline())
                 is_work = _OF_LOGS in words
-                times = self._of_work if is_work else self._of_ray
+                times = self._work if is_work else self._ray
                 times[process.pid] = used.user + used.system
                 left += [] if is_work else process.children()
 
 
 def mean_share(found: Sequence[Mapping[str, Any]]) -> float:
-    """Core time of Ray and the driver from the first log on, as a share of all."""
+    """Core time of Ray and the driver from the first log on, as a share of the core time of all processes."""
     ray_s = sum(each["ray_core_s"] for each in found)
     return ray_s / sum(
         each["ray_core_s"] + each["work_core_s"] + each["logs_core_s"] for each in found

@@ -1,6 +1,6 @@
-"""Short logs of any source, written without a run.
+"""Writes short logs of any source without a run.
 
-`python -m hsslam_bench.batch.small_log FOLDER COUNT` writes COUNT logs of the built-in room. Each holds the
+`python -m hsslam_bench.batch.small_log FOLDER COUNT` writes COUNT logs of the built-in room, all with the
 same single frame.
 """
 
@@ -34,14 +34,14 @@ def main() -> None:
 
 
 def write_small_log(folder: Path, start: int = 0, count: int = 6) -> Path:
-    """`count` frames of the room, 160 x 120, from the `start`-th on, as a run would log them."""
+    """Write `count` frames of the room, 160 x 120, from index `start` on, as a run would log them."""
     small = SynthOptions(width_px=160, height_px=120)
     options = SourceOptions(start=start, frames=count, synth=small)
     return write_log(folder, "synth:room", options)
 
 
 def write_logs(folder: Path, sources: Sequence[str], each: int, frames: int, step: int) -> None:
-    """Logs of each source below a folder; each begins `step` frames after the one before.
+    """Write `each` logs of each source below a folder; each starts `step` frames after the previous one.
 
     Raises:
         UserError: as `write_log`.
@@ -53,10 +53,10 @@ def write_logs(folder: Path, sources: Sequence[str], each: int, frames: int, ste
 
 
 def write_log(folder: Path, source: str, options: SourceOptions) -> Path:
-    """Frames of a source, as a run would log them.
+    """Write the frames of a source as a run would log them; returns the file.
 
     Raises:
-        UserError: a source that is not there or cannot be read.
+        UserError: the source is missing or not readable.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = PartedLog(folder, "robot", LogSettings("png"))

@@ -1,1 +1,1 @@
-"""What is measured, and against which bound."""
+"""The rows of the benchmark: what each measures, and its bound."""

@@ -1,4 +1,4 @@
-"""Accuracy, reproducibility and mesh: rows measured by lockstep runs; how sure poses are."""
+"""Rows of lockstep runs: accuracy, reproducibility, mesh, covariances, and the map term of tracking."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _REPEATED = ("livingroom", "room-kinect")
 _NOISY = ("house", "room", "corridor", "apartment", "livingroom")
 _MAP_TERM = (*(f"{name}-kinect" for name in _NOISY), "kitchen")
 _ACCURACY_M, _COMPLETION = 0.006, 0.98
-MESH_VERSION = 2  # a distance is to what was observed of a surface: until 1, to whole triangles
+MESH_VERSION = 2  # distances are to the observed part of a surface; in 1 to whole triangles
 _COVARIANCE = ("house-kinect", "room-kinect", "livingroom-kinect", "house", "room")
 _CALIBRATED = ("house-kinect", "room-kinect")
 _INSIDE, _INSIDE_TOLERANCE = 0.95, 0.03
@@ -31,25 +31,25 @@ _INSIDE, _INSIDE_TOLERANCE = 0.95, 0.03
 
 @dataclass(frozen=True)
 class Accuracy:
-    """ATE RMSE of the final trajectory by run, and what of the truth it is over."""
+    """ATE RMSE of the final trajectory of each run, and the number of frames behind it."""
 
     errors_m: list[float]
-    counts: list[tuple[int, int]]  # frames scored, frames that have a true pose
+    counts: list[tuple[int, int]]  # frames scored, frames with a true pose
     lost: int
 
     @classmethod
     def of(cls, runs: list[ServeRun]) -> "Accuracy":
-        """Read off the summaries of the runs.
+        """Read the figures from the summaries of the runs.
 
         Raises:
-            RunFailedError: one of them has no ATE.
+            RunFailedError: a run has no ATE.
         """
         lost = sum(run.summary["frames"].get("lost", 0) for run in runs)
         return cls([ate_m(run) for run in runs], [scored(run) for run in runs], lost)
 
     @property
     def mean_m(self) -> float:
-        """Mean of the runs."""
+        """Mean ATE of the runs."""
         return fmean(self.errors_m)
 
     @property
@@ -58,11 +58,11 @@ class Accuracy:
         return self.lost == 0 and all(n == expected and n > 0 for n, expected in self.counts)
 
     def each_cm(self, digits: int = 2) -> str:
-        """The runs one by one."""
+        """The ATE of each run as text, cm."""
         return ", ".join(f"{100 * e:.{digits}f}" for e in self.errors_m)
 
     def values(self, bound_m: float) -> dict[str, Any]:
-        """What the result file keeps."""
+        """The raw values for the result file."""
         return {
             "rmse_m": self.errors_m, "scored": self.counts, "lost": self.lost, "bound_m": bound_m
         }  # fmt: skip
@@ -72,7 +72,7 @@ def ate_m(run: ServeRun) -> float:
     """ATE RMSE of the final trajectory, m.
 
     Raises:
-        RunFailedError: there is none, as if it was not evaluated or too few frames are scored.
+        RunFailedError: the run has no ATE: it was not evaluated, or too few frames are scored.
     """
     if (value := _final(run).get("rmse_m")) is None:
         raise RunFailedError(f"{run.name} has no ATE: {scored(run)[0]} frames are scored")
@@ -80,7 +80,7 @@ def ate_m(run: ServeRun) -> float:
 
 
 def scored(run: ServeRun) -> tuple[int, int]:
-    """Frames that the ATE is over, and frames that have a true pose."""
+    """Number of frames that the ATE includes, and of frames with a true pose."""
     final = _final(run)
     return final.get("scored", 0), final.get("expected", 0)
 
@@ -90,7 +90,7 @@ def _final(run: ServeRun) -> dict[str, Any]:
 
 
 def different_files(runs: Sequence[ServeRun]) -> list[str]:
-    """Names of the trajectories that are not the same byte for byte, or missing."""
+    """Names of the trajectory files that differ between the runs, byte for byte, or are missing."""
     return [name for name in TRAJECTORIES if not _are_same(runs, name)]
 
 
@@ -124,14 +124,14 @@ def lockstep_checks() -> list[Check]:
 
 
 def map_term_checks() -> list[Check]:
-    """What the map is worth to tracking: with and without it, each with and without the pose graph."""
+    """Rows of tracking with and without the map, each with and without the pose graph."""
     return [
         _map_term_check(sequence, refined) for sequence in _MAP_TERM for refined in (True, False)
     ]
 
 
 def covariance_checks() -> list[Check]:
-    """Whether poses are as sure as their covariances say."""
+    """Rows of how well the covariances of poses predict their errors."""
     return [_covariance_check(sequence) for sequence in _COVARIANCE]
 
 

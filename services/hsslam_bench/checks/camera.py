@@ -1,4 +1,4 @@
-"""A camera that misses frames, is carried elsewhere, or localises in a saved map: scores over the seeds."""
+"""Rows of cameras that miss frames, are kidnapped, or localise in a saved map: scores over the seeds."""
 
 import json
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from hsslam_bench.runs.session import Session
 
 Scores = list[dict[str, Any]]
 _GAP_SEQUENCES = ("house-kinect", "livingroom", "kitchen", "apartment-kinect")
-_MOST_FRAMES = "900"  # of the apartment's 2202 enough
+_MOST_FRAMES = "900"  # of the apartment's 2202
 _FEWEST_GAPS = 0.9  # of the gaps
 _KIDNAPPING_SEQUENCES = ("house", "house-kinect", "livingroom", "livingroom-kinect", "kitchen")
 _FEWEST_KIDNAPPINGS = 0.9  # of the jumps
@@ -17,7 +17,7 @@ _LOCALISE_SEQUENCES = ("livingroom",)
 
 
 def camera_scores(session: Session, script: str, sequence: str, *options: str) -> Scores:
-    """What a script of the benchmark prints for a sequence such as "house-kinect", one score a seed.
+    """Run a script of the benchmark on a sequence such as "house-kinect"; one score a seed.
 
     Raises:
         Skipped: the sequence is not on disk.
@@ -32,7 +32,7 @@ def camera_scores(session: Session, script: str, sequence: str, *options: str) -
 
 
 def wrong_poses(name: str, of: str, scored: Callable[[Session], Scores]) -> Check:
-    """The row that no wrong pose is believed; `of`: what the camera goes through."""
+    """The row that counts wrong poses that were accepted; `of`: the sequence and what happens in it."""
 
     def wrong(session: Session) -> Measured:
         scores = scored(session)
@@ -47,7 +47,7 @@ def wrong_poses(name: str, of: str, scored: Callable[[Session], Scores]) -> Chec
 
 
 def gap_checks() -> list[Check]:
-    """Two rows a sequence: tracked at once, and nothing wrong believed."""
+    """Two rows a sequence: frames tracked at once after a gap, and wrong poses accepted."""
     return [check for sequence in _GAP_SEQUENCES for check in _gap_checks(sequence)]
 
 
@@ -75,7 +75,7 @@ def _gap_checks(sequence: str) -> list[Check]:
 
 
 def kidnapping_checks() -> list[Check]:
-    """Two rows a sequence: found again, and nothing wrong believed."""
+    """Two rows a sequence: jumps after which the camera is relocalised, and wrong poses accepted."""
     return [check for sequence in _KIDNAPPING_SEQUENCES for check in _kidnapping_checks(sequence)]
 
 

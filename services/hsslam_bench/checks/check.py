@@ -1,4 +1,4 @@
-"""One row of the benchmark: what is measured, the bound it has to meet, and what came out."""
+"""One row of the benchmark: what it measures, its bound, and its result."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ Better = Literal["lower", "higher", ""]  # "": neither
 
 @dataclass(frozen=True)
 class Measured:
-    """A result: as text, as raw values, and whether the bound is met (None: there is no bound)."""
+    """A result as text and as raw values, and whether it meets the bound (None: there is no bound)."""
 
     text: str
     ok: bool | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
-    figure: float | None = None  # the one number that another result is compared with
+    figure: float | None = None  # the number to compare with other results
     better: Better = ""
 
 
@@ -30,11 +30,11 @@ class Check:
 
     name: str  # for --only; parts before a colon select whole groups
     what: str
-    bound: str  # "" without one
+    bound: str  # "": no bound
     measure: Callable[[Session], Measured]
-    by_name_only: bool = False  # takes long, or is no figure of the documents
-    is_lockstep: bool = False  # of runs whose results do not depend on what else the machine does
-    version: int = 1  # raised if figures come about otherwise while `what` and `bound` stay
+    by_name_only: bool = False  # takes long, or the documents do not show it
+    is_lockstep: bool = False  # its results do not depend on the load of the machine
+    version: int = 1  # raised if the measurement changes but `what` and `bound` stay
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,10 @@ class Row:
 
 
 def perform(check: Check, session: Session) -> Row:
-    """Measure one row; what is not on disk is skipped, a run that fails is a bound not met.
+    """Measure one row.
 
-    What cannot be measured on this machine is not measured, with the reason.
+    A row whose data is not on disk is skipped. A run that fails misses the bound. A row that this machine
+    cannot measure gets the reason as its text.
     """
     try:
         result = check.measure(session)
@@ -76,7 +77,7 @@ def perform(check: Check, session: Session) -> Row:
 
 
 def unmeasured(check: Check) -> Row:
-    """The row of something that was not measured."""
+    """The row of a check that was not measured."""
     return _row(check, Measured(""), "not measured")
 
 
@@ -95,12 +96,12 @@ def _row(check: Check, result: Measured, verdict: Verdict) -> Row:
 
 
 def select(checks: Iterable[Check], names: Sequence[str]) -> list[Check]:
-    """The checks of these names or groups ("ate" has "ate:house"), in the table's order.
+    """The checks with these names or in these groups ("ate" includes "ate:house"), in the table's order.
 
-    Without a name: all but those that are measured by name only.
+    Without names: all checks that are not `by_name_only`.
 
     Raises:
-        UserError: there is no such name; the nearest is suggested.
+        UserError: no check has the name; the message suggests the nearest name.
     """
     checks = list(checks)
     known = {

@@ -1,4 +1,4 @@
-"""Means over the seeds: trajectories, the mesh beside TSDFs, and agreement of frames without a truth."""
+"""Rows of means over the seeds: trajectories, our mesh and TSDFs, consistency of frames without a truth."""
 
 import importlib.util
 import json
@@ -17,9 +17,9 @@ _NOISY = "house-kinect"
 _ACCURACY_M, _COMPLETION = 0.008, 0.99
 _DEPTH_M, _ONE_MINUS_NCC = 0.0095, 0.04
 _GAP_FRAMES = 30
-_PAIRS = 0.97  # of those that the given poses have: where poses are worst, frames make no pair
+_PAIRS = 0.97  # of the pairs of the given poses: with bad poses, frames make no pair
 _MODULE = "hsslam_bench.runs.run_score"
-_PROTOCOLS = ("mesh", "mesh_literature")  # ours, which the bounds are on; the literature's
+_PROTOCOLS = ("mesh", "mesh_literature")  # ours, with the bounds; the literature's
 
 
 def faithful_checks() -> list[Check]:
@@ -167,7 +167,7 @@ def _mean(what: str, values: list[float | None]) -> float:
     """Mean over the seeds.
 
     Raises:
-        RunFailedError: it is not known of all.
+        RunFailedError: a seed has no value.
     """
     known = [value for value in values if value is not None]
     if len(known) < len(values):

@@ -1,4 +1,4 @@
-"""Rows of faults that are made to happen: each must not be shown."""
+"""Rows of injected faults: none may show its problem."""
 
 import shutil
 from functools import partial
@@ -37,7 +37,7 @@ def _measure(fault: Fault, session: Session) -> Measured:
             finding = fault.find(experiment)
     except CouldNotTellError as error:
         raise RunFailedError(f"could not decide: {error}") from None
-    shutil.rmtree(folder, ignore_errors=True)  # kept only where it failed
+    shutil.rmtree(folder, ignore_errors=True)  # after an error the folder stays
     word = "shown" if finding.is_shown else _BOUND
     return Measured(
         f"{word}: {finding.seen}", not finding.is_shown, {}, float(finding.is_shown), "lower"

@@ -1,4 +1,4 @@
-"""Malformed messages on every topic and every request while a run goes on."""
+"""The row of malformed messages on every topic and request during a run."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from hsslam_bench.runs.session import Session
 
 _EACH, _EACH_QUICK = 10_000, 200
 _PACE = ("--pace", "lockstep")
-_LENGTH = ("--synth.length", "600")  # long enough that all of it arrives meanwhile
+_LENGTH = ("--synth.length", "600")  # long enough for all messages to arrive
 
 
 def fuzz_checks() -> list[Check]:

@@ -1,4 +1,4 @@
-"""Speed, latency, start, log: from runs on the clock of a 30 Hz sensor."""
+"""Rows of real-time runs at 30 Hz: speed, latency, start, log."""
 
 from hsslam_bench.checks import live_figures
 from hsslam_bench.checks.check import Check, Measured
@@ -66,7 +66,7 @@ def _speed_checks(sequence: str) -> list[Check]:
 
 
 def _first_pose(run: ServeRun, bound_s: float) -> Measured:
-    """The bound is for the first pose that needed a map; frame 0 has its pose by definition."""
+    """Time to the first tracked pose, which needs a map; the pose of frame 0 is given by definition."""
     log = finished(run).log
     first_ns, first_tracked_ns = log.first_ns(), log.first_ns("tracked")
     if first_ns is None or first_tracked_ns is None:
@@ -119,7 +119,7 @@ def _stages(session: Session) -> Measured:
 
 
 def _runs(session: Session) -> list[ServeRun]:
-    """The real-time runs of all sequences that are on disk."""
+    """The real-time runs of the sequences that are on disk."""
     runs = []
     for sequence in _SEQUENCES:
         try:

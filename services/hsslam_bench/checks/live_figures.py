@@ -1,4 +1,4 @@
-"""Figures of a run on the sensor's clock: frames tracked, latency, accuracy, mapping."""
+"""Figures of a real-time run: frames tracked, latency, accuracy, mapping iterations."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +14,7 @@ _LIGHT_POINTS = 640 * 12  # of one light iteration
 
 
 def tracked(run: ServeRun, least: float) -> Measured:
-    """Share of the frames after the first that have a pose; a slow source fails the row."""
+    """Share of the frames after the first with a pose; a slow source or an idle viewer fails the row."""
     frames = run.summary["frames"]
     after_first = max(frames["in"] - 1, 1)
     share = (frames["tracked"] - 1) / after_first
@@ -42,7 +42,7 @@ def tracked(run: ServeRun, least: float) -> Measured:
 
 
 def _looked_share(run: ServeRun) -> float:
-    """Share of the seconds with poses in which the viewer took data; 1 if none was attached."""
+    """Share of the seconds with poses in which the viewer received data; 1 without a viewer."""
     window = run.log.tracking_ns
     if run.viewer_bytes is None or window is None:
         return float(run.viewer_bytes is None)
@@ -50,7 +50,7 @@ def _looked_share(run: ServeRun) -> float:
 
 
 def latency(run: ServeRun, percentile: str, bound_ms: float) -> Measured:
-    """Sensor stamp to published pose, all but the first; `percentile` ("p99") has the bound."""
+    """Time from sensor stamp to published pose, without the first; `percentile` ("p99") has the bound."""
     found = run.summary.get("latency_ms")
     if not found:
         return Measured("no pose after the first", False)
@@ -60,7 +60,7 @@ def latency(run: ServeRun, percentile: str, bound_ms: float) -> Measured:
 
 
 def accuracy(run: ServeRun, lockstep: ServeRun, factor: float, margin_m: float = 0.0) -> Measured:
-    """ATE against that of the run in which every frame was waited for."""
+    """ATE of a real-time run against that of the lockstep run."""
     ours_m, lockstep_m = ate_m(run), ate_m(lockstep)
     bound_m = factor * lockstep_m + margin_m
     n, expected = scored(run)
@@ -75,7 +75,7 @@ def accuracy(run: ServeRun, lockstep: ServeRun, factor: float, margin_m: float =
 
 
 def messages_expected(summary: Mapping[str, Any]) -> dict[str, int]:
-    """Messages that a complete log holds by the summary; a frame that was sent again is there again."""
+    """Number of messages of a complete log, from the summary; a frame that was sent twice counts twice."""
     frames, camera = summary["frames"], summary["processes"]["camera"]["counters"]
     return {
         "in/frame": frames["in"] - frames.get("skipped", 0) + camera.get("resent", 0),
@@ -84,7 +84,7 @@ def messages_expected(summary: Mapping[str, Any]) -> dict[str, int]:
 
 
 def iterations(run: ServeRun, least_hz: float) -> Measured:
-    """Iterations of the mapper a second, from the first pose on the map to the last pose."""
+    """Mapping iterations a second, from the first pose on the map to the last pose."""
     window = run.log.tracking_ns
     if window is None or len(run.log.mapped) < 2:
         return Measured("no iterations in the log", False)

@@ -1,4 +1,4 @@
-"""A bound that grows, the room first seen, and memory over a long run."""
+"""Rows of the map: a bound that grows keeps the first room; memory and time over a long run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -26,19 +26,19 @@ _TOLERANCE_M = 0.03
 _SAMPLES = 100_000
 _SEQUENCE = "apartment-kinect"
 _FIRST_FRAMES = 300  # in the first room
-_NO_WORSE = 1.05  # times: what two runs of one room differ by anyway
+_NO_WORSE = 1.05  # ratio by which two runs of one room differ anyway
 GROWTH_FRAMES = (300, 1000, 3000)
 GROWTH_ROOMS_M = (4.0, 8.0, 16.0)
 _MEMORY_FRAMES, _ROOM_FRAMES = 1000, 600
-_LAST_FRAMES = 150  # over which the time of a frame is taken: what it costs by then
+_LAST_FRAMES = 150  # the time of a frame is the mean over these
 _TOTAL_BYTES, _MAPPER_BYTES = 3.0e9, 1.2e9
 _MIB = 2**20
-Reading = Callable[[ServeRun], Mapping[str, float]]  # the first item is the one to look at
+Reading = Callable[[ServeRun], Mapping[str, float]]  # the first item is the main figure
 
 
 @dataclass(frozen=True)
 class FirstRoom:
-    """What the first frames of a source saw, with its true surface."""
+    """The views of the first frames of a source, and its true surface."""
 
     mesh: trimesh.Trimesh
     truth: Trajectory  # of those frames
@@ -46,7 +46,7 @@ class FirstRoom:
 
 
 def first_room(spec: str, frames: int) -> FirstRoom:
-    """The truth of the first frames of a source that has a true mesh; views without noise."""
+    """Ground truth and noise-free views of the first frames of a source with a true mesh."""
     options = SourceOptions(frames=frames)
     truth = open_ground_truth(spec, options)
     mesh = truth.mesh() if truth else None
@@ -62,7 +62,7 @@ def first_room(spec: str, frames: int) -> FirstRoom:
 
 
 def score_first_room(room: FirstRoom, run: Path) -> MeshMetrics:
-    """Distances of the mesh of a run folder, brought to the truth by the poses of those frames alone."""
+    """Distances of the mesh of a run folder, aligned to the truth by the poses of the room's frames alone."""
     mesh = trimesh.load(run / "mesh.ply", process=False, force="mesh")
     assert isinstance(mesh, trimesh.Trimesh)
     aligned = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -71,7 +71,7 @@ def score_first_room(room: FirstRoom, run: Path) -> MeshMetrics:
 
 
 def map_checks() -> list[Check]:
-    """One check: accuracy on the apartment itself is among those of the trajectories."""
+    """The check of the first room; the apartment's ATE is a refinement row."""
     return [
         Check(
             "bound-growth:first-room",
@@ -106,7 +106,7 @@ def _first_room(session: Session) -> Measured:
 
 
 def growth_checks() -> list[Check]:
-    """Memory with its bound; growth without: docs/performance.md says what should be flat."""
+    """Memory, with a bound; growth, without one: docs/performance.md lists what must not grow."""
     memory = Check(
         "memory",
         f"{_MEMORY_FRAMES} frames of room, 640x480, real time: memory of all processes, peak",
@@ -119,7 +119,7 @@ def growth_checks() -> list[Check]:
 
 
 def _memory(session: Session) -> Measured:
-    """Shared pages are divided among the processes that use them (PSS)."""
+    """Peak PSS: shared pages are divided among the processes that use them."""
     run = finished(session.growing(_MEMORY_FRAMES))
     peak = peak_memory(run.usage)
     if not peak:

@@ -1,4 +1,4 @@
-"""Everything on at once with half the machine: 60 % of two cores, and kernels without AVX-512."""
+"""Rows of a full service on a weaker machine: 60 % of two cores, and kernels without AVX-512."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _TRACKED, _P99_MS, _ATE_FACTOR = 0.99, 80.0, 1.5
 
 @dataclass(frozen=True)
 class _Kind:
-    """What is scarce, and in which runs."""
+    """A kind of weaker machine, and the sequences that run on it."""
 
     name: str
     what: str
@@ -34,7 +34,7 @@ _KINDS = (
 
 
 def quota_checks() -> list[Check]:
-    """Rows of each kind, sequence and figure."""
+    """One row for each kind, sequence and figure."""
     return [
         check for kind in _KINDS for sequence in kind.sequences for check in _checks(kind, sequence)
     ]

@@ -1,4 +1,4 @@
-"""What makes tracking hard (people, exposure, bare walls, a lens, few frames), and what refinement brings."""
+"""Rows of hard tracking (people, exposure, bare walls, lens, odometry, stride), refinement, and presets."""
 
 import json
 from statistics import fmean
@@ -72,7 +72,7 @@ def lens_check() -> Check:
 
 
 def odometry_checks() -> list[Check]:
-    """ATE through 3 s of covered lens with odometry, and what odometry does to a camera that sees."""
+    """ATE with odometry: through 3 s of covered lens, and with a free lens."""
     return [check for sequence in ("room", "room-kinect") for check in _odometry_checks(sequence)]
 
 
@@ -192,7 +192,7 @@ def _scored_share(run: ServeRun) -> float:
 
 
 def baseline_checks() -> list[Check]:
-    """Speed and accuracy beside each of the presets of publications."""
+    """Speed and accuracy against each preset of a publication."""
     return [check for preset in _BASELINES for check in _against(preset)]
 
 
@@ -210,7 +210,7 @@ def _against(preset: str) -> list[Check]:
 
     def accuracy(session: Session) -> Measured:
         ours, theirs = _found(session, _OURS), _found(session, preset)
-        errors = ours["rmse_m"], theirs["rmse_m"]  # NaN, which no bound lets pass, without one
+        errors = ours["rmse_m"], theirs["rmse_m"]  # NaN without an ATE, which fails the bound
         return Measured(
             f"{100 * errors[0]:.2f} against {100 * errors[1]:.2f} cm; "
             f"lost {ours['lost']} and {theirs['lost']}",

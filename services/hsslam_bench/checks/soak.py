@@ -1,4 +1,4 @@
-"""Rows of long runs, each by its name only: kills, an hour of walking, standing still, the end."""
+"""Rows of long runs, all measured only by name: kills, an hour of walking, standing still, the end."""
 
 import shutil
 from functools import partial
@@ -34,7 +34,7 @@ _PACE = ("--rate-hz", str(_RATE_HZ), "--no-evaluate")
 
 
 def soak_checks() -> list[Check]:
-    """One check for each kind and length; the number in a name is the length."""
+    """One check for each kind and length; the length is part of the name."""
     kills = "200 SIGKILLs in 20 minutes, over all processes, with the truth at hand"
     walk = "apartment to and fro, 640x480, 30 Hz, recording, a viewer attached"
     still = "room with Kinect noise, 640x480, 30 Hz, standing still"
@@ -198,7 +198,7 @@ def _folder(session: Session, name: str) -> Path:
 
 
 def _drop_logs(*folders: Path) -> None:
-    """Logs of an hour are tens of gigabytes: they go once the row is measured."""
+    """Remove the logs of a measured row; an hour of logs has tens of gigabytes."""
     for folder in folders:
         for pattern in ("run*.mcap", "run*.rrd"):
             for path in folder.glob(pattern):

@@ -1,4 +1,4 @@
-"""Speed of the kernels against PyTorch, of a mapping iteration, of tracking stages, and on an NVIDIA GPU."""
+"""Rows of speed: kernels against PyTorch, a mapping iteration, tracking stages, an NVIDIA GPU."""
 
 import json
 import subprocess
@@ -53,7 +53,7 @@ def _iteration_checks() -> list[Check]:
 
 
 def _iteration(session: Session, batch: Sequence[int], **bound: float | None) -> Measured:
-    """`bound`: the figure that is judged, by its name in the result, and its limit."""
+    """Time of an iteration; `bound`: name of the figure in the result, and its limit (None: no bound)."""
     found = json.loads(session.python("hsslam_bench.scripts.iteration_speed", *map(str, batch)))
     ((name, limit),) = bound.items()
     return Measured(
@@ -97,7 +97,7 @@ def _tracking(session: Session) -> Measured:
 
 
 def gpu_checks() -> list[Check]:
-    """The bounds of the GPU path."""
+    """The rows of the GPU path."""
     tested = "every GPU kernel against the float64 reference, random inputs, relative"
     return [
         *(_gpu_speed_check(preset, fps) for preset, fps in _FPS.items()),
@@ -125,7 +125,7 @@ def _gpu_speed_check(preset: str, least: float) -> Check:
 
 
 def _kernels(session: Session) -> Measured:
-    """The kernels' own tests, which take CUDA where it works."""
+    """Run the kernels' own tests, which use CUDA if it works."""
     _expect_cuda()
     root = Path(__file__).parents[3]
     if not (root / _TESTS).is_dir():
@@ -138,7 +138,7 @@ def _kernels(session: Session) -> Measured:
 
 
 def _expect_cuda() -> None:
-    """Raises `NotMeasured` with the reason where CUDA does not work."""
+    """Raise `NotMeasured` with the reason if CUDA does not work."""
     device = choose_device("auto")
     if device.kind != "cuda":
         raise NotMeasured(device.reason)

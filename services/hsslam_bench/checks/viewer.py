@@ -1,4 +1,4 @@
-"""Everything on at once: recording, a viewer attached to the web viewer or frozen, mesher and BA."""
+"""Rows of a full service: recorder, mesher, BA, and a viewer that reads or is frozen."""
 
 import contextlib
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ _TRACKED, _TRACKED_60 = 0.99, 0.95
 _P99_MS = 66.0
 _ITERATIONS_HZ = 20.0
 _ATE_FACTOR = 1.3
-_SMALL_MS = 0.05  # is not worth a word
+_SMALL_MS = 0.05  # smaller times are not shown
 _FROZEN_SEQUENCES = ("kitchen", "room")
 _SEQUENCE_OPTIONS = ("--pace", "realtime", "--rate-hz", "30")
 
@@ -94,7 +94,7 @@ def _check(sequence: str) -> Check:
         )
         window = run.outside.get("frozen_ns", [])
         if len(window) < 2:
-            return Measured("the viewer was not frozen: too little came", False)
+            return Measured("the viewer was not frozen: it received too little data", False)
         found = tracked_within(run.log.poses, window[0], window[1])
         if found is None:
             return Measured("no pose before or after the viewer was frozen", False)
@@ -118,9 +118,9 @@ def _check(sequence: str) -> Check:
 def tracked_within(
     poses: Sequence[LoggedPose], begin_ns: int, end_ns: int
 ) -> tuple[int, int] | None:
-    """Frames tracked, and all frames, between the last pose before a time and the first one after it.
+    """Number of tracked and of all frames from the last pose before `begin_ns` to the first after `end_ns`.
 
-    So a stall up to its end counts. None: no pose before, or none after.
+    So a stall counts up to its end. None: no pose before, or none after.
     """
     before = [pose.index for pose in poses if pose.publish_ns < begin_ns]
     after = [pose.index for pose in poses if pose.publish_ns >= end_ns]

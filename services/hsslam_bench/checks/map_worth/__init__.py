@@ -1,1 +1,1 @@
-"""What the map is worth to tracking, to who asks it and to planners: rows that are measured only by name."""
+"""Rows of the map's worth to tracking, queries and planners, all measured only by name."""

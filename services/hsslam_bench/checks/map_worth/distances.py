@@ -1,4 +1,4 @@
-"""Distances in free space, and the time of their updates: rows measured only by name."""
+"""Rows of distances in free space and the time of their updates, all measured only by name."""
 
 import json
 import math
@@ -12,12 +12,12 @@ _SEQUENCES = ("house-kinect", "room-kinect", "house", "room")
 _HELD = "house-kinect"
 _MEAN_M, _WITHIN, _OPTIMISTIC, _GRADIENT_DEG = 0.02, 0.99, 0.001, 3.0
 _UPDATE_MS, _POINTS_PER_S = 12.0, 1e7
-_PATHS = 0.98  # of those that exact distances find
+_PATHS = 0.98  # of the paths that exact distances find
 _FREED_S = 1.0
 
 
 def distance_checks() -> list[Check]:
-    """One check a sequence, and one each for updates' time, paths, what is carried off, and queries."""
+    """One check a sequence, and one each for update time, paths, a carried-off chair, and queries."""
     time = "rolling window of 10 x 10 x 2.5 m, 5 cm, house-kinect, 10 Hz, one thread"
     return [
         *(_errors_check(sequence) for sequence in _SEQUENCES),
@@ -53,7 +53,7 @@ def distance_checks() -> list[Check]:
             f"{_POINTS_PER_S:.0e}",
             _query,
             by_name_only=True,
-            version=2,  # median of five turns, no longer the fastest
+            version=2,  # median of five turns; in 1 the fastest
         ),
     ]
 

@@ -1,4 +1,4 @@
-"""Error of the map's zero level at the true surface: rows measured only by name."""
+"""Rows of the error of the map's zero level at the true surface, all measured only by name."""
 
 import json
 from statistics import fmean

@@ -1,4 +1,4 @@
-"""How well a run knows which way is up, by an IMU."""
+"""Rows of the error of a run's up direction with an IMU."""
 
 import numpy as np
 
@@ -24,12 +24,12 @@ def _gravity_check(sequence: str) -> Check:
     def measure(session: Session) -> Measured:
         runs = [finished(session.with_imu(sequence, seed)) for seed in session.seeds]
         off_deg = [_off_deg(run, source) for run in runs]
-        told_deg = [run.summary["up"]["sigma_deg"] if "up" in run.summary else None for run in runs]
+        own_deg = [run.summary["up"]["sigma_deg"] if "up" in run.summary else None for run in runs]
         each = ", ".join("not known" if off is None else f"{off:.3f}" for off in off_deg)
         known = [off for off in off_deg if off is not None]
         worst_deg = max(known) if len(known) == len(runs) else 180.0
         return Measured(
-            f"{each} degrees", worst_deg <= _MOST_DEG, {"off_deg": off_deg, "sigma_deg": told_deg},
+            f"{each} degrees", worst_deg <= _MOST_DEG, {"off_deg": off_deg, "sigma_deg": own_deg},
             worst_deg, "lower",
         )  # fmt: skip
 
@@ -42,7 +42,7 @@ def _gravity_check(sequence: str) -> Check:
 
 
 def _off_deg(run: ServeRun, source: str) -> float | None:
-    """Between the run's up and the true one, both in the axes of the first camera; None: it knows none."""
+    """Angle between the run's up and the true up, both in the first camera's axes; None: no up in the run."""
     truth = open_ground_truth(source, SourceOptions())
     if "up" not in run.summary or truth is None:
         return None

@@ -1,4 +1,4 @@
-"""A lost camera that moves on: what it sees joins the map where the two meet, and no room joins another."""
+"""Rows of a lost camera: its fragment joins the map where they meet, and joins no lookalike room."""
 
 import json
 
@@ -9,14 +9,14 @@ from hsslam_bench.runs.session import Session
 from hsslam_node.config.tracking import NEW_MAP_AFTER_S
 
 _DARK = range(672, 732)  # 2 s: the doorway from the kitchen to the study
-_FRAMES = 2400  # once round, and on into the room where the walk began
+_FRAMES = 2400  # one round, and on into the first room
 _RATE_HZ = 30
 _FACTOR = 1.5  # of the ATE without darkness
 _ROOMS = "hsslam_bench.scripts.lookalike_rooms"
 
 
 def lost_checks() -> list[Check]:
-    """A walk through darkness, and rooms that look alike."""
+    """The rows of a walk through darkness and of rooms that look alike."""
     return [
         Check(
             "lost:apartment",
@@ -65,7 +65,7 @@ def _apartment(session: Session) -> Measured:
 
 
 def _fragments(run: ServeRun) -> tuple[int, int]:
-    """How many were begun, and how many of them have joined the map."""
+    """Number of fragments, and of those that have joined the map."""
     fragments = run.summary.get("fragments", {}).values()
     return len(fragments), sum(fragment["joined"] for fragment in fragments)
 

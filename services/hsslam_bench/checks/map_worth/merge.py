@@ -1,4 +1,4 @@
-"""Two sessions in one place become one map, and sessions in different places do not."""
+"""Rows of merged maps: two sessions in one place merge, sessions in different places do not."""
 
 import json
 
@@ -6,7 +6,7 @@ from hsslam_bench.checks.check import Check, Measured
 from hsslam_bench.runs.session import Session
 
 _SEQUENCES = ("apartment",)
-_FACTOR = 1.2  # of the ATE of one run over the whole
+_FACTOR = 1.2  # of the ATE of one run over all frames
 
 
 def merge_checks() -> list[Check]:
@@ -34,7 +34,7 @@ def _check(sequence: str) -> Check:
         places = ", ".join(str(score["places"]) for score in scores)
         return Measured(
             f"{each} cm, one run {whole}: {max(ratios):.2f} x at most; {places} places agree",
-            all(ratio <= _FACTOR for ratio in ratios)  # NaN where a run has no ATE
+            all(ratio <= _FACTOR for ratio in ratios)  # NaN if a run has no ATE
             and all(s["scored"] == s["frames"] for s in scores),
             {"scores": scores},
             max(ratios),

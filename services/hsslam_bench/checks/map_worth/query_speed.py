@@ -1,4 +1,4 @@
-"""How fast a map answers questions of places; alone, as no other row asks a map."""
+"""The row of the speed of map queries; alone, as no other row queries a map."""
 
 import json
 

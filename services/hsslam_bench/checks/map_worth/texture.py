@@ -1,4 +1,4 @@
-"""What a texture is worth to an exported mesh: rows measured only by name."""
+"""Rows of the gain of a texture in an exported mesh, all measured only by name."""
 
 import json
 
