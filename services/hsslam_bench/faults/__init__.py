@@ -1,1 +1,1 @@
-"""Faults that are made to happen to the real service: one module a subject, `catalogue.py` has them all."""
+"""Faults injected into the real service: one module a subject; `catalogue.py` lists all."""

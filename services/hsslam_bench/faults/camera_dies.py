@@ -1,4 +1,4 @@
-"""A camera that dies again and again or late in a recording, starts from 0 again, or is silent."""
+"""Faults of a camera: it dies repeatedly or late in a recording, restarts at frame 0, or is silent."""
 
 import contextlib
 import json
@@ -20,14 +20,14 @@ from hsslam_services.camera.open_source import open_any_source
 
 _GIVEN_UP_S = 90.0
 _LATE, _SIZE = 600, (640, 480)
-_MOST_S = 1.0  # to go on late in a recording
-_OUTSIDE = 40  # frames of a driver outside
+_MOST_S = 1.0  # to resume late in a recording
+_OUTSIDE = 40  # frames of an external driver
 _FIRST_S, _ANSWER_S = 30.0, 1.0
 _SILENT_S = 15.0
 
 
 def again_and_again(experiment: Experiment) -> Finding:
-    """The camera is killed whenever it lives: an exit code that a service manager restarts on."""
+    """Kill the camera whenever it lives; expect an exit code on which a service manager restarts."""
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(20)
     killed: set[int] = set()
@@ -48,7 +48,7 @@ def again_and_again(experiment: Experiment) -> Finding:
 
 
 def late_in_a_recording(experiment: Experiment) -> Finding:
-    """A camera goes on at frame 600 of a recording: at once, without decoding what comes before."""
+    """Resume at frame 600 of a recording; expect no decoding of earlier frames."""
     folder = experiment.folder / "long"
     _write_recording(folder, 100_000)
     source = open_any_source(f"tum:{folder}")
@@ -65,19 +65,19 @@ def late_in_a_recording(experiment: Experiment) -> Finding:
 
 
 def outside_camera_starts_from_0(experiment: Experiment) -> Finding:
-    """A driver of its own sends frames 0 to 39 and is restarted: frames from 0 on are tracked anew."""
+    """An external driver sends frames 0 to 39, restarts and sends them again; expect them tracked."""
     frames = small_room_frames(_OUTSIDE)
     run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()
     first = _sent_and_tracked(run, frames)
     second = _sent_and_tracked(run, frames)
     return Finding(
-        second < 0.8 * _OUTSIDE, f"of {_OUTSIDE} frames {first} tracked, after the restart {second}"
+        second < 0.8 * _OUTSIDE, f"{first} of {_OUTSIDE} frames tracked, after the restart {second}"
     )
 
 
 def outside_camera_is_silent(experiment: Experiment) -> Finding:
-    """No frames for 15 s: the run goes on, and the first frames after it are tracked."""
+    """Send no frames for 15 s; expect that the run continues and the next frames are tracked."""
     frames = small_room_frames(2 * _OUTSIDE)
     run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()
@@ -90,13 +90,13 @@ def outside_camera_is_silent(experiment: Experiment) -> Finding:
     code = run.finish()
     return Finding(
         second < 0.8 * _OUTSIDE or status.fps > 1.0 or code != 0,
-        f"of {_OUTSIDE} frames {first} tracked; after {_SILENT_S:g} s of silence the rate told is "
+        f"{first} of {_OUTSIDE} frames tracked; after {_SILENT_S:g} s of silence status reports "
         f"{status.fps:.1f} Hz, then {second} of {_OUTSIDE} tracked; exit code {code}",
     )
 
 
 def _sent_and_tracked(run: LiveRun, frames: list[Frame]) -> int:
-    """Send the frames, each when the one before is answered; how many are tracked."""
+    """Send each frame after the pose of the previous one; returns the number of tracked frames."""
     tracked = 0
     with Bus(run.endpoint, "robot", "camera", settings=NO_SHARED_MEMORY) as bus:
         publisher = bus.publisher(topics.FRAME)
@@ -111,7 +111,7 @@ def _sent_and_tracked(run: LiveRun, frames: list[Frame]) -> int:
 
 
 def _write_recording(folder, count: int) -> None:
-    """A recording in TUM's layout of one pair of images, named again and again."""
+    """Write a recording in TUM layout whose `count` frames are all the same pair of images."""
     width, height = _SIZE
     for kind in ("rgb", "depth"):
         (folder / kind).mkdir(parents=True)

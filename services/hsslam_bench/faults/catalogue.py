@@ -1,4 +1,4 @@
-"""All faults, as data: the rows `faults:NAME` of the benchmark, and the tests of tests/faults."""
+"""All faults as data, for the benchmark's rows `faults:NAME` and for tests/faults."""
 
 from hsslam_bench.faults import (
     camera_dies,

@@ -1,4 +1,4 @@
-"""The wall clock steps by an hour, or a recording has a gap: the camera goes on."""
+"""Faults of time: the wall clock steps by an hour, or a recording has a gap."""
 
 import shutil
 import struct
@@ -19,7 +19,7 @@ _WATCH_S = 10.0
 _RATE_HZ = 15.0
 _LEAST_SHARE = 0.6  # of the frames that the camera sends in that time
 _GAP_S, _GAP_FRAMES, _MOST_S = 400.0, 90, 120.0
-# Put before the C library: the wall clock of the service alone is off by the number in a file.
+# Preloaded library: it shifts the wall clock of the service by the number of seconds in a file.
 _CLOCK = r"""
 #include <fcntl.h>
 #include <stdint.h>
@@ -44,7 +44,7 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 
 
 def wall_clock_steps(experiment: Experiment) -> Finding:
-    """An hour back, then two forward, while the camera sends: poses come at the rate of the sensor."""
+    """Step an hour back, then two forward, while the camera sends; expect poses at the sensor's rate."""
     offset, library = _clock_library(experiment.folder)
     prefix = ("env", f"LD_PRELOAD={library}", f"CLOCK_OFFSET={offset}")
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000", prefix=prefix)
@@ -66,22 +66,22 @@ def wall_clock_steps(experiment: Experiment) -> Finding:
 
 
 def gap_in_a_recording(experiment: Experiment) -> Finding:
-    """400 s without a frame in a recording: told, and not waited for."""
+    """A recording with 400 s without frames; expect a notice and no waiting."""
     folder = _recording_with_gap(experiment.folder / "gap")
     words = [word for word in SMALL_ROOM if word not in ("--rate-hz", "15")]
     run = experiment.serve(*words, "--source", f"tum:{folder}")
     code = run.ends_within(_MOST_S)
     has_hung = "made no progress" in run.stderr
-    is_told = "gap" in run.stderr
+    is_reported = "gap" in run.stderr
     return Finding(
-        code != 0 or has_hung or not is_told,
-        f"exit code {code} (None: still there after {_MOST_S:g} s); taken for hung: {has_hung}; told: "
-        f"{is_told}",
+        code != 0 or has_hung or not is_reported,
+        f"exit code {code} (None: still running after {_MOST_S:g} s); taken for hung: {has_hung}; "
+        f"reported: {is_reported}",
     )
 
 
 def _clock_library(folder: Path) -> tuple[Path, Path]:
-    """The file with the offset in seconds, and the library that adds it."""
+    """Make the file with the offset in seconds, and the library that adds it to the clock."""
     if shutil.which("cc") is None:
         raise CouldNotTellError("no C compiler (cc) to make a clock that steps")
     source, library, offset = (folder / name for name in ("clock.c", "clock.so", "offset"))

@@ -1,4 +1,4 @@
-"""Files that are damaged: maps, logs, archives, images. Each gives one line, and no traceback."""
+"""Faults of damaged maps, logs, archives and images: each gives one line of error, no traceback."""
 
 import io
 import subprocess
@@ -34,7 +34,7 @@ _MESH = "hsslam_services.commands.maps.mesh"
 
 
 def read_by_the_library(experiment: Experiment) -> Finding:
-    """Maps, logs, archives and images, each damaged 60 times at random places."""
+    """Read maps, logs, archives and images, each damaged 60 times at random places."""
     folder = experiment.folder
     readers: dict[str, tuple[bytes, Callable[[Path], object]]] = {
         "map.safetensors": (_map(folder), load_checkpoint),
@@ -50,7 +50,7 @@ def read_by_the_library(experiment: Experiment) -> Finding:
         ),
     }
     rng = np.random.default_rng(0)
-    told: Counter[str] = Counter()
+    reported: Counter[str] = Counter()
     wrong: list[str] = []
     for name, (whole, read) in readers.items():
         path = folder / name
@@ -59,19 +59,19 @@ def read_by_the_library(experiment: Experiment) -> Finding:
             try:
                 read(path)
             except UserError as error:
-                told[name] += 1
+                reported[name] += 1
                 if "\n" in str(error):
                     wrong.append(f"{name}: more than a line")
             except Exception as error:
                 wrong.append(f"{name}: {error!r:.80}")
-    lines = ", ".join(f"{name} {count}" for name, count in told.items())
+    lines = ", ".join(f"{name} {count}" for name, count in reported.items())
     return Finding(
-        bool(wrong), f"told in a line, of {_TIMES}: {lines}; otherwise: {wrong[:3] or 'none'}"
+        bool(wrong), f"errors in one line, of {_TIMES}: {lines}; other: {wrong[:3] or 'none'}"
     )
 
 
 def map_given_to_a_command(experiment: Experiment) -> Finding:
-    """hsslam-mesh of a map that is cut in half: exit code 2, one line."""
+    """Run hsslam-mesh on the first half of a map file; expect exit code 2 and one line."""
     path = experiment.folder / "map.safetensors"
     whole = _map(experiment.folder)
     path.write_bytes(whole[: len(whole) // 2])
@@ -79,12 +79,12 @@ def map_given_to_a_command(experiment: Experiment) -> Finding:
     done = subprocess.run(command, capture_output=True, text=True)
     lines = done.stderr.strip().splitlines()
     is_line = len(lines) == 1 and lines[0].startswith("error: ")
-    told = "".join(lines[-1:]).replace(str(path), path.name)
-    return Finding(done.returncode != 2 or not is_line, f"exit code {done.returncode}: {told!r}")
+    last = "".join(lines[-1:]).replace(str(path), path.name)
+    return Finding(done.returncode != 2 or not is_line, f"exit code {done.returncode}: {last!r}")
 
 
 def _damaged(whole: bytes, rng: np.random.Generator) -> bytes:
-    """Four other bytes somewhere, or an end that is missing."""
+    """The bytes with four random bytes at a random place, or cut off there."""
     at = int(rng.integers(0, len(whole)))
     if rng.random() < 0.3:
         return whole[:at]
@@ -130,7 +130,7 @@ def _image(*, color: bool) -> bytes:
 
 
 def _read_images(folder: Path, content: bytes, kind: str) -> None:
-    """A recording of one pair of images, of which one is damaged."""
+    """Read a recording of one pair of images, one of them damaged."""
     place = folder / "recording"
     for name, image in (("rgb", _image(color=True)), ("depth", _image(color=False))):
         (place / name).mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""An unfinished log with damage in its middle, as of an SD card or a power cut."""
+"""The fault of an unfinished log with damage in its middle, as from an SD card or a power cut."""
 
 import os
 import shutil
@@ -12,13 +12,13 @@ from hsslam_proto import topics
 from hsslam_services.log.mcap_writer import McapLog
 from hsslam_services.log.reader import bus_messages, log_parts
 
-_MESSAGES, _MESSAGE_BYTES = 400, 60_000  # about 17 in a chunk of the log
-_MOST_LOST = 2 * 18  # of the damaged chunk, and of one beside it
+_MESSAGES, _MESSAGE_BYTES = 400, 60_000  # about 17 messages a chunk
+_MOST_LOST = 2 * 18  # messages of two chunks
 _READER = "hsslam_services.commands.log.command"
 
 
 def one_word_is_damaged(experiment: Experiment) -> Finding:
-    """Four bytes in the middle: all other chunks are read, and the original stays."""
+    """Damage four bytes in the middle; expect the other chunks and the original file."""
     original = unfinished_log(experiment.folder)
     whole = _read(original, experiment.folder / "whole")
     content = bytearray(original.read_bytes())
@@ -47,7 +47,7 @@ def unfinished_log(folder: Path, messages: int = _MESSAGES) -> Path:
 
 
 def _read(log: Path, place: Path) -> int:
-    """How many messages the log has after `hsslam-log info` of a copy."""
+    """Number of messages that a copy of the log has after `hsslam-log info`."""
     place.mkdir()
     copy = place / "run.mcap"
     shutil.copy(log, copy)

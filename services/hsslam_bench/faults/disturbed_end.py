@@ -1,4 +1,4 @@
-"""The end of a run is disturbed: a result cannot be written, the service is killed after a short grace."""
+"""Faults at the end of a run: a result is not writable, signals and kills come during the end."""
 
 import contextlib
 import signal
@@ -23,7 +23,7 @@ _WATCHDOG_S = 15.0
 
 
 def one_result_cannot_be_written(experiment: Experiment) -> Finding:
-    """A folder lies where trajectory.txt goes: code 4, the others are there, the arena is kept and named."""
+    """A folder blocks trajectory.txt; expect code 4, the other results, and the arena kept and named."""
     run = experiment.serve(*SMALL_ROOM, *_LENGTH)
     run.wait_for_poses(20)
     (run.out / "trajectory.txt").mkdir()
@@ -38,7 +38,7 @@ def one_result_cannot_be_written(experiment: Experiment) -> Finding:
 
 
 def killed_after_short_grace(experiment: Experiment) -> Finding:
-    """SIGTERM after a minute, SIGKILL 10 s later: trajectories and map are there."""
+    """SIGTERM after a minute, SIGKILL 10 s later; expect trajectories and map."""
     run = experiment.serve(*_HALF_ROOM, *_LENGTH)
     run.wait_for_poses(10)
     time.sleep(_RUN_S)
@@ -46,7 +46,7 @@ def killed_after_short_grace(experiment: Experiment) -> Finding:
     code = run.ends_within(_GRACE_S)
     if code is None:
         run.kill_supervisor()
-    lost = run.missing(*_TRAJECTORIES, _MAP)  # before the watchdog saves what it finds
+    lost = run.missing(*_TRAJECTORIES, _MAP)  # before the watchdog saves results
     return Finding(
         bool(lost),
         f"ended within {_GRACE_S:g} s of the signal: {code is not None}; not written: {lost or 'nothing'}",
@@ -54,7 +54,7 @@ def killed_after_short_grace(experiment: Experiment) -> Finding:
 
 
 def second_signal_at_the_end(experiment: Experiment) -> Finding:
-    """Ctrl-C again while the end goes on: it ends at once, with code 1 and the trajectories."""
+    """A second Ctrl-C during the end; expect an end within 5 s, the trajectories, and code 0 or 1."""
     run = experiment.serve(*_HALF_ROOM, *_LENGTH)
     run.wait_for_poses(300)
     run.signal()
@@ -71,7 +71,7 @@ def second_signal_at_the_end(experiment: Experiment) -> Finding:
 
 
 def supervisor_killed_at_the_end(experiment: Experiment) -> Finding:
-    """SIGKILL of the supervisor 0.5 s after Ctrl-C: the watchdog saves trajectories, map and mesh."""
+    """SIGKILL of the supervisor 0.5 s after Ctrl-C; expect that the watchdog saves all results."""
     run = experiment.serve(*SMALL_ROOM, *_LENGTH)
     run.wait_for_poses(60)
     run.signal()
@@ -86,7 +86,7 @@ def supervisor_killed_at_the_end(experiment: Experiment) -> Finding:
 
 
 def process_killed_at_the_end(experiment: Experiment) -> Finding:
-    """SIGKILL of the mapper in its last iterations: the run says so, ends in order, everything is saved."""
+    """SIGKILL of the mapper in its last iterations; expect a report, an orderly end, and all results."""
     run = experiment.serve(*SMALL_ROOM, *_LENGTH)
     run.wait_for_poses(60)
     mapper = run.pid_of("mapper")
@@ -98,8 +98,9 @@ def process_killed_at_the_end(experiment: Experiment) -> Finding:
         is_killed = True
     code = run.finish(120)
     lost = run.missing(*_TRAJECTORIES, _MAP, _MESH)
-    is_told = "mapper was killed by SIGKILL" in run.stderr
+    is_reported = "mapper was killed by SIGKILL" in run.stderr
     return Finding(
-        code not in (0, 3) or bool(lost) or bool(run.left_behind(2.0)) or is_told != is_killed,
-        f"exit code {code}; killed: {is_killed}, told: {is_told}; not written: {lost or 'nothing'}",
+        code not in (0, 3) or bool(lost) or bool(run.left_behind(2.0)) or is_reported != is_killed,
+        f"exit code {code}; killed: {is_killed}, reported: {is_reported}; "
+        f"not written: {lost or 'nothing'}",
     )

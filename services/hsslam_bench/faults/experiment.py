@@ -1,4 +1,4 @@
-"""The place of an experiment: a folder, and runs and processes that end with it."""
+"""The context of an experiment: a folder, and runs and processes that end with it."""
 
 import contextlib
 import os
@@ -12,9 +12,9 @@ from hsslam_bench.runs.live_run import LiveRun
 
 
 class Experiment:
-    """Starts what a fault needs in `folder`, and ends it on leaving the context.
+    """Starts runs and processes in `folder`, and ends them when the context ends.
 
-    Only what was started here is ever killed.
+    It kills only processes that it started.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -23,7 +23,7 @@ class Experiment:
         self._processes: list[subprocess.Popen] = []
 
     def serve(self, *options: str, out: Path | None = None, prefix: Sequence[str] = ()) -> LiveRun:
-        """Start `hsslam-serve`; `prefix` stands before the command."""
+        """Start `hsslam-serve`; `prefix`: words before the command."""
         place = out or self.folder / f"run{len(self._runs)}"
         self._runs.append(LiveRun(place, *options, prefix=tuple(prefix)))
         return self._runs[-1]
@@ -46,7 +46,7 @@ class Experiment:
         self.close()
 
     def close(self) -> None:
-        """End what was started."""
+        """End all runs and processes."""
         for run in self._runs:
             run.close()
         for process in self._processes:
@@ -56,7 +56,7 @@ class Experiment:
 
 
 def with_shared_memory(size: str) -> tuple[str, ...]:
-    """What stands before a command that gets a /dev/shm of its own; `size` as of tmpfs ("24m").
+    """Words before a command that give it its own /dev/shm; `size` as for tmpfs ("24m").
 
     Needs root.
     """
@@ -65,5 +65,5 @@ def with_shared_memory(size: str) -> tuple[str, ...]:
 
 
 def can_mount() -> bool:
-    """Whether this process may make mount namespaces: root outside of most containers."""
+    """Whether this process may create mount namespaces, as root can outside of most containers."""
     return os.geteuid() == 0 and os.system("unshare -m true 2>/dev/null") == 0

@@ -1,4 +1,4 @@
-"""One fault, what must happen then, and what an experiment has found; alone, as all experiments import it."""
+"""A fault, the behaviour that it must lead to, and a finding; alone, as all experiments import it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ from hsslam_bench.faults.experiment import Experiment
 
 @dataclass(frozen=True)
 class Finding:
-    """The end of an experiment: whether the service does what it must not, and what was seen."""
+    """The result of an experiment: whether the service showed the problem, and the figures."""
 
     is_shown: bool
     seen: str
 
 
 class CouldNotTellError(Exception):
-    """An experiment that shows neither; the text says why."""
+    """An experiment without a finding; the text gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,6 @@ class Fault:
     happens: str
     must: str
     find: Callable[[Experiment], Finding]
-    seconds: float  # that it takes on two cores
+    seconds: float  # duration on two cores
     needs_root: bool = False
     in_ci: bool = False  # short, and passes

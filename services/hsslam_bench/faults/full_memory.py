@@ -1,4 +1,4 @@
-"""Shared memory or the store of keyframes is full: a camera that stands still, a foreign file, a long way."""
+"""Faults of full shared memory or a full keyframe store."""
 
 import contextlib
 import threading
@@ -18,14 +18,14 @@ from hsslam_services.bus.bus import Bus
 
 _STILL_S = 120.0
 _RATE_HZ = 20.0
-_LEAST_SHARE = 0.5  # of the frames have a pose: the run goes on
+_LEAST_SHARE = 0.5  # of the frames must have a pose
 _SETTLED_S = 20.0
 _MOST_MB_PER_S = 0.02
 _FEW_KEYFRAMES, _FRAMES = ("--slam.keyframes.capacity", "12"), 300
 
 
 def camera_stands_still(experiment: Experiment) -> Finding:
-    """The same frame for two minutes, /dev/shm of 256 MB: memory does not grow, the run goes on."""
+    """Send one frame for two minutes, with /dev/shm of 256 MB; expect poses and no growth of memory."""
     (frame,) = small_room_frames(1)
     run = experiment.serve(
         *SENT_ROOM,
@@ -62,7 +62,7 @@ def camera_stands_still(experiment: Experiment) -> Finding:
 
 
 def map_is_saved_without_room(experiment: Experiment) -> Finding:
-    """Another file fills /dev/shm, then a client saves the map: the service outlives it."""
+    """Fill /dev/shm with another file, then save the map; expect that the run continues."""
     maps = experiment.folder / "maps"
     run = experiment.serve(
         *SMALL_ROOM,
@@ -90,15 +90,15 @@ def map_is_saved_without_room(experiment: Experiment) -> Finding:
 
 
 def keyframes_reach_their_capacity(experiment: Experiment) -> Finding:
-    """Room for 12 keyframes: every frame gets its pose, and the service says so once."""
+    """A store for 12 keyframes; expect a pose for every frame, and one notice."""
     frames = ("--frames", str(_FRAMES), "--pace", "lockstep")
     run = experiment.serve(*SMALL_ROOM, *_FEW_KEYFRAMES, *frames)
     code = run.ends_within(240.0)
     answered = len(read_tum(run.out / "trajectory.txt")) if code == 0 else 0
-    told = sum("there is room for" in line for line in run.stderr.splitlines())
+    notices = sum("there is room for" in line for line in run.stderr.splitlines())
     return Finding(
-        code != 0 or answered < _FRAMES or told != 1,
-        f"exit code {code}; {answered} of {_FRAMES} frames have a pose; told {told} x",
+        code != 0 or answered < _FRAMES or notices != 1,
+        f"exit code {code}; {answered} of {_FRAMES} frames have a pose; {notices} notices",
     )
 
 
@@ -113,14 +113,14 @@ def _publish(run: LiveRun, frame: Frame, stopped: threading.Event) -> None:
 
 
 def _shared_memory(run: LiveRun) -> Path:
-    """The /dev/shm that the service has."""
+    """The /dev/shm of the service."""
     return Path(f"/proc/{run.process.pid}/root/dev/shm")
 
 
 def _used_mb(run: LiveRun) -> float:
-    """0 if it cannot be seen."""
+    """Disk use of the service's /dev/shm, MB; 0 if the folder is not visible."""
     blocks = 0
     for path in _shared_memory(run).rglob("*"):
-        with contextlib.suppress(FileNotFoundError):  # it has just been removed
+        with contextlib.suppress(FileNotFoundError):  # just removed
             blocks += path.stat().st_blocks
     return blocks * 512 / 1e6

@@ -1,4 +1,4 @@
-"""Other users and clients of the machine: forged heartbeats, foreign folders, a subscriber that stops."""
+"""Faults by other users and clients: forged heartbeats, foreign folders, a subscriber that stops."""
 
 import contextlib
 import os
@@ -22,7 +22,7 @@ from hsslam_services.bus.bus import Bus
 _FORGED_S, _WATCH_S = 6.0, 6.0
 _MOST_MORE_MS = 50.0
 _HUNG_MS = 10**7
-_NOBODY = 65534  # user id
+_NOBODY = 65534  # user id of nobody
 _SUBSCRIBER = """
 import sys, time
 from hsslam_proto.topics import TOPICS
@@ -36,15 +36,15 @@ while True:
 
 
 def heartbeats_are_forged(experiment: Experiment) -> Finding:
-    """Another client sends heartbeats of a tracker that hangs: the tracker is not killed."""
+    """A client forges heartbeats of a tracker that hangs; expect that the tracker lives."""
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(30)
     pid = run.pid_of("tracker")
     if pid is None:
-        raise CouldNotTellError("the tracker does not live")
+        raise CouldNotTellError("the tracker is not running")
     sent = 0
     with (
-        contextlib.suppress(UserError),  # a stranger cannot connect
+        contextlib.suppress(UserError),  # the service refuses the connection
         Bus(run.endpoint, "robot", "stranger", settings=NO_SHARED_MEMORY) as bus,
     ):
         publisher = bus.publisher(topics.HEALTH)
@@ -56,13 +56,13 @@ def heartbeats_are_forged(experiment: Experiment) -> Finding:
             sent += 1
             time.sleep(0.02)
     if sent == 0:
-        raise CouldNotTellError("no forged heartbeat was sent: a stranger cannot connect")
+        raise CouldNotTellError("no forged heartbeat was sent: the client cannot connect")
     lives = run.pid_of("tracker") == pid
     return Finding(not lives, f"{sent} forged heartbeats sent; the tracker lives: {lives}")
 
 
 def foreign_folders_in_shared_memory(experiment: Experiment) -> Finding:
-    """Links and folders of another user where arenas lie: not followed, not removed, and no harm."""
+    """Links and folders of another user in /dev/shm; expect that the run neither follows nor removes them."""
     victim = experiment.folder / "victim"
     (victim / "kept").mkdir(parents=True)
     (victim / "owner.lock").touch()
@@ -72,7 +72,7 @@ def foreign_folders_in_shared_memory(experiment: Experiment) -> Finding:
         link.symlink_to(victim)
         folder.mkdir()
         (folder / "owner.lock").symlink_to(victim / "kept")
-        with contextlib.suppress(PermissionError):  # as a user, it stays one's own
+        with contextlib.suppress(PermissionError):  # only root can give it away
             os.chown(folder, _NOBODY, _NOBODY)
         run = experiment.serve(*SMALL_ROOM, "--frames", "30")
         code = run.finish()
@@ -89,14 +89,14 @@ def foreign_folders_in_shared_memory(experiment: Experiment) -> Finding:
 
 
 def subscriber_does_not_read(experiment: Experiment) -> Finding:
-    """A client of all topics is stopped (SIGSTOP): no pose comes more than 50 ms later for it."""
+    """Stop a client of all topics (SIGSTOP); expect no pose more than 50 ms later than before."""
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(60)
     before_ms = _latencies_ms(run, _WATCH_S)
     slow = experiment.start(sys.executable, "-P", "-c", _SUBSCRIBER, run.endpoint, stdout=-1)
     assert slow.stdout is not None
     if b"ready" not in slow.stdout.readline():
-        raise CouldNotTellError("the client of all topics has ended: a stranger cannot subscribe")
+        raise CouldNotTellError("the client of all topics has ended: it cannot subscribe")
     slow.send_signal(signal.SIGSTOP)
     during_ms = _latencies_ms(run, 2 * _WATCH_S)
     if slow.poll() is not None:
@@ -114,7 +114,7 @@ def subscriber_does_not_read(experiment: Experiment) -> Finding:
 
 
 def _latencies_ms(run: LiveRun, seconds: float) -> np.ndarray:
-    """Of the poses of the next seconds, sensor stamp to publishing, [N]."""
+    """Latencies [N] of the poses of the next seconds, from sensor stamp to publishing."""
     seen = len(run.new_poses())
     time.sleep(seconds)
     return np.array([(pose.publish_ns - pose.stamp_ns) / 1e6 for pose in run.new_poses()[seen:]])

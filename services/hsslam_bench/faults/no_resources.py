@@ -1,4 +1,4 @@
-"""What a process is started with is missing: file descriptors, or the file that it prints to."""
+"""Faults of missing resources at the start of a process: file descriptors, or its log file."""
 
 import contextlib
 import resource
@@ -20,7 +20,7 @@ _WATCH_S = 20.0
 
 
 def idle_connections_to_metrics(experiment: Experiment) -> Finding:
-    """A client holds 400 idle connections to /metrics: the run goes on, or ends in order."""
+    """Hold 400 idle connections to /metrics, kill the mesher; expect results and no traceback."""
     if resource.getrlimit(resource.RLIMIT_NOFILE)[0] < 2 * _MOST_HELD:
         raise CouldNotTellError(f"ulimit -n: expected {2 * _MOST_HELD} or more")
     metrics = int(free_endpoint().rpartition(":")[2])
@@ -55,7 +55,7 @@ def idle_connections_to_metrics(experiment: Experiment) -> Finding:
 
 
 def log_of_a_process_cannot_be_opened(experiment: Experiment) -> Finding:
-    """A folder lies where the log of the mesher goes, and the mesher dies: told, and the run goes on."""
+    """A folder blocks the mesher's log, and the mesher dies; expect that the run continues and saves."""
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(20)
     run.wait_until(lambda: run.pid_of("mesher"), 60)

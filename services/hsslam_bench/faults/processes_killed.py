@@ -1,4 +1,4 @@
-"""Processes are killed one after another: the camera is found again at the right place."""
+"""The fault of processes killed in turn: after each kill a right pose must follow soon."""
 
 import itertools
 import time
@@ -28,17 +28,17 @@ _KILLS, _EVERY_S = 12, 12.0
 
 @dataclass
 class KillTally:
-    """What followed the kills."""
+    """The kills, and the poses after them."""
 
     killed: list[str] = field(default_factory=list)
-    slow: list[str] = field(default_factory=list)  # no right pose within 4 s
-    wrong: int = 0  # tracked poses that are more than 2 cm off
+    slow: list[str] = field(default_factory=list)  # killed, and no right pose within 4 s
+    wrong: int = 0  # tracked poses with an error above 2 cm
     worst_m: float = 0.0
     longest_s: float = 0.0
 
 
 def one_after_another(experiment: Experiment) -> Finding:
-    """Twelve kills, one every 12 s."""
+    """Kill twelve processes, one every 12 s."""
     frames = 15 * round(_KILLS * _EVERY_S + 30)
     run = experiment.serve(*HALF_ROOM, "--to-and-fro", "10", "--frames", str(frames))
     tally = kill_in_turn(run, _KILLS, _EVERY_S)
@@ -50,9 +50,9 @@ def one_after_another(experiment: Experiment) -> Finding:
 
 
 def described(tally: KillTally, code: int | None, left: list[str]) -> str:
-    """The tally in a line."""
+    """The tally in one line."""
     return (
-        f"{len(tally.killed)} kills; right pose within {tally.longest_s:.1f} s, not so after "
+        f"{len(tally.killed)} kills; right pose within {tally.longest_s:.1f} s, too late after "
         f"{tally.slow or 'none'}; {tally.wrong} poses more than 2 cm off, the worst "
         f"{100 * tally.worst_m:.1f} cm; exit code {code}; left: {left or 'nothing'}"
     )
@@ -61,7 +61,7 @@ def described(tally: KillTally, code: int | None, left: list[str]) -> str:
 def kill_in_turn(
     run: LiveRun, kills: int, every_s: float, say: Callable[[str], None] = lambda _: None
 ) -> KillTally:
-    """SIGKILL one process after the other, and compare every pose with the truth."""
+    """Kill one process after the other, and compare every pose with the truth."""
     run.wait_for_poses(60)
     truth = _truth(run)
     tally, seen = KillTally(), len(run.poses)

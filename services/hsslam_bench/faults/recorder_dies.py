@@ -1,4 +1,4 @@
-"""The recorder is killed late in a long run, or its disk is full."""
+"""Faults of the recorder: it is killed late in a long run, or its disk is full."""
 
 import contextlib
 import os
@@ -22,16 +22,16 @@ _LEFT_BYTES = 60_000_000  # less than the reserve of the log, and twice the map
 
 
 def late_in_a_long_run(experiment: Experiment) -> Finding:
-    """An earlier part of 300 MB: its successor needs neither its memory nor a second copy on disk."""
+    """Kill the recorder after a log part of 300 MB; expect no second copy of it, and no lost pose."""
     long_part = unfinished_log(experiment.folder, _LOG_MESSAGES)
     part_bytes = long_part.stat().st_size
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000")
     run.wait_for_poses(30)
     before = run.pid_of("recorder")
     if before is None:
-        raise CouldNotTellError("the recorder does not live")
+        raise CouldNotTellError("the recorder is not running")
     psutil.Process(before).kill()
-    long_part.rename(run.out / "run.1.mcap")  # as if the killed one had written it
+    long_part.rename(run.out / "run.1.mcap")  # as if the killed recorder had written it
     run.wait_until(lambda: run.pid_of("recorder") not in (None, before), 15)
     after = run.pid_of("recorder")
     most_mb, most_bytes, begin_s = 0.0, 0, time.monotonic()
@@ -54,7 +54,7 @@ def late_in_a_long_run(experiment: Experiment) -> Finding:
 
 
 def disk_is_full(experiment: Experiment) -> Finding:
-    """A disk of 160 MB fills up: the run goes on, reports it, and writes trajectory and map."""
+    """Fill a disk of 160 MB; expect that the run continues, reports it, and writes trajectory and map."""
     disk = experiment.folder / "disk"
     disk.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={_DISK}", "tmpfs", str(disk)], check=True)
@@ -76,14 +76,14 @@ def disk_is_full(experiment: Experiment) -> Finding:
             for name, size in sizes[1].items()
             if name.endswith((".rrd", ".mcap")) and size - sizes[0].get(name, 0) > 2_000_000
         }
-        is_told = "disk" in run.stderr
+        is_reported = "disk" in run.stderr
         experiment.close()
     finally:
         subprocess.run(["umount", "--lazy", str(disk)], check=False)
     return Finding(
-        bool(lost) or bool(grown) or not is_told,
+        bool(lost) or bool(grown) or not is_reported,
         f"exit code {code}; not written: {lost or 'nothing'}; grew by, bytes: {grown or 'nothing'}; "
-        f"told: {is_told}",
+        f"reported: {is_reported}",
     )
 
 

@@ -1,4 +1,4 @@
-"""Frames that no camera should send: an absurd index, an image of another size than it claims."""
+"""Faults of invalid frames: an absurd index, an image larger than it claims."""
 
 import struct
 import time
@@ -27,7 +27,7 @@ NO_SHARED_MEMORY = {"transport/shared_memory/enabled": False}
 _STRANGE_INDEX = 2**62
 _WATCH_S = 5.0
 _SIDE_PX = 16384
-_MOST_MB = 300.0  # that memory may grow by while an image is refused
+_MOST_MB = 300.0  # growth of memory while an image is refused
 _REPLY_S = 2.0
 
 
@@ -39,7 +39,7 @@ def small_room_frames(count: int) -> list[Frame]:
 
 
 def absurd_index(experiment: Experiment) -> Finding:
-    """Ten frames with an index near 2^62 beside the camera's: frames go on being answered."""
+    """Send ten frames with an index near 2^62 beside the camera's; expect poses for the camera's frames."""
     metrics = int(free_endpoint().rpartition(":")[2])
     run = experiment.serve(*SMALL_ROOM, "--synth.length", "3000", "--metrics-port", str(metrics))
     run.wait_for_poses(30)
@@ -47,7 +47,7 @@ def absurd_index(experiment: Experiment) -> Finding:
     with Bus(run.endpoint, "robot", "stranger", settings=NO_SHARED_MEMORY) as bus:
         publisher = bus.publisher(topics.FRAME)
         bus.live_processes()  # a round trip: the router knows the publisher
-        for k in range(10):  # the tracker takes the newest: one of these is
+        for k in range(10):  # the tracker takes only the newest frame
             message = frame_message(frame, time.time_ns())
             publisher.put(msgspec.structs.replace(message, index=_STRANGE_INDEX + k))
             time.sleep(0.03)
@@ -72,7 +72,7 @@ def absurd_index(experiment: Experiment) -> Finding:
 
 
 def image_larger_than_it_claims(experiment: Experiment) -> Finding:
-    """A small PNG of 268 Mpx: refused by its header, without the memory and the time to decode it."""
+    """Send a small PNG of 268 Mpx; expect that its header is refused, without decoding."""
     frames = small_room_frames(30)
     run = experiment.serve(*SENT_ROOM)
     run.wait_until_ready()

@@ -1,4 +1,4 @@
-"""The supervisor is killed, as by the system when memory runs out, and started again at once."""
+"""Faults of a killed supervisor, as if memory ran out: results are saved, and a restart works."""
 
 import json
 import time
@@ -16,7 +16,7 @@ _STEADY_S = 12.0
 
 
 def results_are_saved(experiment: Experiment) -> Finding:
-    """SIGKILL of the supervisor: the watchdog saves what the arena holds, and leaves nothing behind."""
+    """Kill the supervisor; expect that the watchdog saves all results and leaves nothing behind."""
     run = experiment.serve(*SMALL_ROOM, *_LENGTH)
     run.wait_for_poses(60)
     run.kill_supervisor()
@@ -28,13 +28,13 @@ def results_are_saved(experiment: Experiment) -> Finding:
 
 
 def same_folder_at_once(experiment: Experiment) -> Finding:
-    """A second run with the same --out follows at once: its processes live, the old log stays."""
+    """Kill the supervisor, start a run with the same --out at once; expect poses, and that both logs stay."""
     out = experiment.folder / "same"
     first = experiment.serve(*SMALL_ROOM, *_LENGTH, out=out)
     first.wait_for_poses(60)
     started_ns = _started_ns(out)
     first.kill_supervisor()
-    for _ in range(_STARTS):  # a service manager starts it again until it stays
+    for _ in range(_STARTS):  # as a service manager does
         second = experiment.serve(*SMALL_ROOM, *_LENGTH, out=out)
         try:
             second.wait_for_poses(30)

@@ -1,1 +1,1 @@
-"""Messages and requests that no process can read, sent to a run."""
+"""Sends malformed messages and requests to a run."""

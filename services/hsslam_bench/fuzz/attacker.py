@@ -16,15 +16,15 @@ from hsslam_services.run.run_info import RunInfo
 A = TypeVar("A", bound=Message)
 _RATE_HZ = 200.0  # of messages on each topic, and of each request
 _CLOSE_S = 30.0
-_LOOK_S = 1.0  # between two looks at a run that may end too early
-_COUNTED_S = 30.0  # for what is on its way to be counted
+_LOOK_S = 1.0  # between two status requests
+_COUNTED_S = 30.0  # for messages on their way to be counted
 
 
 class Attacker:
-    """Sends `count` of each; what it has sent is told at the end.
+    """Sends `count` malformed messages on each topic and request; `found` reports what was sent.
 
-    A run whose second half begins before all is sent is paused until it is, and counted: no process counts
-    what comes after its end.
+    If the run reaches its second half before all are sent, it is paused until the processes have counted all
+    messages, since no process counts messages after its end.
     """
 
     def __init__(self, run_folder: Path, count: int) -> None:
@@ -39,22 +39,22 @@ class Attacker:
         self._is_paused = self._is_resumed = False
 
     def poll(self) -> None:
-        """Begin when all processes that a step needs take work: when there is a pose."""
+        """Start sending after the first tracked pose; then pause and resume the run as needed."""
         if self._run is not None:
-            self._keep_going(self._run)
+            self._pause_if_late(self._run)
         elif (run := _tracking_run(self._run_folder)) is not None:
             self._run = run
             self._thread = threading.Thread(target=self._send, args=(run,), daemon=True)
             self._thread.start()
 
     def close(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         self._stopped.set()
         if self._thread is not None:
             self._thread.join(_CLOSE_S)
 
     def found(self) -> dict[str, Any]:
-        """What was sent, by topic and by request, and how many requests were refused."""
+        """Numbers of messages by topic, of requests by name, and of refused requests."""
         if self._sender is None:
             return {}
         sent = self._sender.sent
@@ -67,8 +67,8 @@ class Attacker:
             "paused": self._is_paused,
         }
 
-    def _keep_going(self, run: RunInfo) -> None:
-        """Pause the run before it is over, once, and resume it when all is counted."""
+    def _pause_if_late(self, run: RunInfo) -> None:
+        """Pause the run once, if it is half over, and resume it when all messages are counted."""
         if time.monotonic() < self._look_again_s:
             return
         self._look_again_s = time.monotonic() + _LOOK_S
@@ -85,7 +85,7 @@ class Attacker:
         return self._thread is not None and self._thread.is_alive()
 
     def _is_counted(self, status: Status) -> bool:
-        """Whether all that was sent is; after a while it is taken for lost."""
+        """Whether all messages are counted; after `_COUNTED_S` uncounted ones are taken for lost."""
         if self._is_sending() or self._sender is None:
             return False
         self._give_up_s = self._give_up_s or time.monotonic() + _COUNTED_S
@@ -106,12 +106,12 @@ def _tracking_run(folder: Path) -> RunInfo | None:
     status = _ask(run, STATUS)
     if status is None or status.frames_tracked == 0:
         return None
-    # only the recorder counts messages on some topics, and it may start after the tracker
+    # some topics have only the recorder as a reader, and it may start after the tracker
     return run if status.processes.get("recorder", "running") == "running" else None
 
 
 def _ask(run: RunInfo, request: Request[Ask, A]) -> A | None:
-    """The answer, if there is one at once."""
+    """The answer, or None if none comes within 2 s."""
     try:
         return ask(run.endpoint, run.robot, request, Ask(), timeout_s=2.0, connect_s=0.5)
     except (UserError, NotDoneError):
@@ -119,6 +119,6 @@ def _ask(run: RunInfo, request: Request[Ask, A]) -> A | None:
 
 
 def _frames(run: RunInfo) -> int:
-    """How many the camera sends, as far as the options tell."""
+    """Number of frames that the camera sends, by the options; 0: not known."""
     lengths = [n for n in (run.options.frames, run.options.synth.length) if n is not None]
     return min(lengths, default=0)

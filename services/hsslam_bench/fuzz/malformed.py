@@ -1,4 +1,4 @@
-"""Payloads that cannot be read, drawn with a seed."""
+"""Draws malformed payloads from a seed."""
 
 import math
 import random
@@ -14,12 +14,12 @@ from hsslam_proto.envelope import Envelope
 from hsslam_proto.topics import Topic
 
 _DEEPEST, _LONGEST_NOISE = 2000, 400
-_CHEAP_LIMIT_BYTES = 2**17  # above it, a payload that is too large is not drawn but asked for
+_CHEAP_LIMIT_BYTES = 2**17  # above this limit, too large payloads come only from `too_large`
 
 
 @dataclass(frozen=True)
 class Malformed:
-    """A payload with what goes along, and of which kind it is."""
+    """A payload with its kind, encoding and attachment."""
 
     kind: str
     payload: bytes
@@ -28,7 +28,7 @@ class Malformed:
 
 
 def malformed(target: Topic | Payload, rng: random.Random) -> Malformed:
-    """Something that no receiver of `target` can read, of any kind that there is for it."""
+    """A payload of a random kind that every receiver of `target` rejects."""
     kinds = list(_KINDS)
     if isinstance(target, Topic):
         kinds.append("wrong attachment")
@@ -41,15 +41,15 @@ def malformed(target: Topic | Payload, rng: random.Random) -> Malformed:
         if drawn is None:
             continue
         payload, encoding = drawn
-        # a flipped bit may fall into a pixel or a coordinate: that can be read, and is drawn again;
-        # a request without payload stands for its defaults
+        # draw again if the payload is valid: a flipped bit may fall into a pixel or a coordinate,
+        # and a request without payload stands for its defaults
         nothing_asked = not payload and not isinstance(target, Topic)
         if not nothing_asked and isinstance(decode(target, payload, encoding), Rejected):
             return Malformed(kind, payload, encoding)
 
 
 def too_large(target: Topic | Payload) -> Malformed:
-    """A byte more than the limit."""
+    """A payload one byte above the size limit."""
     return Malformed("too large", bytes(target.size_limit_bytes + 1), encoding_of(target))
 
 
@@ -100,7 +100,7 @@ def _not_finite(target: Topic | Payload, rng: random.Random) -> tuple[bytes, str
     places = [
         (holder, key)
         for holder, key in _places(fields)
-        if isinstance(holder[key], float)  # also those within vectors
+        if isinstance(holder[key], float)  # in vectors, too
     ]
     if not places:
         return None
@@ -118,7 +118,7 @@ def _nested(target: Topic | Payload, rng: random.Random) -> tuple[bytes, str]:
 
 
 def _claimed(target: Topic | Payload, rng: random.Random) -> tuple[bytes, str]:
-    """Headers of msgpack that promise gigabytes."""
+    """A msgpack header that announces gigabytes."""
     head = rng.choice((b"\xdf", b"\xdd", b"\xc6", b"\xdb", b"\xc9"))  # map, array, bin, str, ext
     name = rng.choice(list(_fields(target)) or ["a"])
     claim = head + b"\xff\xff\xff\xff"
@@ -137,7 +137,7 @@ def _empty(target: Topic | Payload, rng: random.Random) -> tuple[bytes, str]:
 
 
 def _another(target: Topic | Payload, rng: random.Random) -> tuple[bytes, str]:
-    """A whole message of another kind under this one's name."""
+    """A valid message of another kind, with this one's encoding."""
     other = rng.choice([kind for kind in SAMPLES if kind is not target.message])
     return msgspec.msgpack.encode(SAMPLES[other]), encoding_of(target)
 
@@ -181,7 +181,7 @@ def _fields(target: Topic | Payload) -> dict[str, Any]:
 
 
 def _places(value: Any) -> list[tuple[Any, Any]]:
-    """Every place in nested maps and arrays: what holds it, and its key or index."""
+    """Every item of nested maps and arrays: its container, and its key or index."""
     items = (
         value.items()
         if isinstance(value, dict)

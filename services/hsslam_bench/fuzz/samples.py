@@ -1,4 +1,4 @@
-"""A message of each kind that can be read: what malformed ones are made of."""
+"""A valid message of each kind, from which malformed ones are made."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Sends malformed messages and requests to a run, as a client from outside."""
+"""Sends malformed messages and requests to a run, as an external client."""
 
 import random
 import time
@@ -14,9 +14,9 @@ from hsslam_proto.requests import REFUSAL, REQUESTS, Request, rpc_prefix
 from hsslam_proto.topics import TOPICS, Topic
 from hsslam_services.bus.zenoh_session import open_client
 
-# a message of 256 MiB on a busy machine: rather wait than lose what was to be counted
+# wait for a message of 256 MiB on a busy machine, rather than lose messages
 PATIENT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000}  # us
-_AT_A_TIME = 8  # of each topic and request, between two rests
+_AT_A_TIME = 8  # of each topic and request, between two pauses
 _LARGE_BYTES = 2**20
 _REPLY_S = 60.0
 _NAMES = (
@@ -28,35 +28,35 @@ _NAMES = (
     "..",
     "stop ",
     "a" * 200,
-)  # of requests that there are not
+)  # of unknown requests
 
-_READ = tuple(topic for topic in TOPICS if topic.logged)  # by the recorder at least; it counts them
+_READ = tuple(topic for topic in TOPICS if topic.logged)  # the recorder counts messages on these
 
 
 def open_sending_session(endpoint: str) -> zenoh.Session:
-    """A client session for `FuzzSender`, which loses nothing if the other end is slow.
+    """A client session for `FuzzSender` that loses no message if the receiver is slow.
 
     Raises:
-        UserError: no router answers there.
+        UserError: no router answers at the endpoint.
     """
     return open_client(endpoint, settings=PATIENT)
 
 
 @dataclass
 class Sent:
-    """What was sent, and how requests were answered."""
+    """Counts of messages and requests sent, and of answers."""
 
     messages: Counter[str] = field(default_factory=Counter)  # by topic
-    requests: Counter[str] = field(default_factory=Counter)  # by name; "" for those unknown
+    requests: Counter[str] = field(default_factory=Counter)  # by name; "": unknown requests
     kinds: Counter[str] = field(default_factory=Counter)
     refused: int = 0
-    not_refused: int = 0  # answered otherwise, or not at all
+    not_refused: int = 0  # another answer, or none
 
 
 class FuzzSender:
-    """Messages on all topics that a process reads, queries for all requests of a robot, all from one seed.
+    """Sends messages on all topics that a process reads, and all requests of a robot, from one seed.
 
-    `rate_hz`: the highest number of each per second.
+    `rate_hz`: the highest rate of each topic and request.
     """
 
     def __init__(self, session: zenoh.Session, robot: str, seed: int, rate_hz: float) -> None:
@@ -67,7 +67,7 @@ class FuzzSender:
         self._rest_s = _AT_A_TIME / rate_hz
 
     def send(self, count: int, should_stop: Callable[[], bool] = lambda: False) -> Sent:
-        """Send `count` of each, and a payload above each limit; returns what was sent so far."""
+        """Send `count` of each, and one payload above each large size limit; returns the counts."""
         for topic in _READ:
             if topic.size_limit_bytes > _LARGE_BYTES:
                 self._put(topic, too_large(topic))
